@@ -11,21 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.calibrate import charuco, lamp_lobe, lamp_position, matt_plane
+from acquisition.calibrate import charuco, lamp_lobe, lamp_position, lamp_targets, matt_plane
 from acquisition.calibrate.board_results import now
-from acquisition.calibrate.charuco import CharucoBoard, View
+from acquisition.calibrate.charuco import View
 from acquisition.calibrate.lamp_lobe import Known, LobeFit, Placing, PlaneImage
 from acquisition.calibrate.lamp_position import Highlight, LampFit
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import HandEyeResult
-from acquisition.models.cell_config import CellConfig, LampTargetsConfig
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.shot import Observations, Shot
 from acquisition.waypoints import measured_pose
-
-SPHERE_PASS = 0
-"""Pass of the sphere's images; each further one is a placing of the plane."""
 
 
 @dataclass(frozen=True)
@@ -54,32 +51,11 @@ class LobeFound:
     verified_deg: float | None
 
 
-def require_targets(cell: CellConfig) -> LampTargetsConfig:
-    """Sphere and plane of the cell. Raises RigError config.invalid where the cell file has none."""
-    if cell.lamp_targets is None:
-        raise RigError(
-            ErrorCode.CONFIG_INVALID, "The cell file describes no mirror sphere and no matt plane: add [lamp_targets]"
-        )
-    return cell.lamp_targets
-
-
-def plane_board(cell: CellConfig) -> CharucoBoard:
-    """The ChArUco frame of the cell's matt plane. Raises RigError config.invalid where there is none."""
-    described = require_targets(cell).model_dump(include=set(CharucoBoard.model_fields))
-    return CharucoBoard.model_validate(described)
-
-
-def sphere_center(cell: CellConfig) -> FloatArray:
-    """Where the sphere lies (3,), base frame, m, to a centimetre or two: on the middle of the object's place."""
-    keep_out = cell.object.keep_out.base_from_object.matrix
-    return keep_out[:3, 3] + keep_out[:3, 2] * require_targets(cell).sphere_radius_m
-
-
 def read_sphere(observations: Observations, cell: CellConfig, calibration: Calibration) -> SphereImages:
     """Finds the highlights in the sphere's images."""
     found: list[Highlight] = []
     why_not: dict[str, str] = {}
-    for shot in _shots(observations, SPHERE_PASS):
+    for shot in _shots(observations, lamp_targets.SPHERE_PASS):
         spot = lamp_position.find_highlight(_pixels(observations, shot), float(2**calibration.sensor.bits - 1))
         if isinstance(spot, str):
             why_not[shot.frame.path] = spot
@@ -92,10 +68,10 @@ def place_lamp(
     images: SphereImages, cell: CellConfig, calibration: Calibration, hand_eye: HandEyeResult
 ) -> tuple[LampFit, Calibration]:
     """Finds the lamp's place, and the calibration with it. Raises RigError calibration.infeasible as the fit does."""
-    targets = require_targets(cell)
+    targets = lamp_targets.require_targets(cell)
     found = lamp_position.fit(
-        images.highlights, calibration, np.array(hand_eye.covariance), targets.sphere_radius_m, sphere_center(cell),
-        targets.window_radius_m,
+        images.highlights, calibration, np.array(hand_eye.covariance), targets.sphere_radius_m,
+        lamp_targets.sphere_center(cell), targets.window_radius_m,
     )  # fmt: skip
     return found, found.calibrated(calibration, hand_eye).model_copy(update={"made_at": now()})
 
@@ -105,7 +81,7 @@ def read_plane(observations: Observations, cell: CellConfig, calibration: Calibr
 
     Raises RigError calibration.infeasible naming the placing whose frame is not seen, or moved.
     """
-    board = plane_board(cell)
+    board = lamp_targets.plane_board(cell)
     images: list[PlaneImage] = []
     placings: list[Placing] = []
     for number in range(passes - 1):
@@ -135,7 +111,7 @@ def fit_lobe(
 
     `calibration` has the lamp's place. Raises RigError calibration.infeasible as `lamp_lobe.fit` does.
     """
-    targets, board = require_targets(cell), plane_board(cell)
+    targets, board = lamp_targets.require_targets(cell), lamp_targets.plane_board(cell)
     known = Known(
         calibration, targets.albedo, targets.albedo_sigma, lamp.covariance, np.array(hand_eye.covariance), board.size_m
     )

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from acquisition import geometry, lamp_pose, photometry
-from acquisition.calibrate import charuco, lamp_position, lamp_results, lamp_session
+from acquisition.calibrate import charuco, lamp_position, lamp_results, lamp_session, lamp_targets
 from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
 from acquisition.formats.atomic_write import atomic_folder, discard_partial
 from acquisition.models.base import FloatArray, as_joints
@@ -51,17 +51,17 @@ def lamp_poses(
     Raises RigError calibration.infeasible without a hand–eye calibration or with too few poses, config.invalid without
     targets.
     """
-    lamp_session.require_targets(cell)
+    lamp_targets.require_targets(cell)
     hand_eye = _hand_eye(known)
-    sphere = number == lamp_session.SPHERE_PASS
+    sphere = number == lamp_targets.SPHERE_PASS
     count = recipe.first_images if sphere else recipe.placing_images
     lights = _candidates(cell, calibration, CANDIDATES_PER_POSE * count, recipe.seed + 7 * number, sphere=sphere)
     joints = connected_lights(lights, cell, calibration)
     tools = _tools(joints, cell, calibration)
     if sphere:
         chosen = lamp_position.choose_poses(
-            tools, calibration, np.array(hand_eye.covariance), lamp_session.sphere_center(cell),
-            lamp_session.require_targets(cell).sphere_radius_m, count,
+            tools, calibration, np.array(hand_eye.covariance), lamp_targets.sphere_center(cell),
+            lamp_targets.require_targets(cell).sphere_radius_m, count,
         )  # fmt: skip
     else:
         chosen = list(range(min(count, len(tools))))
@@ -91,7 +91,7 @@ def look_at_target(
     if sphere:
         spot = lamp_position.find_highlight(pixels, float(2**sensor.bits - 1))
         return spot if isinstance(spot, str) else ""
-    board = lamp_session.plane_board(cell)
+    board = lamp_targets.plane_board(cell)
     seen = charuco.detect(pixels, board, "frame")
     if seen is None:
         return (
@@ -112,7 +112,7 @@ def target_moved(before: np.ndarray, after: np.ndarray, sphere: bool, cell: Cell
             return second
         shift_px = 0.0 if isinstance(first, str) else float(np.linalg.norm(second - first))
     else:
-        board = lamp_session.plane_board(cell)
+        board = lamp_targets.plane_board(cell)
         one, other = charuco.detect(before, board, "before"), charuco.detect(after, board, "after")
         if other is None:
             return "the plane's frame is not seen any more"
@@ -140,7 +140,7 @@ def estimate_lamp(
         kind=recipe.kind, images=len(hashes), used=len(images.highlights), estimated=True,
         position_sigma_mm=1e3 * lamp.sigma_m,
     )  # fmt: skip
-    of_sphere = {name: digest for name, digest in hashes.items() if _pass_of(name) == lamp_session.SPHERE_PASS}
+    of_sphere = {name: digest for name, digest in hashes.items() if _pass_of(name) == lamp_targets.SPHERE_PASS}
     discard_partial(folder)
     with atomic_folder(folder) as partial:
         result = lamp_results.lamp_result(lamp, images.highlights, images.why_not, of_sphere)
@@ -227,7 +227,7 @@ def _plane_levels(lights: list[Light], cell: CellConfig, calibration: Calibratio
     points = center[:, None].astype(np.float32)
     vectors = photometry.light_vectors(points, photometry.lamps(lights), calibration)[:, :, 0]
     shading = np.maximum(vectors.astype(float) @ normal, 1e-3)
-    return (lamp_session.require_targets(cell).albedo * calibration.lamp_intensity * shading).tolist()
+    return (lamp_targets.require_targets(cell).albedo * calibration.lamp_intensity * shading).tolist()
 
 
 def _shift_px(first: charuco.View, second: charuco.View) -> float:

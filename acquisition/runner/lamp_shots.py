@@ -8,7 +8,7 @@ row, or the first one of a pass, pause the session.
 import numpy as np
 
 from acquisition import session
-from acquisition.calibrate import lamp_session
+from acquisition.calibrate import lamp_targets
 from acquisition.capture import check, exposure
 from acquisition.devices import StopToken
 from acquisition.formats.frames import FolderFrames
@@ -33,7 +33,7 @@ class LampShots(BoardShots):
     def await_target(self, record: SessionRecord, step: AwaitTarget) -> None:
         """Raises RigError calibration.place_target, by which the session waits for a person."""
         number = step.pass_number - 1
-        board = lamp_session.plane_board(self._rig.cell)
+        board = lamp_targets.plane_board(self._rig.cell)
         width, height = board.size_m
         raise RigError(
             ErrorCode.CALIBRATION_PLACE_TARGET,
@@ -50,7 +50,7 @@ class LampShots(BoardShots):
         Raises Halted, RigError capture.frame_rejected, calibration.target_not_seen, arm.move_failed, and what devices
         report.
         """
-        recipe, sphere = _lamp_recipe(record), step.key.pass_number == lamp_session.SPHERE_PASS
+        recipe, sphere = _lamp_recipe(record), step.key.pass_number == lamp_targets.SPHERE_PASS
         if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
             self._follow(record, step.waypoint, stop)
         exposure_s, attempt = self._start_s(record, step, sphere), 0
@@ -82,7 +82,7 @@ class LampShots(BoardShots):
 
         Raises Halted, RigError scene.moved, and what devices report.
         """
-        first, sphere = step.shot, step.shot.key.pass_number == lamp_session.SPHERE_PASS
+        first, sphere = step.shot, step.shot.key.pass_number == lamp_targets.SPHERE_PASS
         self._return_to(record, first, self._rig.arm.reading.joints, stop)
         before = self._pixels_of(record, first)
         exposed, attempt = self._expose(
@@ -136,7 +136,7 @@ class LampShots(BoardShots):
     def _placed_before(self, record: SessionRecord, step: TakeShot) -> np.ndarray | None:
         """A frame (H, W) of the plane's placing before this one, for the first image of a further placing."""
         number = step.key.pass_number
-        if number <= lamp_session.SPHERE_PASS + 1 or record.passes[number].shots:
+        if number <= lamp_targets.SPHERE_PASS + 1 or record.passes[number].shots:
             return None
         earlier = next(iter(record.passes[number - 1].shots.values()), None)
         return None if earlier is None else self._pixels_of(record, earlier)

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from acquisition import geometry
+from acquisition.calibrate import lamp_position
 from acquisition.models import cell_config
 from acquisition.models.base import as_matrix4
 from acquisition.models.calibration_result import HandEyeResult, LampResult
@@ -67,7 +68,8 @@ def test_lamp_of_folder_is_found_and_written(folder: Path, tmp_path: Path) -> No
     assert "dark.png: no highlight" in output
     calibration = cell_config.load_calibration(tmp_path / "out" / "calibration.json")
     assert np.array(calibration.tool_from_lamp)[:3, 3] == pytest.approx(found.tool_from_lamp_m)
-    assert calibration.lamp_position_sigma_m == found.position_sigma_m
+    assert calibration.tool_from_lamp_covariance == found.covariance
+    assert calibration.lamp_position_sigma_m == lamp_position.ARM_REPEATABILITY_M  # the arm of this folder is perfect
     code, output = lightpose(folder, tmp_path / "out")
     assert code == 2
     assert "nothing is overwritten" in output

@@ -1,0 +1,34 @@
+"""Targets of the lamp's calibration as the cell file describes them: mirror sphere and matt plane.
+
+Apart from what is computed from their images (`lamp_session`), because the service, which computes nothing, needs to
+know them too: it starts without kernels.
+"""
+
+from acquisition.calibrate.charuco import CharucoBoard
+from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import CellConfig, LampTargetsConfig
+from acquisition.models.errors import ErrorCode, RigError
+
+SPHERE_PASS = 0
+"""Pass of the sphere's images; each further one is a placing of the plane."""
+
+
+def require_targets(cell: CellConfig) -> LampTargetsConfig:
+    """Sphere and plane of the cell. Raises RigError config.invalid where the cell file has none."""
+    if cell.lamp_targets is None:
+        raise RigError(
+            ErrorCode.CONFIG_INVALID, "The cell file describes no mirror sphere and no matt plane: add [lamp_targets]"
+        )
+    return cell.lamp_targets
+
+
+def plane_board(cell: CellConfig) -> CharucoBoard:
+    """The ChArUco frame of the cell's matt plane. Raises RigError config.invalid where there is none."""
+    described = require_targets(cell).model_dump(include=set(CharucoBoard.model_fields))
+    return CharucoBoard.model_validate(described)
+
+
+def sphere_center(cell: CellConfig) -> FloatArray:
+    """Where the sphere lies (3,), base frame, m, to a centimetre or two: on the middle of the object's place."""
+    keep_out = cell.object.keep_out.base_from_object.matrix
+    return keep_out[:3, 3] + keep_out[:3, 2] * require_targets(cell).sphere_radius_m
