@@ -23,7 +23,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.shot import Observations
 from acquisition.runner.estimate_files import CALIBRATION, SUMMARY, write_json
-from acquisition.waypoints import calibrated_kinematics
+from acquisition.waypoints import measured_pose
 from acquisition.waypoints.roadmap import connected_lights, dome_center
 
 CANDIDATES_PER_POSE = 4
@@ -57,7 +57,7 @@ def lamp_poses(
     count = recipe.first_images if sphere else recipe.placing_images
     lights = _candidates(cell, calibration, CANDIDATES_PER_POSE * count, recipe.seed + 7 * number, sphere=sphere)
     joints = connected_lights(lights, cell, calibration)
-    tools = _tools(joints, cell, calibration)
+    tools = measured_pose.tools(joints, cell.arm, calibration)
     if sphere:
         chosen = lamp_position.choose_poses(
             tools, calibration, np.array(hand_eye.covariance), lamp_targets.sphere_center(cell),
@@ -206,13 +206,6 @@ def _up(cell: CellConfig, calibration: Calibration) -> FloatArray:
     """Rotation (3, 3) from the object's frame, z up, to the view frame."""
     base_from_object = cell.object.keep_out.base_from_object.matrix[:3, :3]
     return lamp_pose.base_from_view(calibration)[:3, :3].T @ base_from_object
-
-
-def _tools(joints: FloatArray, cell: CellConfig, calibration: Calibration) -> FloatArray:
-    """Poses (N, 4, 4) of the tool in the base frame at joints (N, 6) as the controller states them."""
-    true = joints + np.array(calibration.joint_offsets_rad or (0.0,) * 6)
-    flanges = calibrated_kinematics.forward(calibrated_kinematics.of_arm(cell.arm), true)[:, 6]
-    return flanges @ cell.arm.flange_from_tool.matrix
 
 
 def _tilt_deg(light: Light, cell: CellConfig, calibration: Calibration) -> float:

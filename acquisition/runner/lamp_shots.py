@@ -11,13 +11,12 @@ from acquisition import session
 from acquisition.calibrate import lamp_targets
 from acquisition.capture import check, exposure
 from acquisition.devices import StopToken
-from acquisition.formats.frames import FolderFrames
 from acquisition.models.calibration_recipe import LampRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Exposure
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
-from acquisition.models.step import AwaitTarget, RepeatReference, TakeShot
-from acquisition.runner.board_shots import BoardShots
+from acquisition.models.step import AwaitTarget, TakeShot
+from acquisition.runner.board_shots import BoardShots, last_was_seen
 from acquisition.session import SessionRecord
 
 SPHERE_START_S = 1e-4
@@ -53,55 +52,37 @@ class LampShots(BoardShots):
         recipe, sphere = _lamp_recipe(record), step.key.pass_number == lamp_targets.SPHERE_PASS
         if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
             self._follow(record, step.waypoint, stop)
-        exposure_s, attempt = self._start_s(record, step, sphere), 0
-        while True:
-            exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop)
-            self._require_arm_at_light(exposed, step)
-            pixels = exposed.frame.pixels
-            verdict = self._judge_highlight(pixels, exposure_s) if sphere else check.lit_frame(
-                pixels, self._whole, self._calibration.sensor, exposure_s, recipe.exposure, self._rig.cell.camera
-            )  # fmt: skip
-            if verdict.retake_s is None or attempt == recipe.retakes:
-                break
-            self._announce_retake(record, step.key, verdict.quality.reason)
-            exposure_s, attempt = verdict.retake_s, attempt + 1
-        name = f"Pose {step.key.number} of pass {step.key.pass_number}"
-        known = (sphere, self.cell_of(record), self._calibration.sensor)
-        why = self._compute.run(stop, "look_at_target", pixels, *known, self._placed_before(record, step))
-        if why and not _last_was_seen(record, step.key.pass_number):
-            raise RigError(ErrorCode.CALIBRATION_TARGET_NOT_SEEN, f"{name}: {why}", light=step.key.number)
-        if not verdict.usable:
-            raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, f"{name}: {verdict.quality.reason}", light=step.key.number)
-        quality = FrameQuality(
-            saturated=verdict.quality.saturated, bright_level=verdict.quality.bright_level, accepted=not why, reason=why
-        )
-        self._store_shot(record, step.key, exposed, exposure_s, attempt, quality)
 
-    def repeat_reference(self, record: SessionRecord, step: RepeatReference, stop: StopToken) -> None:
-        """Captures an image again and records it only if the target is where it was, to a fraction of a pixel.
+        def judge(pixels: np.ndarray, exposure_s: float) -> check.Verdict:
+            if sphere:
+                return self._judge_highlight(pixels, exposure_s)
+            return self._judge_whole(pixels, exposure_s, recipe.exposure)
 
-        Raises Halted, RigError scene.moved, and what devices report.
-        """
-        first, sphere = step.shot, step.shot.key.pass_number == lamp_targets.SPHERE_PASS
-        self._return_to(record, first, self._rig.arm.reading.joints, stop)
-        before = self._pixels_of(record, first)
-        exposed, attempt = self._expose(
-            record, step.key, first.exposure_s, 0, stop, first.attempt + 1 + record.references
-        )
+        taken = self._expose_until_good(record, step, self._start_s(record, step, sphere), judge, stop)
         known = (sphere, self.cell_of(record), self._calibration.sensor)
-        moved = self._compute.run(stop, "target_moved", before, exposed.frame.pixels, *known)
-        if moved:
-            detail = f"Image {first.key.number} of pass {first.key.pass_number}, taken again: {moved}"
-            if step.closes_pass:
-                number = step.key.pass_number
-                detail += f"; all images of pass {number} will be taken anew"
-                self._store.journal.discard_shots(record.session_id, number, detail)
-            raise RigError(ErrorCode.SCENE_MOVED, detail)
-        self._store_shot(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
+        pixels, before = taken.exposed.frame.pixels, self._placed_before(record, step)
+        why = self._compute.run(stop, "look_at_target", pixels, *known, before)
+        # Asked first: without lamp or target no exposure time serves, and that is what a person has to know.
+        self._require_seen(step.key, why, last_was_seen([record.passes[step.key.pass_number]]))
+        if not taken.verdict.usable:
+            raise RigError(
+                ErrorCode.CAPTURE_FRAME_REJECTED,
+                f"Image {step.key.number} of pass {step.key.pass_number}: {taken.verdict.quality.reason}",
+                light=step.key.number,
+            )
+        self._store_looked_at(record, step.key, taken, why)
 
     def lit(self, record: SessionRecord, key: ShotKey) -> bool:
         """The lamp is what is calibrated: it is on."""
         return True
+
+    def _target_moved(
+        self, record: SessionRecord, first: Shot, before: np.ndarray, after: np.ndarray, stop: StopToken
+    ) -> str:
+        """How the target has moved between two frames (H, W) of one pose, for people; empty where it has not."""
+        sphere = first.key.pass_number == lamp_targets.SPHERE_PASS
+        known = (sphere, self.cell_of(record), self._calibration.sensor)
+        return self._compute.run(stop, "target_moved", before, after, *known)
 
     def _start_s(self, record: SessionRecord, step: TakeShot, sphere: bool) -> float:
         """Exposure time of a pose's first attempt, s."""
@@ -141,17 +122,8 @@ class LampShots(BoardShots):
         earlier = next(iter(record.passes[number - 1].shots.values()), None)
         return None if earlier is None else self._pixels_of(record, earlier)
 
-    def _pixels_of(self, record: SessionRecord, shot: Shot) -> np.ndarray:
-        return FolderFrames(self._store.folder(record.session_id)).rows(shot.frame, 0, shot.frame.height)
-
 
 def _lamp_recipe(record: SessionRecord) -> LampRecipe:
     if not isinstance(record.recipe, LampRecipe):
         raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} calibrates no lamp")
     return record.recipe
-
-
-def _last_was_seen(record: SessionRecord, pass_number: int) -> bool:
-    """Whether the target was seen in the image of this pass that was captured last."""
-    shots = list(record.passes[pass_number].shots.values())
-    return bool(shots) and max(shots, key=lambda shot: shot.taken_at).quality.accepted

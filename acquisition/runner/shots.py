@@ -7,6 +7,8 @@ same light: equal images show that nothing has moved in between; otherwise the t
 images of the pass are discarded and captured anew once a person has looked.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -31,6 +33,16 @@ from acquisition.session import SessionRecord
 from acquisition.store import Store
 from acquisition.store.folder import write_frame
 from acquisition.waypoints import measured_pose, mounted_tool
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """The last frame that was exposed for an image: its exposure time, s, its number from 0, and the verdict on it."""
+
+    exposed: Exposed
+    exposure_s: float
+    attempt: int
+    verdict: check.Verdict
 
 
 class ShotCapture:
@@ -71,31 +83,25 @@ class ShotCapture:
         """
         if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
             self._follow(record, step.waypoint, stop)
-        exposure_s, attempt = self._first_exposure(record, step), 0
-        while True:
-            exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop)
-            self._require_arm_at_light(exposed, step)
+
+        def judge(pixels: np.ndarray, exposure_s: float) -> check.Verdict:
+            recipe, camera = record.recipe, self._rig.cell.camera
             verdict = check.lit_frame(
-                exposed.frame.pixels,
-                self.region,
-                self._calibration.sensor,
-                exposure_s,
-                record.recipe.exposure,
-                self._rig.cell.camera,
+                pixels, self.region, self._calibration.sensor, exposure_s, recipe.exposure, camera
             )
-            if verdict.retake_s is None and verdict.usable:
-                verdict = self._compare_with_earlier(record, step, exposed, exposure_s, verdict.quality)
-            if verdict.retake_s is None or attempt == record.recipe.retakes:
-                break
-            self._announce_retake(record, step.key, verdict.quality.reason)
-            exposure_s, attempt = verdict.retake_s, attempt + 1
+            if verdict.retake_s is not None or not verdict.usable:
+                return verdict
+            return self._compare_with_earlier(record, step, pixels, exposure_s, verdict.quality)
+
+        taken = self._expose_until_good(record, step, self._first_exposure(record, step), judge, stop)
+        verdict = taken.verdict
         if not verdict.usable:
             raise RigError(
                 ErrorCode.SCENE_MOVED if verdict.moved else ErrorCode.CAPTURE_FRAME_REJECTED,
                 f"Light {step.key.number} of pass {step.key.pass_number}: {verdict.quality.reason}",
                 light=step.key.number,
             )
-        self._store_shot(record, step.key, exposed, exposure_s, attempt, verdict.quality)
+        self._store_shot(record, step.key, taken.exposed, taken.exposure_s, taken.attempt, verdict.quality)
 
     def take_dark(self, record: SessionRecord, step: TakeDark, stop: StopToken) -> None:
         """Takes a lamp-off frame. Raises Halted, RigError capture.frame_rejected, and what devices report."""
@@ -113,8 +119,7 @@ class ShotCapture:
         """
         first, here, retakes = step.shot, self._rig.arm.reading.joints, record.recipe.retakes
         self._return_to(record, first, here, stop)
-        frames = FolderFrames(self._store.folder(record.session_id))
-        before = frames.rows(first.frame, 0, first.frame.height)
+        before = self._pixels_of(record, first)
         attempt = 0
         while True:
             # Noise differs from one attempt to the next in a simulated cell too, and no two images have the same.
@@ -174,8 +179,28 @@ class ShotCapture:
                 self._announce_retake(record, key, error.detail)
                 attempt += 1
 
+    def _expose_until_good(
+        self, record: SessionRecord, step: TakeShot, exposure_s: float,
+        judge: Callable[[np.ndarray, float], check.Verdict], stop: StopToken,
+    ) -> Attempt:  # fmt: skip
+        """The frame of a step with the verdict on it, retaken at the exposure time that the verdict asks for as often
+        as the recipe allows; `judge` takes pixels (H, W) and exposure time, s."""
+        attempt = 0
+        while True:
+            exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop)
+            self._require_arm_at_light(exposed, step)
+            verdict = judge(exposed.frame.pixels, exposure_s)
+            if verdict.retake_s is None or attempt == record.recipe.retakes:
+                return Attempt(exposed, exposure_s, attempt, verdict)
+            self._announce_retake(record, step.key, verdict.quality.reason)
+            exposure_s, attempt = verdict.retake_s, attempt + 1
+
+    def _pixels_of(self, record: SessionRecord, shot: Shot) -> np.ndarray:
+        """Pixels (H, W) of an image of the session."""
+        return FolderFrames(self._store.folder(record.session_id)).rows(shot.frame, 0, shot.frame.height)
+
     def _compare_with_earlier(
-        self, record: SessionRecord, step: TakeShot, exposed: Exposed, exposure_s: float, quality: FrameQuality
+        self, record: SessionRecord, step: TakeShot, pixels: np.ndarray, exposure_s: float, quality: FrameQuality
     ) -> check.Verdict:
         number, light = step.key.pass_number, step.key.number
         sharpnesses = [shot.quality.sharpness for work in record.passes for shot in work.shots.values()]
@@ -183,7 +208,7 @@ class ShotCapture:
         file = predicted_image_file(self._store.folder(record.session_id), number, plans, light)
         return check.compare_with_earlier(
             quality,
-            exposed.frame.pixels,
+            pixels,
             self.region,
             self._calibration.sensor,
             exposure_s,

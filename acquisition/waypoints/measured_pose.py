@@ -21,12 +21,16 @@ def tool_pose(base_from_tool: FloatArray, joints: FloatArray, arm: ArmConfig, ca
     """The tool's pose (4, 4) with the calibration's joint offsets, from that stated (4, 4) at joints (6,), rad."""
     if calibration.joint_offsets_rad is None:
         return base_from_tool
-    both = np.stack([joints, joints + np.array(calibration.joint_offsets_rad)])
-    stated, true = calibrated_kinematics.forward(calibrated_kinematics.of_arm(arm), both)[:, 6]
-    flange_from_tool = arm.flange_from_tool.matrix
-    # The flange's motion, seen from the tool: what is on the flange goes with it.
-    moved = geometry.inverse(stated @ flange_from_tool) @ true @ flange_from_tool
-    return base_from_tool @ moved
+    stated = tools(joints[None], arm, calibration.model_copy(update={"joint_offsets_rad": None}))[0]
+    # The tool's motion, seen from the tool: what is on the flange goes with it.
+    return base_from_tool @ geometry.inverse(stated) @ tools(joints[None], arm, calibration)[0]
+
+
+def tools(joints: FloatArray, arm: ArmConfig, calibration: Calibration) -> FloatArray:
+    """Poses (N, 4, 4) of the tool in the base frame by this package's chain, from joints (N, 6), rad, as the controller
+    states them, with the calibration's joint offsets."""
+    true = joints + np.array(calibration.joint_offsets_rad or (0.0,) * 6)
+    return calibrated_kinematics.forward(calibrated_kinematics.of_arm(arm), true)[:, 6] @ arm.flange_from_tool.matrix
 
 
 def light(base_from_tool: FloatArray, joints: FloatArray, arm: ArmConfig, calibration: Calibration) -> Light:

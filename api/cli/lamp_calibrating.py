@@ -9,13 +9,12 @@ from rich.console import Console
 from acquisition.calibrate import lamp_position, lamp_results
 from acquisition.calibrate.lamp_position import Highlight
 from acquisition.models import cell_config
-from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import HandEyeResult, LampResult
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import write_value
-from acquisition.waypoints import calibrated_kinematics
+from acquisition.waypoints import measured_pose
 from api.cli.calibration_folder import (
     JOINTS_FILE,
     images,
@@ -57,9 +56,7 @@ def _highlights(
     folder: Path, cell: CellConfig, calibration: Calibration
 ) -> tuple[list[Highlight], dict[str, str], dict[str, str]]:
     """Highlights of a folder's images, why some have none, and the hashes of all, both by name."""
-    joints, chain = read_joints(folder / JOINTS_FILE), calibrated_kinematics.of_arm(cell.arm)
-    flange_from_tool = cell.arm.flange_from_tool.matrix
-    offsets = np.array(calibration.joint_offsets_rad or (0.0,) * 6)
+    joints = read_joints(folder / JOINTS_FILE)
     used: list[Highlight] = []
     why_not: dict[str, str] = {}
     hashes: dict[str, str] = {}
@@ -69,7 +66,7 @@ def _highlights(
         if isinstance(spot, str):
             why_not[image.name] = spot
         else:
-            tool = _flange(chain, joints[image.name] + offsets) @ flange_from_tool
+            tool = measured_pose.tools(joints[image.name][None], cell.arm, calibration)[0]
             used.append(Highlight(image.name, spot, tool))
     return used, why_not, hashes
 
@@ -79,10 +76,6 @@ def _clipped_from(values: np.ndarray, bits: int) -> float:
     if values.dtype == np.uint8:
         return 255.0
     return float(2**bits - 1) if values.max() < 2**bits else 65535.0
-
-
-def _flange(chain: FloatArray, joints: FloatArray) -> FloatArray:
-    return calibrated_kinematics.forward(chain, joints[None])[0, 6]
 
 
 def _show(result: LampResult) -> None:

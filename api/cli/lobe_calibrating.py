@@ -20,7 +20,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import HandEyeResult, LampResult, LobeResult
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import sha256_of, write_value
-from acquisition.waypoints import calibrated_kinematics
+from acquisition.waypoints import measured_pose
 from api.cli.calibration_folder import read_grey, read_value, refuse_overwriting
 
 PLANE_FILE = "plane.csv"
@@ -69,12 +69,10 @@ def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: 
         for shot in shots
     }
     placings = [_placing(name, shots, frames, board, calibration) for name in names]
-    chain, flange_from_tool = calibrated_kinematics.of_arm(cell.arm), cell.arm.flange_from_tool.matrix
-    offsets = np.array(calibration.joint_offsets_rad or (0.0,) * 6)
     images: list[PlaneImage] = []
     for shot in shots:
         number = names.index(shot.placing)
-        tool = calibrated_kinematics.forward(chain, (shot.joints + offsets)[None])[0, 6] @ flange_from_tool
+        tool = measured_pose.tools(shot.joints[None], cell.arm, calibration)[0]
         seen = matt_plane.patches(
             shot.image, *frames[shot.image], shot.exposure_s, (number, placings[number]), tool, board, calibration
         )
