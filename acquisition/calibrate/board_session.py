@@ -88,7 +88,7 @@ def read(observations: Observations, cell: CellConfig) -> BoardImages:
 
 def estimate(images: BoardImages, recipe: BoardRecipe, cell: CellConfig) -> BoardEstimate:
     """Calibrates from all views. Raises RigError calibration.infeasible, calibration.board_wrong, scene.moved."""
-    model = _model(cell)
+    model = model_of(cell)
     camera = intrinsics.fit(model.board, images.views, images.size)
     if recipe.kind == "camera" or model.chain is None:
         return BoardEstimate(camera, None)
@@ -139,7 +139,7 @@ def further_views(
     `basis` is what is known so far: `prior` or `basis`. Raises RigError calibration.infeasible where no candidate shows
     the board.
     """
-    model, size = _model(cell), (calibration.width, calibration.height)
+    model, size = model_of(cell), (calibration.width, calibration.height)
     criterion, unit = _criterion(recipe, basis.parameters, size)
     chosen = view_planning.plan_views(model, basis, candidates, size, count, criterion)
     if not chosen:
@@ -166,7 +166,7 @@ def basis(found: BoardEstimate | None, images: BoardImages, cell: CellConfig, ca
     views add to that."""
     if found is not None and found.hand_eye is not None:
         return found.hand_eye.adjusted
-    model, before = _model(cell), prior(cell, calibration)
+    model, before = model_of(cell), prior(cell, calibration)
     if found is not None and model.chain is not None:
         try:  # a calibration of the camera alone has not asked where it is, but its next views depend on that
             return hand_eye.fit(model.board, model.chain, images.views, found.camera).adjusted
@@ -199,7 +199,8 @@ def prior(cell: CellConfig, calibration: Calibration) -> Adjusted:
     return Adjusted(parameters, np.diag(sigma**2), CORNER_SIGMA_START_PX, ARM_SIGMA_START, (), (), ())
 
 
-def _model(cell: CellConfig) -> Model:
+def model_of(cell: CellConfig) -> Model:
+    """The board on the cell's flange, with the arm's chain."""
     board: CharucoBoard = charuco.of_cell(mounted_tool.require_board(cell))
     return Model(board, calibrated_kinematics.of_arm(cell.arm))
 

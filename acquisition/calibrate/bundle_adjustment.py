@@ -216,15 +216,35 @@ def adjust(model: Model, views: Sequence[View], start: Parameters) -> Adjusted:
         parameters = found.parameters
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What a view says of θ at an estimate, its own pose eliminated: residuals (2K,), pixels, Fisher information
+    (28, 28) and gradient (28,) of the log likelihood."""
+
+    residual: FloatArray
+    information: FloatArray
+    gradient: FloatArray
+
+
+def seen_by(model: Model, view: View, found: Adjusted) -> Seen:
+    """What a view says of θ at the estimate `found`, with its variances."""
+    equations = _equations(model, view, found.parameters, np.eye(4))
+    share = _share(equations, _Variances(found.corner_sigma_px, found.arm_sigma), np.zeros(6))
+    weight = 1 / found.corner_sigma_px**2
+    gain = np.linalg.solve(share.normal, share.cross.T).T
+    return Seen(
+        equations.residual,
+        np.asarray(weight * equations.shared.T @ equations.shared - gain @ share.cross.T),
+        np.asarray(weight * equations.shared.T @ equations.residual - gain @ share.gradient),
+    )
+
+
 def information(model: Model, view: View, found: Adjusted) -> FloatArray:
     """Fisher information (28, 28) that a further view would add on θ, its own pose eliminated.
 
     The view's pixels do not matter, only which corners it sees and the joints.
     """
-    equations = _equations(model, view, found.parameters, np.eye(4))
-    share = _share(equations, _Variances(found.corner_sigma_px, found.arm_sigma), np.zeros(6))
-    whole = equations.shared.T @ equations.shared / found.corner_sigma_px**2
-    return np.asarray(whole - share.cross @ np.linalg.solve(share.normal, share.cross.T))
+    return seen_by(model, view, found).information
 
 
 def camera_from_board(model: Model, parameters: Parameters, view: View) -> FloatArray:

@@ -134,7 +134,7 @@ class LobeFit:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class SeenPatches:
     """Geometry of all patches: angle off the axis (N,), direction's x and y in the lamp's frame (N, 2), and ln of what
     a lamp of intensity 1 and a cosᵘ lobe would give (N,)."""
 
@@ -152,7 +152,7 @@ def fit(images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known)
     if len(images) < MIN_IMAGES:
         raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, f"{len(images)} images of the plane: {MIN_IMAGES} are needed")
     still = np.zeros(PLACED + 6 * len(placings))
-    seen = _seen(images, placings, known, still)
+    seen = seen_patches(images, placings, known, still)
     reach = float(seen.angle.max())
     if np.degrees(reach) < MIN_ANGLE_DEG:
         raise RigError(
@@ -216,7 +216,9 @@ def _knots(reach_rad: float, count: int) -> tuple[float, ...]:
     return tuple(np.linspace(0.0, reach_rad, count).tolist())
 
 
-def _seen(images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, off: FloatArray) -> _Seen:
+def seen_patches(
+    images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, off: FloatArray
+) -> SeenPatches:
     """Geometry with lamp (3,), camera (6,), sag (2,) and placings (6 each) moved by `off`, m and rad."""
     calibration = known.calibration
     tool_from_lamp = np.array(calibration.tool_from_lamp)
@@ -242,10 +244,10 @@ def _seen(images: Sequence[PlaneImage], placings: Sequence[Placing], known: Know
         sides.append(direction[:, :2])
         fall = 2 * np.log(calibration.reference_m / distance) + calibration.lobe_exponent * np.log(ahead)
         shadings.append(np.log(facing) + fall)
-    return _Seen(np.concatenate(angles), np.concatenate(sides), np.concatenate(shadings))
+    return SeenPatches(np.concatenate(angles), np.concatenate(sides), np.concatenate(shadings))
 
 
-def _columns(images: Sequence[PlaneImage], seen: _Seen, knots: tuple[float, ...], known: Known) -> FloatArray:
+def columns(images: Sequence[PlaneImage], seen: SeenPatches, knots: tuple[float, ...], known: Known) -> FloatArray:
     """Design (N, 1 + K − 1 + 2 + 5): ln intensity, knots but the first, tilt to first order, flat field."""
     pixels = np.concatenate([image.pixels for image in images])
     flat = flat_terms(pixels, known.calibration.width, known.calibration.height)
@@ -254,16 +256,16 @@ def _columns(images: Sequence[PlaneImage], seen: _Seen, knots: tuple[float, ...]
 
 
 def _held_out_residuals(
-    images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, seen: _Seen, reach: float
+    images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, seen: SeenPatches, reach: float
 ) -> dict[int, float]:
     """Held-out residual, as a fraction, by number of knots, what is uncertain of the geometry fitted along."""
     number = np.repeat(np.arange(len(images)), [len(image.values) for image in images])
     target = np.log(np.concatenate([image.values for image in images])) - seen.log_shading
-    sources = _derivatives(images, placings, known, _knots(reach, 2), np.zeros(3))
+    sources = derivatives(images, placings, known, _knots(reach, 2), np.zeros(3))
     roots = [np.asarray(np.linalg.inv(np.linalg.cholesky(one)), np.float64) for one in known.covariances(placings)]
     found = dict[int, float]()
     for count in KNOTS:
-        design = _columns(images, seen, _knots(reach, count), known)[:, 1:]
+        design = columns(images, seen, _knots(reach, count), known)[:, 1:]
         prior = block_diag(np.eye(design.shape[1]) / PRIOR_SIGMA, *roots)
         scale = PATCH_SIGMA_START
         found[count] = scale * _held_out(np.hstack([design, sources]) / scale, target / scale, prior, number)
@@ -303,9 +305,9 @@ def _solve(
     values = np.log(np.concatenate([image.values for image in images]))
     noise = np.concatenate([image.noise for image in images])
     still = np.zeros(PLACED + 6 * len(placings))
-    seen = _seen(images, placings, known, still)
-    design = _columns(images, seen, knots, known)
-    sources = _derivatives(images, placings, known, knots, np.zeros(count + 2))
+    seen = seen_patches(images, placings, known, still)
+    design = columns(images, seen, knots, known)
+    sources = derivatives(images, placings, known, knots, np.zeros(count + 2))
     geometric = known.covariances(placings)
     prior = block_diag(
         np.zeros((1, 1)),
@@ -335,7 +337,7 @@ def _solve(
         offsets = theta[own + len(still) :]
         unsure = np.diag(covariance)[own + len(still) :]
         image_sigma = max(float(np.sqrt(np.mean(offsets**2 + unsure))), IMAGE_SIGMA_FLOOR)
-        sources = _derivatives(images, placings, known, knots, np.r_[theta[1 : 1 + count], theta[tilt_at]])
+        sources = derivatives(images, placings, known, knots, np.r_[theta[1 : 1 + count], theta[tilt_at]])
     if patch_sigma > MAX_PATCH_SIGMA:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
@@ -355,7 +357,7 @@ def _solve(
     )  # fmt: skip
 
 
-def _derivatives(
+def derivatives(
     images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, knots: tuple[float, ...],
     lobe: FloatArray,
 ) -> FloatArray:  # fmt: skip
@@ -363,7 +365,7 @@ def _derivatives(
     count = PLACED + 6 * len(placings)
 
     def predicted(off: FloatArray) -> FloatArray:
-        seen = _seen(images, placings, known, off)
+        seen = seen_patches(images, placings, known, off)
         spline = photometry.lobe_spline(knots, seen.angle)[:, 1:] @ lobe[:-2]
         return seen.log_shading + spline + np.log(1 + seen.side @ lobe[-2:])
 

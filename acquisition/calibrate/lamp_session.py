@@ -81,27 +81,40 @@ def read_plane(observations: Observations, cell: CellConfig, calibration: Calibr
 
     Raises RigError calibration.infeasible naming the placing whose frame is not seen, or moved.
     """
-    board = lamp_targets.plane_board(cell)
     images: list[PlaneImage] = []
     placings: list[Placing] = []
     for number in range(passes - 1):
-        shots = _shots(observations, number + 1)
-        views = [charuco.detect(_pixels(observations, shot), board, shot.frame.path) for shot in shots]
-        seen: list[View] = [view for view in views if view is not None]
-        if not seen:
-            raise RigError(
-                ErrorCode.CALIBRATION_INFEASIBLE,
-                f"The plane's frame is seen in no image of placing {number}: check its description, focus and exposure",
-            )
-        placings.append(matt_plane.placing(seen, board, calibration))
-        for shot in shots:
-            dark = _dark(observations, shot)
-            patches = matt_plane.patches(
-                shot.frame.path, _pixels(observations, shot), _pixels(observations, dark), shot.exposure_s,
-                (number, placings[-1]), _tool(shot, cell, calibration), board, calibration,
-            )  # fmt: skip
-            images.append(lamp_lobe.usable(patches, placings[-1], calibration))
+        shown, placing = read_placing(observations, number + 1, number, cell, calibration)
+        images += shown
+        placings.append(placing)
     return PlaneImages(tuple(images), tuple(placings))
+
+
+def read_placing(
+    observations: Observations, pass_number: int, number: int, cell: CellConfig, calibration: Calibration
+) -> tuple[list[PlaneImage], Placing]:
+    """Brightness of the plane's patches in the images of a pass, and its pose in this placing, the `number`-th.
+
+    Raises RigError calibration.infeasible naming the placing whose frame is not seen, or moved.
+    """
+    board, images = lamp_targets.plane_board(cell), list[PlaneImage]()
+    shots = _shots(observations, pass_number)
+    views = [charuco.detect(_pixels(observations, shot), board, shot.frame.path) for shot in shots]
+    seen: list[View] = [view for view in views if view is not None]
+    if not seen:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"The plane's frame is seen in no image of placing {number}: check its description, focus and exposure",
+        )
+    placing = matt_plane.placing(seen, board, calibration)
+    for shot in shots:
+        dark = _dark(observations, shot)
+        patches = matt_plane.patches(
+            shot.frame.path, _pixels(observations, shot), _pixels(observations, dark), shot.exposure_s,
+            (number, placing), _tool(shot, cell, calibration), board, calibration,
+        )  # fmt: skip
+        images.append(lamp_lobe.usable(patches, placing, calibration))
+    return images, placing
 
 
 def fit_lobe(

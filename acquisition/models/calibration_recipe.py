@@ -22,7 +22,6 @@ class CalibrationRecipe(Value):
     """What the recipes of all calibration sessions have."""
 
     tool: ClassVar[Tool]
-    takes_darks: ClassVar[bool] = False
     waits_for_targets: ClassVar[bool] = False
     max_images: int = Field(ge=6, le=120, description="Most images of the session")
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of the candidate poses")
@@ -34,6 +33,11 @@ class CalibrationRecipe(Value):
     def first_images(self) -> int:
         """Images of the first pass, before which nothing but the calibration in use is known."""
         return min(self.max_images, FIRST_IMAGES)
+
+    @property
+    def takes_darks(self) -> bool:
+        """Whether each exposure time of a pass has a lamp-off image."""
+        return False
 
     def images_after(self, taken: int) -> int:
         """Images of the pass that follows on `taken` images."""
@@ -98,13 +102,17 @@ class LampRecipe(CalibrationRecipe):
     """
 
     tool: ClassVar[Tool] = "lamp"
-    takes_darks: ClassVar[bool] = True
     waits_for_targets: ClassVar[bool] = True
     kind: Literal["lamp"] = Field(description="`lamp`: `tool_from_lamp`, `lamp_intensity` and `lobe`")
     max_images: int = Field(default=72, ge=36, le=120, description="Images of sphere and plane together")
     sphere_share: float = Field(default=0.45, ge=0.25, le=0.7, description="Share of these that show the sphere")
     placings: int = Field(default=2, ge=1, le=4, description="How often the plane is laid down, each time otherwise")
     exposure: Exposure = Field(default=Exposure(target=0.7), description="Exposure of the images of the plane")
+
+    @property
+    def takes_darks(self) -> bool:
+        """The room's light on the plane is taken out."""
+        return True
 
     @property
     def first_images(self) -> int:
@@ -185,7 +193,48 @@ LONGEST_SHARE = 1.5
 for their full well to be seen."""
 
 
-TAGS = ("capture-recipe", "board-recipe", "lamp-recipe", "response-recipe")
+class CheckRecipe(CalibrationRecipe):
+    """Few images that tell whether the calibration in use is still true; it changes nothing."""
+
+    tool: ClassVar[Tool] = "board"
+    kind: Literal["check"] = Field(
+        description="`check`: whether the calibration in use is still true, and what has moved if not"
+    )
+    target: Literal["board", "plane"] = Field(
+        default="board",
+        description="`board`: on the flange, for camera, arm and lens; `plane`: the matt plane in the object's place "
+        "and the lamp on the flange, for the lamp",
+    )
+    max_images: int = Field(default=8, ge=6, le=24, description="Images")
+    exposure: Exposure = Field(default=Exposure(target=0.7), description="Exposure of the images")
+
+    @property
+    def takes_darks(self) -> bool:
+        """The room's light on the plane is taken out."""
+        return self.target == "plane"
+
+    @property
+    def lit(self) -> bool:
+        """The board is lit by the room, the plane by the lamp."""
+        return self.target == "plane"
+
+    @property
+    def lit_by(self) -> Literal["room", "lamp"]:
+        """What lights the target."""
+        return "lamp" if self.lit else "room"
+
+    @property
+    def first_images(self) -> int:
+        """All."""
+        return self.max_images
+
+    @property
+    def passes_most(self) -> int:
+        """One."""
+        return 1
+
+
+TAGS = ("capture-recipe", "board-recipe", "lamp-recipe", "response-recipe", "check-recipe")
 """What an error's location names beside the fields: which of the recipes was read."""
 
 
@@ -193,7 +242,8 @@ def _kind(recipe: object) -> str:
     given = cast(dict[str, Any], recipe) if isinstance(recipe, dict) else None
     kind = given.get("kind", "capture") if given is not None else getattr(recipe, "kind", "capture")
     return {
-        "camera": "board-recipe", "hand-eye": "board-recipe", "lamp": "lamp-recipe", "response": "response-recipe"
+        "camera": "board-recipe", "hand-eye": "board-recipe", "lamp": "lamp-recipe", "response": "response-recipe",
+        "check": "check-recipe",
     }.get(str(kind), "capture-recipe")  # fmt: skip
 
 
@@ -201,7 +251,8 @@ AnyRecipe = Annotated[
     Annotated[Recipe, Tag("capture-recipe")]
     | Annotated[BoardRecipe, Tag("board-recipe")]
     | Annotated[LampRecipe, Tag("lamp-recipe")]
-    | Annotated[ResponseRecipe, Tag("response-recipe")],
+    | Annotated[ResponseRecipe, Tag("response-recipe")]
+    | Annotated[CheckRecipe, Tag("check-recipe")],
     Discriminator(_kind),
 ]
 """The recipe of a session of any kind; without `kind` it is one of capture."""
@@ -227,4 +278,6 @@ def require_capture(recipe: AnyRecipe) -> Recipe:
 
 def tool_of(recipe: AnyRecipe) -> Tool:
     """What is on the flange during a session."""
-    return "lamp" if isinstance(recipe, Recipe) else recipe.tool
+    if isinstance(recipe, Recipe) or (isinstance(recipe, CheckRecipe) and recipe.target == "plane"):
+        return "lamp"
+    return recipe.tool

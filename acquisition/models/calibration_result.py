@@ -108,6 +108,14 @@ class CalibrationSummary(Value):
     read_noise_e: float | None = Field(default=None, description="`response`: 1 σ of a value in the dark, electrons")
     full_well_e: float | None = Field(default=None, description="`response`: electrons at which a pixel is full")
     defective_pixels: int | None = Field(default=None, description="`response`: hot pixels, and such without response")
+    passed: bool | None = Field(default=None, description="`check`: whether the calibration in use is still true")
+    changed: list[str] = Field(
+        default_factory=list[str],
+        description="`check`: what has changed: `camera`, `board`, `joints`, `lens`, `intensity`, `lobe`, `lamp`",
+    )
+    probability: float | None = Field(
+        default=None, description="`check`: probability that a true calibration shows as much by chance"
+    )
     fingerprint: str | None = Field(default=None, description="SHA-256 of the values of its calibration.json")
     advice: list[str] = Field(default_factory=list[str], description="What to do next, for people")
 

@@ -11,7 +11,7 @@ import numpy as np
 from acquisition import session
 from acquisition.capture import check, exposure
 from acquisition.devices import StopToken
-from acquisition.models.calibration_recipe import BoardRecipe
+from acquisition.models.calibration_recipe import BoardRecipe, CheckRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Exposure
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
@@ -117,7 +117,7 @@ def _name(key: ShotKey) -> str:
     return f"Image {key.number} of pass {key.pass_number}"
 
 
-def _board_recipe(record: SessionRecord) -> BoardRecipe:
-    if not isinstance(record.recipe, BoardRecipe):
+def _board_recipe(record: SessionRecord) -> BoardRecipe | CheckRecipe:
+    if not isinstance(record.recipe, BoardRecipe | CheckRecipe):
         raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} has no views of a board")
     return record.recipe

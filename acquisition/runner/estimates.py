@@ -9,12 +9,12 @@ from acquisition.formats.atomic_write import written_by_job
 from acquisition.models import cell_config
 from acquisition.models.base import Value
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_recipe import CalibrationRecipe, LampRecipe
+from acquisition.models.calibration_recipe import CalibrationRecipe, CheckRecipe, LampRecipe
 from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.calibration_set import CalibrationSet
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.runner import re_solve
+from acquisition.runner import calibration_checks, re_solve
 from acquisition.runner.compute import Compute
 from acquisition.runner.rig_choices import camera_name
 from acquisition.session import SessionRecord
@@ -22,7 +22,8 @@ from acquisition.store import Artifact, Store
 from acquisition.store.folder import write_manifest
 
 JOBS = {"camera": "estimate_from_board", "hand-eye": "estimate_from_board", "response": "estimate_response"}
-"""The job that estimates, by the session's kind; each has the same parameters. That of kind `lamp` takes more."""
+"""The job that estimates, by the session's kind; each has the same parameters. Those of kinds `lamp` and `check` take
+the set in use instead of whether the images are the last."""
 
 READY = "estimate.ready"
 """Type of the event that announces an estimate."""
@@ -44,8 +45,8 @@ def estimate_and_record(
     images = re_solve.observations(record, folder)
     last = len(images.shots) >= recipe.max_images
     begun = time.monotonic()
-    if isinstance(recipe, LampRecipe):
-        job, given = "estimate_lamp", (known, folder / name)
+    if isinstance(recipe, LampRecipe | CheckRecipe):
+        job, given = ("estimate_lamp" if recipe.kind == "lamp" else "estimate_check"), (known, folder / name)
     else:
         job, given = JOBS[recipe.kind], (folder / name, last)
     with written_by_job(folder / name):
@@ -87,6 +88,9 @@ def keep(store: Store, record: SessionRecord, cell: CellConfig, known: Path | No
     if entry is None or not entry.body["estimated"]:
         return
     estimate = (folder / entry.path).parent
+    if isinstance(record.recipe, CheckRecipe):
+        calibration_checks.record(store, record.session_id, estimate)
+        return
     arm_file = folder / "arm.txt"
     values = cell_config.load_calibration(estimate / "calibration.json")
     shots = re_solve.observations(record, folder).shots

@@ -9,6 +9,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -23,6 +24,7 @@ from acquisition.formats.export import light_files
 from acquisition.formats.folders import session_folder
 from acquisition.models.base import BoolArray, FloatArray, Joints, Vector3
 from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_check import CheckState
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.jog import JogMotion
@@ -36,6 +38,7 @@ from acquisition.plan import baselines, explain, visibility
 from acquisition.plan import prior_forecast as prior
 from acquisition.runner import light_forecast
 from acquisition.runner.board_jobs import board_moved, board_poses, estimate_from_board, look_at_board
+from acquisition.runner.check_jobs import check_poses, estimate_check
 from acquisition.runner.lamp_jobs import estimate_lamp, lamp_poses, look_at_target, target_moved
 from acquisition.runner.response_jobs import estimate_response, response_light
 from acquisition.runner.session_solve import solve_in_cell
@@ -44,8 +47,8 @@ from acquisition.waypoints import jog_step as jog_steps
 from acquisition.waypoints import reach as reaching
 
 __all__ = [
-    "board_moved", "board_poses", "estimate_from_board", "estimate_lamp", "estimate_response", "lamp_poses",
-    "look_at_board", "look_at_target", "response_light", "target_moved",
+    "board_moved", "board_poses", "check_poses", "estimate_check", "estimate_from_board", "estimate_lamp",
+    "estimate_response", "lamp_poses", "look_at_board", "look_at_target", "response_light", "target_moved",
 ]  # jobs of modules of their own  # fmt: skip
 
 Rows = npt.NDArray[np.int64]
@@ -316,18 +319,20 @@ def _routes(session: Path, last_pass: int) -> list[Route]:
 
 def solve_normals(
     observations: Observations, cell: CellConfig, calibration: Calibration, settings: SolveSettings,
-    forecast: LightPlan | None, region_file: Path | None, folder: Path,
+    forecast: LightPlan | None, region_file: Path | None, folder: Path, check: CheckState | None = None,
 ) -> ResultSummary:  # fmt: skip
-    """Solves all images and writes the result into `folder`; `region_file` is the region of interest, if any."""
+    """Solves all images and writes the result into `folder`; `region_file` is the region of interest, if any, `check`
+    what is known of the calibration by its checks."""
     begun = time.monotonic()
     normal_map = solve_in_cell(observations, cell, calibration, settings)
     seconds = {"solve": time.monotonic() - begun}
     discard_partial(folder)
     with export.atomic_folder(folder) as partial:
         export.write_into(normal_map, partial)
-        report.write(
-            normal_map, _facts(normal_map, observations, cell, calibration, forecast, folder, seconds), partial
-        )
+        facts = _facts(normal_map, observations, cell, calibration, forecast, folder, seconds)
+        if check is not None:
+            facts = replace(facts, calibration_checked=check.sentence, warnings=tuple(check.warnings))
+        report.write(normal_map, facts, partial)
     sigma = normal_map.sigma_deg[normal_map.mask]
     lights_used = export.lights_used(normal_map)[normal_map.silhouette]
     return ResultSummary(

@@ -51,26 +51,42 @@ def lamp_poses(
     Raises RigError calibration.infeasible without a hand–eye calibration or with too few poses, config.invalid without
     targets.
     """
+    targets, hand_eye = lamp_targets.require_targets(cell), _hand_eye(known)
+    seed = recipe.seed + 7 * number
+    if number != lamp_targets.SPHERE_PASS:
+        return plane_poses(recipe.placing_images, seed, cell, calibration)
+    joints = _reached(recipe.first_images, seed, cell, calibration, sphere=True)
+    chosen = lamp_position.choose_poses(
+        measured_pose.tools(joints, cell.arm, calibration), calibration, np.array(hand_eye.covariance),
+        lamp_targets.sphere_center(cell), targets.sphere_radius_m, recipe.first_images,
+    )  # fmt: skip
+    return _plan(joints, chosen, recipe.first_images, cell, calibration, sphere=True)
+
+
+def plane_poses(count: int, seed: int, cell: CellConfig, calibration: Calibration) -> LightPlan:
+    """`count` poses of the lamp over the matt plane, at random. Raises RigError calibration.infeasible."""
     lamp_targets.require_targets(cell)
-    hand_eye = _hand_eye(known)
-    sphere = number == lamp_targets.SPHERE_PASS
-    count = recipe.first_images if sphere else recipe.placing_images
-    lights = _candidates(cell, calibration, CANDIDATES_PER_POSE * count, recipe.seed + 7 * number, sphere=sphere)
-    joints = connected_lights(lights, cell, calibration)
-    tools = measured_pose.tools(joints, cell.arm, calibration)
-    if sphere:
-        chosen = lamp_position.choose_poses(
-            tools, calibration, np.array(hand_eye.covariance), lamp_targets.sphere_center(cell),
-            lamp_targets.require_targets(cell).sphere_radius_m, count,
-        )  # fmt: skip
-    else:
-        chosen = list(range(min(count, len(tools))))
+    joints = _reached(count, seed, cell, calibration, sphere=False)
+    return _plan(joints, list(range(min(count, len(joints)))), count, cell, calibration, sphere=False)
+
+
+def _reached(count: int, seed: int, cell: CellConfig, calibration: Calibration, *, sphere: bool) -> FloatArray:
+    """Joints (N, 6) of the candidates for `count` poses that are connected to home."""
+    lights = _candidates(cell, calibration, CANDIDATES_PER_POSE * count, seed, sphere=sphere)
+    return connected_lights(lights, cell, calibration)
+
+
+def _plan(
+    joints: FloatArray, chosen: list[int], count: int, cell: CellConfig, calibration: Calibration, *, sphere: bool
+) -> LightPlan:
+    """The plan of the chosen ones. Raises RigError calibration.infeasible where they are fewer than `count`."""
     if len(chosen) < count:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
             f"The arm can take up {len(chosen)} poses of the lamp over the object's place, and {count} are wanted: ask "
             "for fewer images, or widen the reach",
         )
+    tools = measured_pose.tools(joints, cell.arm, calibration)
     shown = [lamp_pose.light_from_tool(tools[one], calibration) for one in chosen]
     return LightPlan(
         lights=shown,

@@ -11,7 +11,7 @@ from acquisition import session
 from acquisition.calibrate import lamp_targets
 from acquisition.capture import check, exposure
 from acquisition.devices import StopToken
-from acquisition.models.calibration_recipe import LampRecipe
+from acquisition.models.calibration_recipe import CheckRecipe, LampRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Exposure
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
@@ -49,7 +49,7 @@ class LampShots(BoardShots):
         Raises Halted, RigError capture.frame_rejected, calibration.target_not_seen, arm.move_failed, and what devices
         report.
         """
-        recipe, sphere = _lamp_recipe(record), step.key.pass_number == lamp_targets.SPHERE_PASS
+        recipe, sphere = _lamp_recipe(record), _shows_sphere(record, step.key.pass_number)
         if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
             self._follow(record, step.waypoint, stop)
 
@@ -80,7 +80,7 @@ class LampShots(BoardShots):
         self, record: SessionRecord, first: Shot, before: np.ndarray, after: np.ndarray, stop: StopToken
     ) -> str:
         """How the target has moved between two frames (H, W) of one pose, for people; empty where it has not."""
-        sphere = first.key.pass_number == lamp_targets.SPHERE_PASS
+        sphere = _shows_sphere(record, first.key.pass_number)
         known = (sphere, self.cell_of(record), self._calibration.sensor)
         return self._compute.run(stop, "target_moved", before, after, *known)
 
@@ -123,7 +123,11 @@ class LampShots(BoardShots):
         return None if earlier is None else self._pixels_of(record, earlier)
 
 
-def _lamp_recipe(record: SessionRecord) -> LampRecipe:
-    if not isinstance(record.recipe, LampRecipe):
+def _shows_sphere(record: SessionRecord, pass_number: int) -> bool:
+    return isinstance(record.recipe, LampRecipe) and pass_number == lamp_targets.SPHERE_PASS
+
+
+def _lamp_recipe(record: SessionRecord) -> LampRecipe | CheckRecipe:
+    if not isinstance(record.recipe, LampRecipe | CheckRecipe):
         raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} calibrates no lamp")
     return record.recipe

@@ -29,7 +29,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError, problem
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.runner import solve_calibration
+from acquisition.runner import calibration_checks, solve_calibration
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.session import ENDED, SessionRecord, State
 from acquisition.store import Store
@@ -118,7 +118,8 @@ def solve_and_record(
     with written_by_job(result):
         summary: ResultSummary = compute.run(
             stop, "solve_normals", images, cell, calibration, request.settings, record.passes[request.last_pass].plan,
-            region_file(store, request.session_id), result, preemptible=origin == "resolve",
+            region_file(store, request.session_id), result, calibration_checks.state(store, calibration.fingerprint),
+            preemptible=origin == "resolve",
         )  # fmt: skip
     record_result(store, request, origin, summary, time.monotonic() - begun, cell)
 

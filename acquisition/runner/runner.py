@@ -22,7 +22,7 @@ from acquisition.devices import RecoveryStep, Rig, StopToken
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError, problem
-from acquisition.runner import preconditions
+from acquisition.runner import calibration_checks, preconditions
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.loop import SessionLoop
 from acquisition.runner.operator_moves import OperatorMoves, RunnerAccess
@@ -212,6 +212,7 @@ class Runner:
             reasons=reasons,
             calibration_made_at=self.choices.calibration.made_at,
             calibration_valid_until=self._valid_until().isoformat(),
+            calibration_check=calibration_checks.state(self._store, self.choices.calibration.fingerprint),
             latched=self._monitor.latch,
         )
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from acquisition.devices import ArmIdentity, ArmReading
+from acquisition.models.calibration_check import CheckState
 from acquisition.runner.safety_monitor import Latch
 
 
@@ -23,4 +24,5 @@ class RigStatus:
     reasons: list[dict[str, Any]]
     calibration_made_at: str
     calibration_valid_until: str
+    calibration_check: CheckState
     latched: Latch | None

@@ -15,7 +15,7 @@ import numpy as np
 from acquisition.capture import region
 from acquisition.devices import Rig, StopToken
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_recipe import AnyRecipe, LampRecipe, ResponseRecipe
+from acquisition.models.calibration_recipe import AnyRecipe, CheckRecipe, LampRecipe, ResponseRecipe
 from acquisition.models.calibration_set import CELL_FILE
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
@@ -34,7 +34,7 @@ from acquisition.models.step import (
     TakeDark,
     TakeShot,
 )
-from acquisition.runner import estimates, re_solve
+from acquisition.runner import calibration_checks, estimates, re_solve
 from acquisition.runner.board_shots import BoardShots
 from acquisition.runner.compute import Compute
 from acquisition.runner.lamp_shots import LampShots
@@ -72,12 +72,19 @@ class StepExecutor:
         write_value(folder / "calibration.json", self._calibration)
 
     def write_session_manifest(self, session_id: str) -> None:
-        """Writes the session's manifest: every file with its SHA-256, and the shots with their measurements."""
+        """Writes the session's manifest: every file with its SHA-256, the shots with their measurements, and the
+        checks of the calibration."""
         folder = self._store.folder(session_id)
         shots = [shot.model_dump(mode="json") for shot in self._store.journal.shots(session_id)]
-        write_manifest(
-            folder, {"session_id": session_id, "software": {"lightpose": version("lightpose")}, "shots": shots}
-        )
+        facts: dict[str, object] = {
+            "session_id": session_id,
+            "software": {"lightpose": version("lightpose")},
+            "calibration_check": calibration_checks.state(self._store, self._calibration.fingerprint).model_dump(
+                mode="json"
+            ),
+            "shots": shots,
+        }
+        write_manifest(folder, facts)
 
     def keep_calibration(self, record: SessionRecord) -> None:
         """Keeps what a calibration session found as a set of its own; does nothing for one of capture."""
@@ -115,6 +122,8 @@ class StepExecutor:
             return self._shots
         if isinstance(record.recipe, ResponseRecipe):
             return self._response_shots
+        if isinstance(record.recipe, CheckRecipe):
+            return self._lamp_shots if record.recipe.target == "plane" else self._board_shots
         return self._lamp_shots if isinstance(record.recipe, LampRecipe) else self._board_shots
 
     @property
@@ -164,6 +173,8 @@ class StepExecutor:
             plan: LightPlan = self._compute.run(stop, "lamp_poses", *known, number, self._known)
         elif isinstance(record.recipe, ResponseRecipe):
             plan = self._compute.run(stop, "response_light", *known)
+        elif isinstance(record.recipe, CheckRecipe):
+            plan = self._compute.run(stop, "check_poses", *known, re_solve.observations(record, folder), self._known)
         else:
             previous = folder / "estimates" / str(number - 1) if number else None
             images = re_solve.observations(record, folder)

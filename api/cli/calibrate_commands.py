@@ -231,6 +231,36 @@ def lamp(
         print(json.dumps(outcome), flush=True)
 
 
+@app.command()
+def check(
+    address: Annotated[str, typer.Option(help="The running service, such as http://127.0.0.1:8000")],
+    target: Annotated[
+        str | None,
+        typer.Option(help="board (on the flange) or plane (in the object's place); without: by what is on the flange"),
+    ] = None,
+    mounted: Mounted = False,
+    images: Annotated[int, typer.Option("--images", help="Images, 6 at the least")] = 8,
+    as_json: AsJson = False,
+) -> None:
+    """Checks whether the calibration in use is still true, with few images: suggested daily. Changes nothing.
+
+    The board on the flange tells of camera, arm and lens; the matt plane in the object's place, with the lamp on the
+    flange, of the lamp. Ends with exit code 3 where something has changed, and names it.
+    """
+    from api.cli import session_calibrating
+
+    def run() -> dict[str, Any]:
+        looked_at = target or session_calibrating.target_at_hand(address)
+        recipe = _recipe({"kind": "check", "target": looked_at, "max_images": images})
+        return session_calibrating.calibrate(address, recipe, mounted=mounted, activate=False)
+
+    outcome = explain_errors(run)
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+    if not outcome["passed"]:
+        raise typer.Exit(3)
+
+
 @app.command("all")
 def everything(
     address: Annotated[str, typer.Option(help="The running service, such as http://127.0.0.1:8000")],

@@ -1,4 +1,4 @@
-"""`lightpose calibrate camera | hand-eye --address …`: a calibration session of a running service, followed to its end.
+"""`lightpose calibrate camera | hand-eye | response | check --address …`: a session of a service, followed to its end.
 
 The service moves the arm, so a person has to say that the board is on its flange: without `--mounted` nothing starts.
 """
@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
-from acquisition.models.calibration_recipe import AnyRecipe, tool_of
+from acquisition.models.calibration_recipe import AnyRecipe, CheckRecipe, tool_of
 from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import State
@@ -44,7 +44,15 @@ def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool)
         if activate:
             client.activate_calibration(done.id)
             console.print(f"calibration {done.id} is in use")
+        if isinstance(recipe, CheckRecipe):
+            return {"session": done.id, **found.model_dump(mode="json")}
         return {"calibration": done.id, "active": activate, **found.model_dump(mode="json")}
+
+
+def target_at_hand(address: str) -> str:
+    """The target of a check by what is on the flange: the board itself, or with the lamp the plane."""
+    with Client(address) as client:
+        return "board" if client.rig().tool == "board" else "plane"
 
 
 def _show(console: Console, found: CalibrationSummary) -> None:

@@ -170,6 +170,7 @@ def _in_use(service: Service) -> RigCalibration:
         made_at=status.calibration_made_at,
         valid_until=status.calibration_valid_until,
         valid=now < datetime.fromisoformat(status.calibration_valid_until),
+        check=status.calibration_check,
         age_days=(now - datetime.fromisoformat(status.calibration_made_at)).total_seconds() / 86_400,
         file=service.cell.calibration if identity == CELL_FILE else f"calibrations/{identity}/calibration.json",
         fingerprint=known.fingerprint,

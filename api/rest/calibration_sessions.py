@@ -17,6 +17,7 @@ from acquisition.models.calibration_recipe import CalibrationRecipe
 from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.cell_config import Tool
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.runner import calibration_checks
 from acquisition.store import Artifact
 from api.rest import problems, stored_files
 from api.rest.dependencies import Number, ServiceOf, SessionId
@@ -34,9 +35,13 @@ class CalibrationKindResource(Resource):
     recipe: str = Field(description="Name of its recipe's schema in /openapi.json")
     explanation: str = Field(description="What its recipe says of it")
     tool: Tool = Field(description="What its sessions need on the flange: PUT /v1/rig/tool states it")
-    made_at: str | None = Field(description="When the newest calibration of this kind was made, ISO 8601; null: none")
+    made_at: str | None = Field(
+        description="When the newest calibration or check of this kind was made, ISO 8601; null: none"
+    )
     age_days: float | None = Field(description="Days since then; null: none was made")
-    calibration: str | None = Field(description="Identifier of that calibration; null: none was made")
+    calibration: str | None = Field(
+        description="Identifier of that calibration; null: none was made, and a check makes none"
+    )
     links: Links
 
 
@@ -56,19 +61,22 @@ def calibration_kinds(service: ServiceOf) -> Page[CalibrationKindResource]:
     """The kinds of calibration sessions (`POST /v1/sessions`), what each needs, and how old its newest result is."""
     now, sets = datetime.now(UTC), service.store.calibrations.all()
     made = {one.kind: one for one in sets}  # the last of a kind: they come oldest first
+    made_at = {kind: one.made_at for kind, one in made.items()}
+    checks = calibration_checks.newest(service.store).values()
+    made_at |= {"check": max(one.made_at for one in checks)} if checks else {}
     result: list[CalibrationKindResource] = []
     for recipe in _recipes():
         field = recipe.model_fields["kind"]
         for kind in get_args(field.annotation):
-            newest = made.get(kind)
-            age = None if newest is None else (now - datetime.fromisoformat(newest.made_at)).total_seconds() / 86_400
+            newest, since = made.get(kind), made_at.get(kind)
+            age = None if since is None else (now - datetime.fromisoformat(since)).total_seconds() / 86_400
             result.append(
                 CalibrationKindResource(
                     kind=kind,
                     recipe=recipe.__name__,
                     explanation=field.description or "",
                     tool=recipe.tool,
-                    made_at=None if newest is None else newest.made_at,
+                    made_at=since,
                     age_days=age,
                     calibration=None if newest is None else newest.id,
                     links={"sessions": "/v1/sessions", "tool": "/v1/rig/tool", "calibrations": "/v1/rig/calibrations"},

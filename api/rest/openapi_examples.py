@@ -9,7 +9,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from acquisition.models import calibration_check
 from acquisition.models.calibration import Calibration, SensorModel
+from acquisition.models.calibration_check import CheckRecord
 from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.errors import PROBLEMS, ErrorCode
 from acquisition.models.light_forecast import LightForecast, PlacedLight
@@ -244,6 +246,17 @@ _SET = CalibrationSetResource(
     ),
     links={"hand_eye.json": f"/v1/rig/calibrations/{_ID}/hand_eye.json"},
 )
+_CHECK = calibration_check.state(
+    {
+        "board": CheckRecord(
+            session=_ID, made_at="2026-11-23T07:40:00Z", fingerprint=_SHA256, passed=True, probability=0.41,
+            changed=(), sentences=(),
+        )
+    },
+    _SHA256,
+    datetime(2026, 11, 23, 9, 40, tzinfo=UTC),
+)  # fmt: skip
+
 VALUES: tuple[BaseModel, ...] = (
     _RECIPE,
     Recipe(target_sigma_deg=0.7, max_lights=16),
@@ -354,7 +367,7 @@ VALUES: tuple[BaseModel, ...] = (
         may_start=False,
         reasons=[Reason(code=_STOPPED.code, detail=_STOPPED.detail, remedy=_STOPPED.remedy)],
         calibration=CalibrationResource(
-            made_at="2026-11-01T00:00:00Z", valid_until="2027-01-30T00:00:00+00:00", valid=True
+            made_at="2026-11-01T00:00:00Z", valid_until="2027-01-30T00:00:00+00:00", valid=True, check=_CHECK
         ),
         faults=[_FAULT],
         links={"self": "/v1/rig", "stop": "/v1/rig/stop"},
@@ -375,6 +388,7 @@ VALUES: tuple[BaseModel, ...] = (
         made_at="2026-11-01T00:00:00Z",
         valid_until="2027-01-30T00:00:00+00:00",
         valid=True,
+        check=_CHECK,
         age_days=22.4,
         file="calibration.json",
         fingerprint=_SHA256,

@@ -218,6 +218,7 @@ def _resource(status: RigStatus, tool: Tool) -> RigResource:
             made_at=status.calibration_made_at,
             valid_until=status.calibration_valid_until,
             valid=datetime.now(UTC) < valid_until,
+            check=status.calibration_check,
         ),
         faults=_faults(status.latched),
         links=RIG_LINKS,

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from acquisition.devices import DriverPriority
 from acquisition.models.base import Joints, Matrix4
+from acquisition.models.calibration_check import CheckState
 from acquisition.models.cell_config import Tool
 from acquisition.models.errors import ErrorCode
 from api.rest.schemas import Links, RequestBody, Resource
@@ -63,6 +64,7 @@ class CalibrationResource(Resource):
     made_at: str = Field(description="When it was made, ISO 8601")
     valid_until: str = Field(description="Until when it is valid, ISO 8601")
     valid: bool = Field(description="Whether it is valid now: out of date, no session starts")
+    check: CheckState = Field(description="When it was checked, with which result; sessions of kind `check` do that")
 
 
 class RigResource(Resource):

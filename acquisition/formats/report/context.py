@@ -29,3 +29,5 @@ class ReportContext:
     """Of how the images were taken: what each shows, and an SVG element."""
     warnings: tuple[str, ...] = ()
     """Sentences that whoever read the images has for the person."""
+    calibration_checked: str = ""
+    """When the calibration was checked, and with which result; empty: no cell of its own is known."""

@@ -121,6 +121,8 @@ def _figures(normal_map: NormalMap, context: ReportContext) -> str:
         rows.append(("mean σ that the plan predicted", f"{context.predicted_sigma_deg:.2f}°"))
     if context.error_deg:
         rows.append(("error against the truth", ", ".join(f"{k} {v:.2f}°" for k, v in context.error_deg.items())))
+    if context.calibration_checked:
+        rows.append(("calibration checked", context.calibration_checked))
     if context.solver:
         rows.append(("solver", context.solver + (f": {context.why}" if context.why else "")))
     if "sensor" in normal_map.notes:

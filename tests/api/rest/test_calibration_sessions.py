@@ -1,15 +1,18 @@
 """Calibration sessions over HTTP: kinds and their ages, the board in the live image, planned views, estimates."""
 
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from acquisition.calibrate import board_view, charuco
+from acquisition.models.calibration_check import CheckResult, PartTest
 from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
+from acquisition.runner import calibration_checks
 from acquisition.session import Trigger
 from acquisition.store.folder import write_frame, write_manifest, write_value
 from acquisition.waypoints import mounted_tool
@@ -121,3 +124,25 @@ def test_estimates_are_listed_with_their_files(own: Running) -> None:
     assert own.http.get(f"{address}/0/journal.sqlite").status_code == 404
     assert own.http.get(f"{address}/1/hand_eye.json").status_code == 404
     assert own.http.get("/v1/sessions/20000101-000000-000000/estimates").status_code == 404
+
+
+def test_rig_states_check_of_calibration_in_use_with_age(own: Running, tmp_path: Path) -> None:
+    before = own.http.get("/v1/rig").json()["calibration"]["check"]
+    assert before["checks"] == {}
+    assert "suggested daily" in before["warnings"][0]
+    test = PartTest(
+        name="camera", change=(1e-3,), sigma=(1e-4,), chi_square=100.0, freedom=1, probability=0.0, sentence="by 1 mm"
+    )
+    found = CheckResult(
+        target="board", made_at=datetime.now(UTC).isoformat(), version="1", passed=False, probability=0.0,
+        fingerprint=own.service.calibration.fingerprint, false_alarm=0.01, changed=(test,), tests=(test,), worst="a",
+        images=(), advice=(),
+    )  # fmt: skip
+    (tmp_path / "check.json").write_text(found.model_dump_json())
+    calibration_checks.record(own.service.store, "20261123-080000-000000", tmp_path)
+    after = own.http.get("/v1/rig").json()["calibration"]["check"]
+    assert after["checks"]["board"]["changed"] == ["camera"]
+    assert 0 <= after["ages_h"]["board"] < 0.1
+    assert "by 1 mm" in after["warnings"][0]
+    kinds = {one["kind"]: one for one in own.http.get("/v1/rig/calibration-kinds").json()["items"]}
+    assert kinds["check"]["age_days"] == pytest.approx(0, abs=0.01)

@@ -1,0 +1,109 @@
+"""Whether views of the board on the flange still agree with the calibration in use, and what has moved if not.
+
+The calibration's own adjustment (`basis.json`) predicts where each corner is, with a covariance: camera, its place,
+the board's, the joints, all with their correlations, so that a place that is known to 0.2 mm still predicts corners at
+the poses of its calibration to hundredths. A view's corners have their noise and the arm's deviation besides.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from acquisition.calibrate import bundle_adjustment, change_test
+from acquisition.calibrate.board_results import AdjustmentRecord
+from acquisition.calibrate.bundle_adjustment import (
+    BASE_FROM_CAMERA,
+    CAMERA,
+    FLANGE_FROM_BOARD,
+    JOINT_OFFSETS,
+    Adjusted,
+    Model,
+)
+from acquisition.calibrate.change_test import ChangeTest, Group, GroupTest
+from acquisition.calibrate.charuco import View
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
+
+CAMERA_PLACE, BOARD_PLACE, JOINTS, LENS = "camera", "board", "joints", "lens"
+
+GROUPS = (
+    Group(CAMERA_PLACE, tuple(range(BASE_FROM_CAMERA.start, BASE_FROM_CAMERA.stop))),
+    Group(BOARD_PLACE, tuple(range(FLANGE_FROM_BOARD.start, FLANGE_FROM_BOARD.stop))),
+    Group(JOINTS, tuple(range(JOINT_OFFSETS.start, JOINT_OFFSETS.stop))),
+    Group(LENS, tuple(range(CAMERA.start, CAMERA.start + 4))),
+)
+"""What can move: the camera against the arm's base, the board on the flange, the joints' offsets, the focal length and
+principal point (a lens that was touched)."""
+
+LEAST_VIEWS = 4
+"""Views from which on camera, board and joints are told apart."""
+
+
+@dataclass(frozen=True)
+class BoardCheck:
+    """The tests, and per view, in its order, the root mean square of its corners' distances from the prediction, px."""
+
+    found: ChangeTest
+    residuals_px: tuple[float, ...]
+
+
+def stated(known: Path | None, calibration: Calibration) -> Adjusted:
+    """The adjustment that the calibration in use rests on, from the folder of its set.
+
+    Raises RigError calibration.infeasible where there is none, or where it is not that of these values, store.corrupt.
+    """
+    file = None if known is None else known / "basis.json"
+    if file is None or not file.exists():
+        raise _not_known("The calibration in use states no covariance of camera, board and joints")
+    try:
+        found = AdjustmentRecord.model_validate_json(file.read_bytes()).adjusted
+    except ValidationError as error:
+        raise RigError(ErrorCode.STORE_CORRUPT, f"{file}: {error}", file=file.name) from error
+    same = np.allclose(found.parameters.base_from_camera, calibration.base_from_camera, atol=1e-9)
+    if not same or not np.allclose(found.parameters.matrix, calibration.camera_matrix, atol=1e-6):
+        raise _not_known("The camera was calibrated after its place was, or the place otherwise than by a session")
+    return found
+
+
+def check(model: Model, views: Sequence[View], known: Adjusted) -> BoardCheck:
+    """Tests new views against what is `known`. Raises RigError calibration.infeasible with too few views."""
+    if len(views) < LEAST_VIEWS:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"The board is seen in {len(views)} views, and {LEAST_VIEWS} are needed: is it lit, and the one of the "
+            "cell file?",
+        )
+    count = len(known.covariance)
+    information, gradient = np.zeros((count, count)), np.zeros(count)
+    residuals: list[float] = []
+    for view in views:
+        seen = bundle_adjustment.seen_by(model, view, known)
+        residuals.append(float(np.sqrt(2 * np.mean(seen.residual**2))))
+        information, gradient = information + seen.information, gradient + seen.gradient
+    return BoardCheck(change_test.find_changes(information, gradient, known.covariance, GROUPS), tuple(residuals))
+
+
+def sentence(test: GroupTest) -> str:
+    """What a group's change is, for people."""
+    name, change = test.group.name, test.change
+    if name == JOINTS:
+        return f"the joints' zeros are off by up to {math.degrees(float(np.abs(change).max())):.3f}°"
+    if name == LENS:
+        return (
+            f"focal length changed by {float(change[:2].mean()):.2f} px and principal point by "
+            f"{float(np.linalg.norm(change[2:])):.2f} px"
+        )
+    moved_mm, turned_deg = 1e3 * float(np.linalg.norm(change[:3])), math.degrees(float(np.linalg.norm(change[3:])))
+    whose = "the camera against the arm's base" if name == CAMERA_PLACE else "the board on the flange"
+    return f"{whose} by {moved_mm:.2f} mm and {turned_deg:.3f}°"
+
+
+def _not_known(why: str) -> RigError:
+    return RigError(
+        ErrorCode.CALIBRATION_INFEASIBLE,
+        f"{why}: there is nothing to check against. Calibrate hand-eye by a session, and make that the one in use",
+    )

@@ -1,0 +1,164 @@
+"""Whether images of the matt plane still agree with the lamp that the calibration in use states, and what is otherwise.
+
+The plane is the one that the lamp was calibrated on, so that its albedo's uncertainty cancels. Of intensity, lobe, flat
+field, lamp's and camera's place the covariances are those that the set in use states; the plane's pose is found anew.
+Taken together they count the geometry twice, once by itself and once in the lobe's, so that the check alarms rather too
+seldom than too often.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from pydantic import ValidationError
+from scipy.linalg import block_diag
+
+from acquisition import photometry
+from acquisition.calibrate import change_test, lamp_lobe
+from acquisition.calibrate.change_test import ChangeTest, Group, GroupTest
+from acquisition.calibrate.lamp_lobe import Known, Placing, PlaneImage
+from acquisition.models.base import FloatArray, Value
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_result import HandEyeResult, LampResult, LobeResult
+from acquisition.models.errors import ErrorCode, RigError
+
+INTENSITY, LOBE, LAMP_PLACE = "intensity", "lobe", "lamp"
+
+LEAST_IMAGES = 4
+"""Images of the plane from which on intensity and lobe are told apart."""
+
+ALBEDO_STAYS = 1e-3
+"""1 σ by which the plane's albedo may have changed, as a fraction: paper yellows by less in a year indoors."""
+
+_V = TypeVar("_V", bound=Value)
+
+
+@dataclass(frozen=True)
+class StatedLamp:
+    """Lamp and camera's place as the files of the set in use state them."""
+
+    hand_eye: HandEyeResult
+    lamp: LampResult
+    lobe: LobeResult
+
+
+@dataclass(frozen=True)
+class LampCheck:
+    """The tests, and of each image, in its order, the mean of ln brightness over that predicted, a fraction."""
+
+    found: ChangeTest
+    offsets: tuple[float, ...]
+
+
+def stated(known: Path | None, calibration: Calibration) -> StatedLamp:
+    """What the calibration in use states of its lamp, from the folder of its set.
+
+    Raises RigError calibration.infeasible where it states nothing, or not of these values; store.corrupt.
+    """
+    lobe = _read(known, "lobe.json", LobeResult)
+    if lobe.lamp_intensity != calibration.lamp_intensity or lobe.lobe != calibration.lobe:
+        raise _not_known("The lamp's values in use are not those of its calibration")
+    return StatedLamp(_read(known, "hand_eye.json", HandEyeResult), _read(known, "lamp.json", LampResult), lobe)
+
+
+def known_of(stated_lamp: StatedLamp, calibration: Calibration, albedo: float, size_m: tuple[float, float]) -> Known:
+    """What the check takes as given; the board is `size_m` wide and high."""
+    covariances = np.array(stated_lamp.lamp.covariance), np.array(stated_lamp.hand_eye.covariance)
+    return Known(calibration, albedo, ALBEDO_STAYS, *covariances, size_m)
+
+
+def check(
+    images: Sequence[PlaneImage], placing: Placing, known: Known, lobe: LobeResult, albedo_sigma: float
+) -> LampCheck:
+    """Tests images of the plane in one placing against the lamp as stated.
+
+    `albedo_sigma` is that of the plane, a fraction, which the stated covariance of the intensity has in it. Raises
+    RigError calibration.infeasible with too few images.
+    """
+    seen = [image for image in images if len(image.values)]
+    if len(seen) < LEAST_IMAGES:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"{len(seen)} images show the plane neither dark nor clipped, and {LEAST_IMAGES} are needed: is the lamp "
+            "on, and the plane in the object's place, face up?",
+        )
+    design, rest, number = _linearised(seen, placing, known, lobe)
+    count = design.shape[1]
+    information, gradient = np.zeros((count, count)), np.zeros(count)
+    noise = np.concatenate([image.noise for image in seen])
+    offsets: list[float] = []
+    for one in range(len(seen)):
+        rows = number == one
+        weight = np.linalg.inv(
+            np.diag(lobe.patch_sigma**2 + noise[rows] ** 2) + lobe.image_sigma**2 * np.ones((rows.sum(), rows.sum()))
+        )
+        information = information + design[rows].T @ weight @ design[rows]
+        gradient = gradient + design[rows].T @ weight @ rest[rows]
+        offsets.append(float(rest[rows].mean()))
+    of_lobe = np.array(lobe.covariance)
+    of_lobe[0, 0] = max(of_lobe[0, 0] - albedo_sigma**2, 0.0) + known.albedo_sigma**2
+    covariance = block_diag(of_lobe, np.array(lobe.flat_field_covariance), *known.covariances([placing]))
+    knots = len(lobe.lobe.knots_rad) - 1
+    groups = (
+        Group(INTENSITY, (0,)),
+        Group(LOBE, tuple(range(1, knots + 3))),
+        Group(LAMP_PLACE, tuple(range(knots + 8, knots + 11))),
+    )
+    return LampCheck(change_test.find_changes(information, gradient, covariance, groups), tuple(offsets))
+
+
+def sentence(test: GroupTest) -> str:
+    """What a group's change is, for people."""
+    if test.group.name == INTENSITY:
+        percent = 100 * float(np.expm1(test.change[0]))
+        return f"the lamp is {abs(percent):.1f} % {'brighter' if percent > 0 else 'dimmer'} (or the aperture is other)"
+    if test.group.name == LOBE:
+        return f"the lamp's lobe differs by up to {100 * float(np.abs(np.expm1(test.change)).max()):.1f} %"
+    return f"the lamp in the tool's frame by {1e3 * float(np.linalg.norm(test.change)):.2f} mm"
+
+
+def _linearised(
+    images: Sequence[PlaneImage], placing: Placing, known: Known, lobe: LobeResult
+) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """Derivatives (N, P) of ln brightness by what may have changed, ln measured over predicted (N,), image (N,)."""
+    here = [_in_first_placing(image) for image in images]
+    knots, logs = lobe.lobe.knots_rad, np.log(np.array(lobe.lobe.factors))[1:]
+    tilt = np.array(lobe.lobe.tilt)
+    seen = lamp_lobe.seen_patches(here, [placing], known, np.zeros(lamp_lobe.PLACED + 6))
+    design = lamp_lobe.columns(here, seen, knots, known)
+    side = 1 + seen.side @ tilt
+    tilted = slice(len(knots), len(knots) + 2)
+    design[:, tilted] = seen.side / side[:, None]
+    pixels = np.concatenate([image.pixels for image in here])
+    flat = lamp_lobe.flat_terms(pixels, known.calibration.width, known.calibration.height) @ np.array(lobe.flat_field)
+    predicted = (
+        np.log(lobe.lamp_intensity * known.albedo) + seen.log_shading + np.log(side) + flat
+        + photometry.lobe_spline(knots, seen.angle)[:, 1:] @ logs
+    )  # fmt: skip
+    sources = lamp_lobe.derivatives(here, [placing], known, knots, np.r_[logs, tilt])
+    rest = np.log(np.concatenate([image.values for image in here])) - predicted
+    number = np.repeat(np.arange(len(here)), [len(image.values) for image in here])
+    return np.hstack([design, sources]), rest, number
+
+
+def _in_first_placing(image: PlaneImage) -> PlaneImage:
+    return PlaneImage(image.name, 0, image.base_from_tool, image.points, image.pixels, image.values, image.noise)
+
+
+def _read(known: Path | None, name: str, kind: type[_V]) -> _V:
+    file = None if known is None else known / name
+    if file is None or not file.exists():
+        raise _not_known(f"The calibration in use has no {name}")
+    try:
+        return kind.model_validate_json(file.read_bytes())
+    except ValidationError as error:
+        raise RigError(ErrorCode.STORE_CORRUPT, f"{file}: {error}", file=name) from error
+
+
+def _not_known(why: str) -> RigError:
+    return RigError(
+        ErrorCode.CALIBRATION_INFEASIBLE,
+        f"{why}: there is nothing to check the lamp against. Calibrate it by a session, and make that the one in use",
+    )

@@ -1,0 +1,127 @@
+"""What a check of the calibration in use found, and what is known of its age.
+
+A check is for the values that it was made with: with another calibration in use it says nothing.
+"""
+
+from datetime import UTC, datetime
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from acquisition.models.base import Value
+
+DAILY_S = 86_400.0
+"""Age of a check, s, from which on another one is suggested."""
+
+CheckTarget = Literal["board", "plane"]
+
+_OF = {"board": "camera, arm and lens", "plane": "the lamp"}
+"""What a target checks, for people."""
+
+
+class PartTest(Value):
+    """One part of the calibration, tested by itself."""
+
+    name: str = Field(description="`camera`, `board`, `joints`, `lens`; `intensity`, `lobe`, `lamp`")
+    change: Annotated[tuple[float, ...], Field(strict=False)] = Field(
+        description="Its most likely change, if it alone has changed: m and rad, pixels, or logarithms"
+    )
+    sigma: Annotated[tuple[float, ...], Field(strict=False)] = Field(description="1 σ of that")
+    chi_square: float = Field(description="By how much that change lowers the weighted sum of squares")
+    freedom: int = Field(description="Degrees of freedom")
+    probability: float = Field(description="That a true calibration shows as much by chance, of this part alone")
+    sentence: str = Field(description="The change for people")
+
+
+class CheckedImage(Value):
+    """One image's part in a check."""
+
+    image: str
+    sha256: str
+    deviation: float | None = Field(
+        description="From what the calibration predicts: root mean square of the corners, pixels, or mean brightness, "
+        "as a fraction; none: the target is not seen"
+    )
+
+
+class CheckResult(Value):
+    """A check of the calibration in use; `check.json`."""
+
+    kind: Literal["check"] = "check"
+    target: CheckTarget
+    made_at: str
+    version: str = Field(description="Version of the software")
+    fingerprint: str = Field(description="SHA-256 of the calibration that was checked")
+    passed: bool = Field(description="Whether it is still true")
+    probability: float = Field(
+        description="That a true calibration shows as much by chance, corrected for the number of parts"
+    )
+    false_alarm: float = Field(description="Probability from which on downwards a part counts as changed")
+    changed: Annotated[tuple[PartTest, ...], Field(strict=False)] = Field(
+        description="What has changed, the most likely first; each with those before it set free"
+    )
+    tests: Annotated[tuple[PartTest, ...], Field(strict=False)] = Field(description="All parts, each by itself")
+    worst: str = Field(description="The image that deviates most")
+    images: Annotated[tuple[CheckedImage, ...], Field(strict=False)]
+    advice: Annotated[tuple[str, ...], Field(strict=False)] = Field(description="What to do next, for people")
+
+
+class CheckRecord(Value):
+    """The newest check on one target, as the journal has it."""
+
+    session: str = Field(description="The session that made it")
+    made_at: str = Field(description="When it was made, ISO 8601")
+    fingerprint: str = Field(description="SHA-256 of the calibration that was checked")
+    passed: bool = Field(description="Whether that was still true")
+    probability: float = Field(description="That a true calibration shows as much by chance")
+    changed: Annotated[tuple[str, ...], Field(strict=False)] = Field(description="What had changed")
+    sentences: Annotated[tuple[str, ...], Field(strict=False)] = Field(description="What was found, for people")
+
+
+class CheckState(Value):
+    """What is known of the calibration in use by its checks."""
+
+    checks: dict[CheckTarget, CheckRecord] = Field(
+        default_factory=dict[CheckTarget, CheckRecord],
+        description="The newest check of the calibration in use on each target: `board`, `plane`",
+    )
+    ages_h: dict[CheckTarget, float] = Field(
+        default_factory=dict[CheckTarget, float], description="Hours since each of these"
+    )
+    warnings: list[str] = Field(
+        default_factory=list[str],
+        description="For people: not checked, not checked for a day, or found to be wrong; empty: all is well",
+    )
+
+    @property
+    def sentence(self) -> str:
+        """Result and age of the checks, in one line."""
+        said = [
+            f"{_OF[target]}: {'true' if one.passed else 'not true'} {self.ages_h[target]:.1f} h before"
+            for target, one in self.checks.items()
+        ]
+        return "; ".join(said) or "never"
+
+
+def state(recorded: dict[str, CheckRecord], fingerprint: str, now: datetime | None = None) -> CheckState:
+    """What the checks recorded, by target, say of the calibration with this fingerprint."""
+    moment = datetime.now(UTC) if now is None else now
+    checks: dict[CheckTarget, CheckRecord] = {}
+    ages_h: dict[CheckTarget, float] = {}
+    warnings: list[str] = []
+    targets: tuple[CheckTarget, ...] = ("board", "plane")
+    for target in targets:
+        known = recorded.get(target)
+        if known is None or known.fingerprint != fingerprint:
+            warnings.append(f"The calibration in use was never checked ({_OF[target]}): suggested daily.")
+            continue
+        age_s = (moment - datetime.fromisoformat(known.made_at)).total_seconds()
+        checks[target], ages_h[target] = known, round(age_s / 3600, 2)
+        if not known.passed:
+            warnings.append(f"The check at {known.made_at} contradicts the calibration: {'; '.join(known.sentences)}.")
+        elif age_s > DAILY_S:
+            warnings.append(
+                f"The calibration in use was last checked {age_s / DAILY_S:.0f} days ago ({_OF[target]}): suggested "
+                "daily."
+            )
+    return CheckState(checks=checks, ages_h=ages_h, warnings=warnings)

@@ -1,0 +1,132 @@
+"""Jobs of sessions that check the calibration in use: poses, and the comparison with what it predicts.
+
+Pure but for the files of an estimate, which are written as a whole: a folder that is there is complete. A check makes
+no calibration: what it finds is that the one in use is true, or what has moved.
+"""
+
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.calibrate import board_check, board_session, change_test, lamp_check, lamp_session, lamp_targets
+from acquisition.calibrate.board_results import now
+from acquisition.calibrate.change_test import ChangeTest, GroupTest
+from acquisition.formats.atomic_write import atomic_folder, discard_partial
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_check import CheckedImage, CheckResult, PartTest
+from acquisition.models.calibration_recipe import BoardRecipe, CheckRecipe
+from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.shot import Observations
+from acquisition.runner import board_jobs, lamp_jobs
+from acquisition.runner.estimate_files import SUMMARY, write_json
+
+CHECK = "check.json"
+
+
+def check_poses(
+    recipe: CheckRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None
+) -> LightPlan:
+    """Poses of a check: views of the board that tell camera, board and joints apart, or the lamp over the plane.
+
+    `known` is the folder of the calibration set in use. Raises RigError calibration.infeasible where that states
+    nothing to check against, waypoints.unreachable.
+    """
+    if recipe.target == "plane":
+        lamp_check.stated(known, calibration)
+        return lamp_jobs.plane_poses(recipe.max_images, recipe.seed + 7, cell, calibration)
+    board_check.stated(known, calibration)
+    views = BoardRecipe(kind="hand-eye", max_images=max(recipe.max_images, 8), seed=recipe.seed)
+    plan = board_jobs.board_poses(views, cell, calibration, observations, None)
+    return plan.model_copy(
+        update={name: getattr(plan, name)[: recipe.max_images] for name in ("lights", "reasons", "joints")}
+    )
+
+
+def estimate_check(
+    recipe: CheckRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None,
+    folder: Path,
+) -> CalibrationSummary:  # fmt: skip
+    """Compares a session's images with what the calibration in use predicts, and writes the estimate's folder.
+
+    Raises RigError calibration.infeasible.
+    """
+    compared = _board if recipe.target == "board" else _plane
+    found, deviations, sentence = compared(cell, calibration, observations, known)
+    hashes = {shot.frame.path: shot.frame.sha256 for shot in observations.shots}
+    result = _result(recipe, calibration, found, hashes, deviations, sentence)
+    summary = CalibrationSummary(
+        kind=recipe.kind, images=len(hashes), used=len(deviations), estimated=True, reached=True, passed=result.passed,
+        changed=[test.name for test in result.changed], probability=result.probability,
+        fingerprint=calibration.fingerprint, advice=list(result.advice),
+    )  # fmt: skip
+    discard_partial(folder)
+    with atomic_folder(folder) as partial:
+        write_json(partial / CHECK, result)
+        write_json(partial / SUMMARY, summary)
+    return summary
+
+
+_Compared = tuple[ChangeTest, dict[str, float], Callable[[GroupTest], str]]
+"""Tests, deviation of each image by name, and how a test is said."""
+
+
+def _board(cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None) -> _Compared:
+    basis = board_check.stated(known, calibration)
+    views = board_session.read(observations, cell).views
+    made = board_check.check(board_session.model_of(cell), views, basis)
+    return made.found, dict(zip((view.name for view in views), made.residuals_px, strict=True)), board_check.sentence
+
+
+def _plane(cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None) -> _Compared:
+    targets, board = lamp_targets.require_targets(cell), lamp_targets.plane_board(cell)
+    stated = lamp_check.stated(known, calibration)
+    images, placing = lamp_session.read_placing(observations, 0, 0, cell, calibration)
+    given = lamp_check.known_of(stated, calibration, targets.albedo, board.size_m)
+    made = lamp_check.check(images, placing, given, stated.lobe, targets.albedo_sigma)
+    seen = [image.name for image in images if len(image.values)]
+    return made.found, dict(zip(seen, made.offsets, strict=True)), lamp_check.sentence
+
+
+def _result(
+    recipe: CheckRecipe, calibration: Calibration, found: ChangeTest, hashes: dict[str, str],
+    deviations: dict[str, float], sentence: Callable[[GroupTest], str],
+) -> CheckResult:  # fmt: skip
+    changed = tuple(_part(test, sentence) for test in found.changed)
+    # A board that was screwed on anew sits otherwise: that is named, and is no fault of the calibration.
+    passed = all(test.name == board_check.BOARD_PLACE for test in changed)
+    return CheckResult(
+        target=recipe.target,
+        made_at=now(),
+        version=version("lightpose"),
+        fingerprint=calibration.fingerprint,
+        passed=passed,
+        probability=found.probability,
+        false_alarm=change_test.FALSE_ALARM,
+        changed=changed,
+        tests=tuple(_part(test, sentence) for test in found.tests),
+        worst=max(deviations, key=lambda name: abs(deviations[name])),
+        images=tuple(
+            CheckedImage(image=name, sha256=digest, deviation=deviations.get(name)) for name, digest in hashes.items()
+        ),
+        advice=_advice(passed, changed),
+    )
+
+
+def _part(test: GroupTest, sentence: Callable[[GroupTest], str]) -> PartTest:
+    return PartTest(
+        name=test.group.name, change=tuple(test.change.tolist()),
+        sigma=tuple(np.sqrt(np.maximum(np.diag(test.covariance), 0)).tolist()), chi_square=test.chi_square,
+        freedom=test.freedom, probability=test.probability, sentence=sentence(test),
+    )  # fmt: skip
+
+
+def _advice(passed: bool, changed: Sequence[PartTest]) -> tuple[str, ...]:
+    said = [f"What has most likely changed: {test.sentence}." for test in changed]
+    if passed:
+        return (*said, "The calibration in use is still true.")
+    kind = "lamp" if {test.name for test in changed} & {"intensity", "lobe", "lamp"} else "hand-eye"
+    return (*said, f"The calibration in use is not true any more: look for what is loose, then calibrate {kind} again.")
