@@ -42,6 +42,7 @@ test: setup
 	$(BIN)/pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 test-long: setup
+	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --editable '.[sim,dev,long]'
 	$(BIN)/pytest -m long --timeout 3600
 
 bench: setup

@@ -74,6 +74,13 @@ class ErrorCode(StrEnum):
     STORE_DISK_FULL = "store.disk_full"
     STORE_LOCKED = "store.locked"
     STORE_CORRUPT = "store.corrupt"
+    ARCHIVE_ADDRESS_INVALID = "archive.address_invalid"
+    ARCHIVE_UNREACHABLE = "archive.unreachable"
+    ARCHIVE_CATALOGUE_NEWER = "archive.catalogue_newer"
+    ARCHIVE_QUERY_INVALID = "archive.query_invalid"
+    ARCHIVE_NOT_FOUND = "archive.not_found"
+    ARCHIVE_DAMAGED = "archive.damaged"
+    ARCHIVE_NO_SCHEDULER = "archive.no_scheduler"
     SERVICE_RESTARTED = "service.restarted"
     SERVICE_OVERLOADED = "service.overloaded"
     SERVICE_FAULT = "service.fault"
@@ -324,6 +331,31 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.STORE_CORRUPT: Problem(
         500, "A stored file is missing or damaged", "Restore the file named in the detail from a backup."
+    ),
+    ErrorCode.ARCHIVE_ADDRESS_INVALID: Problem(
+        422, "The archive's address cannot be used", "Give a folder, or an address such as s3://bucket/archive."
+    ),
+    ErrorCode.ARCHIVE_UNREACHABLE: Problem(
+        503,
+        "The archive or its catalogue does not answer",
+        "Check address, network and rights (AWS_… or PG… in the environment); nothing is lost, call again.",
+    ),
+    ErrorCode.ARCHIVE_CATALOGUE_NEWER: Problem(
+        409, "The archive's catalogue is of a newer release", "Update lightpose here; nothing was changed."
+    ),
+    ErrorCode.ARCHIVE_QUERY_INVALID: Problem(
+        422, "The condition cannot be read", "Correct it as the detail says; docs/how-to/archive.md has the grammar."
+    ),
+    ErrorCode.ARCHIVE_NOT_FOUND: Problem(
+        404, "The archive has no such session", "List its sessions with `lightpose archive list`."
+    ),
+    ErrorCode.ARCHIVE_DAMAGED: Problem(
+        500,
+        "A file of the archive is missing or damaged",
+        "Push the session again from where it still is, or restore the file from a backup of the archive.",
+    ),
+    ErrorCode.ARCHIVE_NO_SCHEDULER: Problem(
+        503, "No Dask scheduler answers", "Start one (`dask scheduler`), correct the address, or use --local N."
     ),
     ErrorCode.SERVICE_RESTARTED: Problem(
         503, "The service ended during a session", "Inspect the cell, then resume; nothing moves before."

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from api.cli import calibrate_commands
+from api.cli import archive_commands, calibrate_commands
 from api.cli.error_exit import explain_errors
 from api.cli.object_options import Family, MeshFile, ObjectName, Reflects, SizeMm
 
@@ -231,6 +231,7 @@ def check(
 
 
 app.add_typer(calibrate_commands.app, name="calibrate")
+app.add_typer(archive_commands.app, name="archive")
 
 keys_app = typer.Typer(no_args_is_help=True, help="API keys: who may call the service, and what they may do.")
 app.add_typer(keys_app, name="keys")

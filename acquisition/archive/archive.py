@@ -1,0 +1,212 @@
+"""An archive: push a session's folder to it, fetch it back, and check every file.
+
+The order of writing is what makes a push safe to interrupt at any point: files first, each read back and hashed, then
+the entry that names them, then the catalogue's row. An archive never names a file that it does not have, and a push
+that is repeated writes only what is missing.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import ValidationError
+
+from acquisition.archive import catalogue as catalogues
+from acquisition.archive import reading
+from acquisition.archive.catalogue import Catalogue
+from acquisition.archive.contents import ContentStore
+from acquisition.archive.entries import SESSIONS, FileEntry, ResultEntry, SessionEntry, session_name
+from acquisition.models.base import Value
+from acquisition.models.errors import ErrorCode, RigError
+
+MARK = "archive.json"
+EntryT = TypeVar("EntryT", bound=Value)
+
+
+class _Mark(Value):
+    """What `archive.json` says: that this is an archive, and of which format."""
+
+    format: int = 1
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """What a push did: the session's key, whether it was new, and how many of its files were."""
+
+    key: str
+    new: bool
+    files: int
+    new_files: int
+    bytes: int
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One file that is missing or damaged, and the sessions or results that need it."""
+
+    file: str
+    what: str
+    needed_by: tuple[str, ...]
+
+
+class Archive:
+    """The files and the catalogue of one archive."""
+
+    def __init__(
+        self, address: str, catalogue: str | None = None, *, create: bool = False, patience_s: float = 0
+    ) -> None:
+        """Opens an archive; with `create` a new one is begun where there is none.
+
+        `catalogue` is the address of its database, none: SQLite in the archive's folder. Raises RigError
+        archive.address_invalid, archive.unreachable, archive.catalogue_newer.
+        """
+        self.address = address
+        self.contents = ContentStore(address)
+        mark = self.contents.read(MARK)
+        if mark is None:
+            if not create:
+                raise RigError(
+                    ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address}: holds no archive; `archive push` begins one"
+                )
+            if self.contents.names(""):
+                raise RigError(
+                    ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address}: holds other files; name an empty folder or prefix"
+                )
+            self.contents.write(MARK, _Mark().model_dump_json().encode())
+        else:
+            _refuse_newer(address, mark)
+        folder = self.contents.folder
+        if catalogue is None and folder is None:
+            raise RigError(
+                ErrorCode.ARCHIVE_ADDRESS_INVALID,
+                f"{address}: is no folder, so its catalogue is elsewhere; name it with --catalogue",
+            )
+        self.catalogue_address = catalogue or catalogues.in_folder(folder or Path())
+        self.catalogue = Catalogue(self.catalogue_address, patience_s)
+
+    def close(self) -> None:
+        """Closes the connections."""
+        self.catalogue.close()
+
+    # ------------------------------------------------------------------------------------------------------------ in
+
+    def push(self, folder: Path, label: str | None = None, notes: str | None = None) -> Pushed:
+        """Stores an ended session's folder with its results, hashed here and read back there.
+
+        `label` and `notes` are what a person calls it now; none: as its recipe says. Raises RigError folder.invalid
+        naming the file that is damaged, archive.unreachable.
+        """
+        entry, results = reading.read(folder, label, notes)
+        new_files = self._put(folder, entry.files)
+        self.contents.write(session_name(entry.key), entry.model_dump_json(indent=2).encode())
+        for result in results:
+            new_files += self._put(folder, result.files)
+            self.put_result(result)
+        new = self.catalogue.add(entry, results)
+        files = len(entry.files) + sum(len(result.files) for result in results)
+        return Pushed(entry.key, new, files, new_files, entry.bytes)
+
+    def put_result(self, result: ResultEntry) -> None:
+        """Stores a result's entry, whose files are there; an earlier one of the same solve stays."""
+        if self.contents.size(result.name) is None:
+            self.contents.write(result.name, result.model_dump_json(indent=2).encode())
+
+    def put_files(self, folder: Path, files: dict[str, FileEntry]) -> int:
+        """Stores files below a folder; returns how many were new."""
+        return self._put(folder, files)
+
+    def _put(self, folder: Path, files: dict[str, FileEntry]) -> int:
+        return sum(self.contents.put(folder / name, file.sha256) for name, file in files.items())
+
+    # ----------------------------------------------------------------------------------------------------------- out
+
+    def find(self, name: str) -> str:
+        """The key of the one session whose key or id begins with `name`. Raises RigError archive.not_found."""
+        keys = self.catalogue.session_keys(name)
+        if len(keys) != 1:
+            what = f"several sessions begin with it: {', '.join(key[:12] for key in keys)}, …" if keys else "is unknown"
+            raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"{name!r}: {what}")
+        return keys[0]
+
+    def session(self, key: str) -> SessionEntry:
+        """The entry of a session. Raises RigError archive.not_found, archive.damaged."""
+        return self._entry(session_name(key), SessionEntry)
+
+    def result(self, name: str) -> ResultEntry:
+        """The entry of a result by its name. Raises RigError archive.not_found, archive.damaged."""
+        return self._entry(name, ResultEntry)
+
+    def results(self, key: str) -> list[ResultEntry]:
+        """The entries of all results of a session, oldest first."""
+        names = self.contents.names(f"{SESSIONS}/{key}/results")
+        return sorted((self.result(name) for name in names), key=lambda result: result.solved_at)
+
+    def fetch(self, files: dict[str, FileEntry], folder: Path) -> None:
+        """Writes files into a folder, each checked by its hash. Raises RigError archive.damaged naming the file."""
+        for name, file in files.items():
+            try:
+                self.contents.get(file.sha256, folder / name)
+            except RigError as error:
+                if error.code is not ErrorCode.ARCHIVE_DAMAGED:
+                    raise
+                raise RigError(error.code, f"{name} ({error.detail})", **error.context, file=name) from error
+
+    # -------------------------------------------------------------------------------------------------------- checks
+
+    def entries(self) -> Iterator[tuple[str, SessionEntry | ResultEntry | Fault]]:
+        """Names and entries of all sessions and results as the archive itself holds them; Fault: not readable."""
+        for name in self.contents.names(SESSIONS):
+            kind = SessionEntry if name.endswith("/session.json") else ResultEntry
+            try:
+                yield name, self._entry(name, kind)
+            except RigError as error:
+                if error.code is not ErrorCode.ARCHIVE_DAMAGED:
+                    raise
+                yield name, Fault(name, "damaged", (name,))
+
+    def verify(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Fault]:
+        """Hashes every file that an entry names; enters in the catalogue what it lacks. Faults by name, none: sound."""
+        needed: dict[str, list[str]] = {}
+        paths: dict[str, str] = {}
+        faults: list[Fault] = []
+        for name, entry in self.entries():
+            if isinstance(entry, Fault):
+                faults.append(entry)
+                continue
+            if isinstance(entry, SessionEntry):
+                if name != session_name(entry.key):
+                    faults.append(Fault(name, "damaged", (name,)))
+                    continue
+                self.catalogue.add(entry, self.results(entry.key))
+            for path, file in entry.files.items():
+                needed.setdefault(file.sha256, []).append(name)
+                paths.setdefault(file.sha256, path)
+        for done, (digest, names) in enumerate(sorted(needed.items())):
+            progress(done, len(needed))
+            what = self.contents.check(digest)
+            if what is not None:
+                faults.append(Fault(paths[digest], what, tuple(sorted(names))))
+        return faults
+
+    def _entry(self, name: str, kind: type[EntryT]) -> EntryT:
+        content = self.contents.read(name)
+        if content is None:
+            raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"{name}: there is no such entry")
+        try:
+            return kind.model_validate_json(content)
+        except ValidationError as error:
+            raise RigError(
+                ErrorCode.ARCHIVE_DAMAGED, f"{name} is not readable: {error.error_count()} faults"
+            ) from error
+
+
+def _refuse_newer(address: str, mark: bytes) -> None:
+    try:
+        found = _Mark.model_validate_json(mark).format
+    except ValidationError as error:
+        raise RigError(ErrorCode.ARCHIVE_DAMAGED, f"{address}: {MARK} is not readable") from error
+    if found > _Mark().format:
+        raise RigError(
+            ErrorCode.ARCHIVE_CATALOGUE_NEWER, f"{address}: is of a newer release (format {found}); use that release"
+        )

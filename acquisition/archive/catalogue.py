@@ -1,0 +1,303 @@
+"""The catalogue: one row a session and one a result, in SQLite beside the archive or in PostgreSQL for several cells.
+
+Everything but the claims of running solves can be read from the archive's entries again. Tables and queries are
+SQLAlchemy's, so that both databases see the same statements; a connection that was lost is replaced, and a statement
+that failed with it is repeated, because each is one transaction that may be repeated without harm.
+"""
+
+import sqlite3
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import sqlalchemy as sa
+import sqlalchemy.event
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import ArgumentError, DBAPIError, InterfaceError, OperationalError
+from tenacity import Retrying, retry_if_exception_type, stop_after_delay, wait_random_exponential
+
+from acquisition.archive.entries import ResultEntry, SessionEntry, version_order
+from acquisition.models.errors import ErrorCode, RigError
+
+FORMAT = 1
+FILE = "catalogue.db"
+PATIENCE_S = 60.0
+"""Time, s, for which a statement is repeated when the database restarts, during a solve of the archive."""
+CONNECT_S = 3
+"""Time-out, s, of one connection."""
+T = TypeVar("T")
+
+_tables = sa.MetaData()
+meta = sa.Table("meta", _tables, sa.Column("format", sa.Integer, primary_key=True))
+session = sa.Table(
+    "session",
+    _tables,
+    sa.Column("key", sa.String(64), primary_key=True),
+    sa.Column("session_id", sa.String, nullable=False, index=True),
+    sa.Column("object", sa.String, nullable=False, index=True),
+    sa.Column("notes", sa.String, nullable=False),
+    sa.Column("cell", sa.String, nullable=False, index=True),
+    sa.Column("kind", sa.String, nullable=False),
+    sa.Column("method", sa.String),
+    sa.Column("lights", sa.Integer, nullable=False),
+    sa.Column("width", sa.Integer, nullable=False),
+    sa.Column("height", sa.Integer, nullable=False),
+    sa.Column("bytes", sa.BigInteger, nullable=False),
+    sa.Column("captured_at", sa.Double, index=True),
+    sa.Column("pushed_at", sa.Double, nullable=False),
+    sa.Column("calibration", sa.String, nullable=False, index=True),
+    sa.Column("software", sa.String, nullable=False),
+    # Of the result of the newest solver: what is searched for most.
+    sa.Column("solver", sa.String),
+    sa.Column("solver_order", sa.String().with_variant(sa.String(collation="C"), "postgresql"), index=True),
+    sa.Column("sigma_deg", sa.Double, index=True),
+)
+result = sa.Table(
+    "result",
+    _tables,
+    sa.Column("session", sa.String(64), sa.ForeignKey("session.key", ondelete="CASCADE"), primary_key=True),
+    sa.Column("solver", sa.String, primary_key=True),
+    sa.Column("settings", sa.String(16), primary_key=True),
+    sa.Column("last_pass", sa.Integer),  # none: the images of all passes
+    sa.Column("state", sa.String, nullable=False),  # claimed, done, failed
+    sa.Column("origin", sa.String, nullable=False),  # cell, archive
+    sa.Column("owner", sa.String),
+    sa.Column("call", sa.String),
+    sa.Column("claimed_until", sa.Double),
+    sa.Column("attempts", sa.Integer, nullable=False, server_default="0"),
+    sa.Column("finishes", sa.Integer, nullable=False, server_default="0"),
+    sa.Column("solved_at", sa.Double),
+    sa.Column("sigma_deg", sa.Double),
+    sa.Column("moved_mean_deg", sa.Double),
+    sa.Column("moved_over_sigma", sa.Double),
+    sa.Column("error", sa.String),
+)
+
+
+@dataclass(frozen=True)
+class SessionRow:
+    """One session as lists show it."""
+
+    key: str
+    session_id: str
+    object: str
+    notes: str
+    cell: str
+    kind: str
+    method: str | None
+    lights: int
+    width: int
+    height: int
+    bytes: int
+    captured_at: float | None
+    pushed_at: float
+    calibration: str
+    software: str
+    solver: str | None
+    sigma_deg: float | None
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """One result as lists show it."""
+
+    session: str
+    solver: str
+    settings: str
+    last_pass: int | None
+    state: str
+    origin: str
+    attempts: int
+    finishes: int
+    solved_at: float | None
+    sigma_deg: float | None
+    moved_mean_deg: float | None
+    moved_over_sigma: float | None
+    error: str | None
+
+
+class Catalogue:
+    """The catalogue of one archive. Methods raise RigError archive.unreachable when the database stays away."""
+
+    def __init__(self, address: str, patience_s: float = 0.0) -> None:
+        """`address` is SQLAlchemy's: `sqlite:///FILE` or `postgresql://USER@HOST/NAME`.
+
+        Raises RigError archive.address_invalid, archive.catalogue_newer, archive.unreachable.
+        """
+        self.address = address
+        self._patience_s = patience_s
+        try:
+            url = sa.make_url(address)
+        except ArgumentError as error:
+            raise _invalid(address, "is no address of a database") from error
+        if url.get_backend_name() not in ("sqlite", "postgresql"):
+            raise _invalid(address, "is neither SQLite nor PostgreSQL")
+        if url.get_backend_name() == "postgresql":
+            url = url.set(drivername="postgresql+psycopg")
+            options: dict[str, Any] = {"connect_args": {"connect_timeout": CONNECT_S}, "pool_pre_ping": True}
+        else:
+            # The rollback journal and not the write-ahead log: that one does not work on network folders.
+            options = {"connect_args": {"timeout": 30}}
+        self._engine = sa.create_engine(url, **options)
+        if url.get_backend_name() == "sqlite":
+            sqlalchemy.event.listen(self._engine, "connect", _configure_sqlite)
+        self.repeatedly(self._prepare)
+
+    def close(self) -> None:
+        """Closes all connections."""
+        self._engine.dispose()
+
+    def repeatedly(self, work: Callable[[sa.Connection], T]) -> T:
+        """Runs one transaction, again when the database was away, for as long as `patience_s`."""
+        trials = Retrying(
+            retry=retry_if_exception_type((OperationalError, InterfaceError)),
+            stop=stop_after_delay(self._patience_s),
+            wait=wait_random_exponential(0.1, max=2),
+            reraise=True,
+        )
+        try:
+            for trial in trials:
+                with trial, self._engine.begin() as connection:
+                    return work(connection)
+        except DBAPIError as error:
+            sentence = str(error.orig).strip().partition("\n")[0]
+            raise RigError(
+                ErrorCode.ARCHIVE_UNREACHABLE, f"the catalogue {self._shown}: {sentence}", address=self._shown
+            ) from error
+        raise AssertionError("a trial returns or raises")
+
+    # --------------------------------------------------------------------------------------------------- entries
+
+    def add(self, entry: SessionEntry, results: list[ResultEntry]) -> bool:
+        """Enters a session and its results; returns whether it was new. Object and notes follow the entry's."""
+
+        def work(connection: sa.Connection) -> bool:
+            facts = entry.facts
+            row = facts.model_dump() | {"key": entry.key, "bytes": entry.bytes, "pushed_at": time.time()}
+            known = connection.execute(sa.select(session.c.key).where(session.c.key == entry.key)).first()
+            changed = {"object": facts.object, "notes": facts.notes}
+            statement = self.insert(session).values(row)
+            connection.execute(statement.on_conflict_do_update(index_elements=[session.c.key], set_=changed))
+            for item in results:
+                _record(connection, self.insert(result), item)
+            return known is None
+
+        return self.repeatedly(work)
+
+    def record(self, entry: ResultEntry) -> None:
+        """Enters a finished result."""
+        self.repeatedly(lambda connection: _record(connection, self.insert(result), entry))
+
+    def sessions(
+        self, where: sa.ColumnElement[bool] | None = None, limit: int | None = None, offset: int = 0
+    ) -> list[SessionRow]:
+        """The sessions that a condition (`where.parse`) selects, newest capture first."""
+        columns = [session.c[name] for name in SessionRow.__dataclass_fields__]
+        query = sa.select(*columns).order_by(sa.desc(session.c.captured_at), session.c.key)
+        query = query if where is None else query.where(where)
+        query = query.limit(limit).offset(offset)
+        rows = self.repeatedly(lambda connection: connection.execute(query).mappings().all())
+        return [SessionRow(**row) for row in rows]
+
+    def session_keys(self, prefix: str, limit: int = 3) -> list[str]:
+        """Keys of the sessions whose key or id begins with `prefix`."""
+        condition = session.c.key.startswith(prefix, autoescape=True)
+        condition |= session.c.session_id.startswith(prefix, autoescape=True)
+        query = sa.select(session.c.key).where(condition).order_by(session.c.key).limit(limit)
+        return list(self.repeatedly(lambda connection: connection.scalars(query).all()))
+
+    def results(self, key: str) -> list[ResultRow]:
+        """Results of one session, the oldest solver's first."""
+        columns = [result.c[name] for name in ResultRow.__dataclass_fields__]
+        query = sa.select(*columns).where(result.c.session == key).order_by(result.c.solved_at)
+        rows = self.repeatedly(lambda connection: connection.execute(query).mappings().all())
+        return [ResultRow(**row) for row in rows]
+
+    def insert(self, table: sa.Table) -> "sqlite.Insert | postgresql.Insert":
+        """An INSERT of this database's dialect, which knows ON CONFLICT."""
+        return (postgresql if self._engine.dialect.name == "postgresql" else sqlite).insert(table)
+
+    def now(self) -> sa.ColumnElement[float]:
+        """The database's own clock, s since 1970: claims of several machines are compared by one clock."""
+        if self._engine.dialect.name == "postgresql":
+            return sa.cast(sa.extract("epoch", sa.func.clock_timestamp()), sa.Double)
+        return (sa.func.julianday("now") - 2440587.5) * 86400.0
+
+    # --------------------------------------------------------------------------------------------------- internals
+
+    @property
+    def _shown(self) -> str:
+        return self._engine.url.render_as_string(hide_password=True)
+
+    def _prepare(self, connection: sa.Connection) -> None:
+        """Creates the tables. Two callers may do so at once: the one that comes second finds them there."""
+        if self._engine.dialect.name == "postgresql":
+            connection.execute(sa.text("SELECT pg_advisory_xact_lock(5031)"))
+        if not sa.inspect(connection).has_table(meta.name):
+            _tables.create_all(connection)
+            connection.execute(self.insert(meta).values(format=FORMAT).on_conflict_do_nothing())
+        found = connection.scalar(sa.select(sa.func.max(meta.c.format)))
+        if found is None or found > FORMAT:
+            raise RigError(
+                ErrorCode.ARCHIVE_CATALOGUE_NEWER,
+                f"the catalogue {self._shown} is of a newer release (format {found}); use that release",
+                format=found,
+            )
+
+
+def _configure_sqlite(connection: sqlite3.Connection, _: object) -> None:
+    """SQLite's own lower() knows ASCII only, and objects are named in any language."""
+    connection.create_function("lower", 1, _lower, deterministic=True)
+    connection.execute("PRAGMA foreign_keys = ON")
+
+
+def _lower(text: str | None) -> str | None:
+    return None if text is None else text.lower()
+
+
+def in_folder(folder: Path) -> str:
+    """Address of the SQLite catalogue of an archive that is a folder."""
+    return f"sqlite:///{folder.absolute() / FILE}"
+
+
+def _record(connection: sa.Connection, insert: "sqlite.Insert | postgresql.Insert", entry: ResultEntry) -> None:
+    """Enters a result unless it is there, and makes it the session's when no newer solver's is known."""
+    row = {
+        "session": entry.session,
+        "solver": entry.solver,
+        "settings": entry.identity.hash,
+        "last_pass": entry.identity.last_pass,
+        "state": "done",
+        "origin": entry.origin,
+        "solved_at": entry.solved_at,
+        "sigma_deg": entry.sigma_deg,
+        "finishes": 1,
+    }
+    keys = [result.c.session, result.c.solver, result.c.settings]
+    changed = {name: row[name] for name in ("state", "origin", "solved_at", "sigma_deg", "finishes")}
+    statement = insert.values(row)
+    connection.execute(
+        statement.on_conflict_do_update(index_elements=keys, set_=changed, where=result.c.state != "done")
+    )
+    make_newest(connection, entry)
+
+
+def make_newest(connection: sa.Connection, entry: ResultEntry) -> None:
+    """Shows a result's solver and σ with its session, unless a newer solver's stands there."""
+    order = version_order(entry.solver)
+    older = sa.or_(session.c.solver_order.is_(None), session.c.solver_order <= order)
+    if entry.identity.last_pass is not None:  # the pilot's alone says less than nothing of the whole session
+        older = session.c.solver_order.is_(None)
+    connection.execute(
+        sa.update(session)
+        .where(session.c.key == entry.session, older)
+        .values(solver=entry.solver, solver_order=order, sigma_deg=entry.sigma_deg)
+    )
+
+
+def _invalid(address: str, why: str) -> RigError:
+    return RigError(
+        ErrorCode.ARCHIVE_ADDRESS_INVALID, f"--catalogue {address}: {why}; give postgresql://USER@HOST/NAME"
+    )

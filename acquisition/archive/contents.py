@@ -1,0 +1,213 @@
+"""Content-addressed files at an fsspec address: a file's name is the SHA-256 of its bytes.
+
+Calibrations, cell files and repeated frames stand once, however many sessions have them, and a file is never changed:
+so nothing has to be locked, a push that was interrupted is repeated without harm, and damage is seen by hashing. A file
+appears as a whole: object stores do so by themselves, elsewhere it is written under another name and renamed.
+"""
+
+import hashlib
+import os
+import shutil
+import uuid
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import fsspec
+from fsspec.implementations.local import LocalFileSystem
+
+from acquisition.models.errors import ErrorCode, RigError
+
+OBJECTS = "objects"
+BLOCK_BYTES = 4 << 20
+ATOMIC_PROTOCOLS = frozenset({"s3", "gcs", "abfs", "memory"})
+"""File systems of fsspec in which a file that is being written cannot be read yet."""
+CONNECT_TIMEOUT_S = 2
+"""Time-out, s, of a connection to an object store; two attempts stay below five seconds."""
+READ_TIMEOUT_S = 60
+
+
+class ContentStore:
+    """The files of one archive. Every method raises RigError archive.unreachable when the store fails or refuses."""
+
+    def __init__(self, address: str) -> None:
+        """Raises RigError archive.address_invalid for an address that fsspec does not know."""
+        self.address = address
+        options: dict[str, Any] = {}
+        if address.startswith(("s3://", "s3a://")):
+            timeouts = {"connect_timeout": CONNECT_TIMEOUT_S, "read_timeout": READ_TIMEOUT_S}
+            # Files appear and vanish by other processes, so nothing is remembered of the listing.
+            options = {"config_kwargs": timeouts | {"retries": {"max_attempts": 2}}, "use_listings_cache": False}
+        try:
+            self._files, self._root = fsspec.url_to_fs(address, **options)
+        except (ValueError, ImportError, OSError) as error:
+            raise RigError(
+                ErrorCode.ARCHIVE_ADDRESS_INVALID,
+                f"{address}: {error}; give a folder or an address such as s3://bucket",
+            ) from error
+
+    @property
+    def folder(self) -> Path | None:
+        """The archive as a folder of this machine; None: it is elsewhere."""
+        return Path(self._root) if isinstance(self._files, LocalFileSystem) else None
+
+    def has(self, digest: str) -> bool:
+        """Whether there is a file of this SHA-256, sound or not."""
+        return self.size(_object(digest)) is not None
+
+    def put(self, file: Path, digest: str) -> bool:
+        """Stores a file of this SHA-256 and reads it back; returns whether it was new.
+
+        A stored file that is damaged is replaced. Raises RigError archive.damaged when `file` itself has another hash.
+        """
+        name = _object(digest)
+        if self.size(name) == file.stat().st_size and self.hash_of(name) == digest:
+            return False
+        with _explained(self.address):
+            if isinstance(self._files, LocalFileSystem):
+                self._put_local(file, Path(self._path(name)))
+            else:
+                self._put_remote(file, name)
+        if self.hash_of(name) != digest:
+            self.remove(name)
+            raise RigError(
+                ErrorCode.ARCHIVE_DAMAGED, f"{file}: has changed since its manifest was written", file=str(file)
+            )
+        return True
+
+    def get(self, digest: str, file: Path) -> None:
+        """Writes the stored file to `file`. Raises RigError archive.damaged when it is missing or has another hash."""
+        file.parent.mkdir(parents=True, exist_ok=True)
+        found = hashlib.sha256()
+        try:
+            with file.open("wb") as target:
+                for block in self._blocks(_object(digest)):
+                    found.update(block)
+                    target.write(block)
+            if found.hexdigest() != digest:
+                raise _damaged(digest, "is damaged")
+        except FileNotFoundError as error:
+            file.unlink()
+            raise _damaged(digest, "is missing") from error
+        except BaseException:
+            file.unlink()
+            raise
+
+    def check(self, digest: str) -> str | None:
+        """What is wrong with the stored file: `missing`, `damaged`, or None."""
+        found = self.hash_of(_object(digest))
+        return "missing" if found is None else None if found == digest else "damaged"
+
+    # -------------------------------------------------------------------------------------------------- named files
+
+    def read(self, name: str) -> bytes | None:
+        """A small named file; None: there is none."""
+        try:
+            return b"".join(self._blocks(name))
+        except FileNotFoundError:
+            return None
+
+    def write(self, name: str, content: bytes) -> None:
+        """Writes a small named file as a whole; what stood there is replaced."""
+        with _explained(self.address):
+            if not isinstance(self._files, LocalFileSystem):
+                self._files.pipe_file(self._path(name), content)
+                return
+            target = Path(self._path(name))
+            with _renamed(target) as partial:
+                partial.write_bytes(content)
+
+    def names(self, folder: str) -> list[str]:
+        """Names of the files below a folder, relative to the archive, sorted."""
+        with _explained(self.address):
+            try:
+                found = self._files.find(self._path(folder))
+            except FileNotFoundError:
+                return []
+        start = len(self._root.rstrip("/")) + 1
+        return sorted(name[start:] for name in found if not name.rpartition("/")[2].startswith("."))
+
+    def size(self, name: str) -> int | None:
+        """Bytes of a named file; None: there is none."""
+        with _explained(self.address):
+            try:
+                return int(self._files.info(self._path(name))["size"])
+            except FileNotFoundError:
+                return None
+
+    def hash_of(self, name: str) -> str | None:
+        """SHA-256 of a named file as it is stored; None: there is none."""
+        found = hashlib.sha256()
+        try:
+            for block in self._blocks(name):
+                found.update(block)
+        except FileNotFoundError:
+            return None
+        return found.hexdigest()
+
+    def remove(self, name: str) -> None:
+        """Removes a named file, if there is one."""
+        with _explained(self.address):
+            if self._files.exists(self._path(name)):
+                self._files.rm_file(self._path(name))
+
+    # --------------------------------------------------------------------------------------------------- internals
+
+    def _path(self, name: str) -> str:
+        return f"{self._root.rstrip('/')}/{name}"
+
+    def _blocks(self, name: str) -> Iterator[bytes]:
+        with _explained(self.address), self._files.open(self._path(name), "rb", block_size=BLOCK_BYTES) as file:
+            while block := file.read(BLOCK_BYTES):
+                yield block
+
+    def _put_local(self, file: Path, target: Path) -> None:
+        with _renamed(target) as partial:
+            shutil.copyfile(file, partial)
+
+    def _put_remote(self, file: Path, name: str) -> None:
+        protocols = {self._files.protocol} if isinstance(self._files.protocol, str) else set(self._files.protocol)
+        if protocols & ATOMIC_PROTOCOLS:
+            self._files.put_file(str(file), self._path(name))
+            return
+        partial = self._path(f"{name}.{uuid.uuid4().hex}.part")
+        self._files.makedirs(partial.rpartition("/")[0], exist_ok=True)
+        self._files.put_file(str(file), partial)
+        self._files.mv(partial, self._path(name))
+
+
+@contextmanager
+def _renamed(target: Path) -> Generator[Path]:
+    """A hidden file beside `target`, flushed and renamed to it when the block ends."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    partial = target.with_name(f".{target.name}.{uuid.uuid4().hex}.part")
+    try:
+        yield partial
+        with partial.open("rb") as written:
+            os.fsync(written.fileno())
+        partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def _explained(address: str) -> Generator[None]:
+    """Turns a store's own errors into archive.unreachable; a missing file stays FileNotFoundError."""
+    try:
+        yield
+    except (FileNotFoundError, RigError):
+        raise
+    except Exception as error:
+        if not isinstance(error, OSError) and not type(error).__module__.startswith(("botocore", "aiohttp")):
+            raise
+        sentence = str(error).partition("\n")[0] or type(error).__name__
+        raise RigError(ErrorCode.ARCHIVE_UNREACHABLE, f"{address}: {sentence}", address=address) from error
+
+
+def _object(digest: str) -> str:
+    return f"{OBJECTS}/{digest[:2]}/{digest}"
+
+
+def _damaged(digest: str, what: str) -> RigError:
+    return RigError(ErrorCode.ARCHIVE_DAMAGED, f"{_object(digest)} {what}", digest=digest)

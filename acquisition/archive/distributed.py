@@ -1,0 +1,230 @@
+"""Solves of a whole archive on Dask workers: submit what is missing, until the catalogue says that all is done.
+
+Dask's scheduler forgets its queue when it restarts, and its workers die. Neither matters here, because nothing is known
+from a future alone: what was solved stands in the catalogue, and a job whose future was lost is submitted again, where
+it finds its solve done, claimed by another, or free. Two callers divide the work between them in the same way.
+"""
+
+import os
+import time
+import uuid
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import sqlalchemy as sa
+from distributed import Client, Future, LocalCluster
+from distributed.client import FutureCancelledError
+from distributed.scheduler import KilledWorker
+
+from acquisition.archive import claims, solving
+from acquisition.archive.archive import Archive
+from acquisition.archive.catalogue import result
+from acquisition.archive.entries import SolveIdentity
+from acquisition.archive.solving import SolveJob, SolveOutcome
+from acquisition.models.errors import ErrorCode, RigError
+
+CONNECT_S = 4.0
+"""Time, s, for which a scheduler is waited for at the start."""
+PATIENCE_S = 120.0
+"""Time, s, for which a scheduler that restarts is waited for in mid-work."""
+WINDOW = 500
+"""Jobs that are submitted ahead: enough for hundreds of workers, little to submit again."""
+POLL_S = 0.2
+RETRY_S = claims.LEASE_S / 3
+"""Time, s, after which a solve that another has claimed is asked for again."""
+MOST_KILLS = 4
+"""Times that a job may take its worker with it (Dask itself tries each three times) before it counts as failed."""
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A session whose normals differ from the result before: mean angle, degrees, and rms of the angle over its σ."""
+
+    session: str
+    object: str
+    mean_deg: float
+    over_sigma: float
+
+
+@dataclass(frozen=True)
+class SolveReport:
+    """What one call did: numbers of sessions, the failures with their reasons, what moved (most over σ first)."""
+
+    solved: int
+    kept: int
+    failed: int
+    failures: dict[str, str]
+    moved: tuple[Moved, ...]
+
+
+def solve(
+    archive: Archive,
+    sessions: Sequence[str],
+    identity: SolveIdentity,
+    *,
+    scheduler: str | None,
+    workers: int,
+    progress: Callable[[int], None] = lambda done: None,
+) -> SolveReport:
+    """Solves sessions (keys) with the settings of `identity`, by the workers of a scheduler or by as many of its own.
+
+    `progress` is told the number of sessions that are through. Raises RigError archive.no_scheduler when none answers
+    within `CONNECT_S`, or one that restarts does not come back within `PATIENCE_S`.
+    """
+    call = uuid.uuid4().hex
+    solver = version("lightpose")
+    done = _done(archive, solver, identity.hash)
+    jobs = [
+        SolveJob(archive.address, archive.catalogue_address, key, identity, solver, call)
+        for key in sessions
+        if key not in done
+    ]
+    if jobs:
+        with _address(scheduler, workers) as address:
+            _Dispatch(address, jobs, progress).run()
+    return _report(archive, sessions, solver, identity.hash, call)
+
+
+@contextmanager
+def _address(scheduler: str | None, workers: int) -> Generator[str]:
+    """The scheduler's address: the one given, or that of workers started here, one thread each."""
+    if scheduler is not None:
+        yield scheduler
+        return
+    threads = str(max(1, (os.cpu_count() or 1) // workers))
+    environment = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), threads)
+    with LocalCluster(
+        n_workers=workers, threads_per_worker=1, env=environment, dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        yield str(cluster.scheduler_address)  # pyright: ignore[reportAttributeAccessIssue] - in an event loop a coroutine
+
+
+class _Dispatch:
+    """Submits jobs through one scheduler until each is through; used in one thread."""
+
+    def __init__(self, address: str, jobs: Sequence[SolveJob], progress: Callable[[int], None]) -> None:
+        self._address = address
+        self._waiting = deque(jobs)
+        self._later: deque[tuple[float, SolveJob]] = deque()  # claimed by another; when to ask again
+        self._pending: dict[Future[SolveOutcome], SolveJob] = {}
+        self._killed: Counter[str] = Counter()
+        self._progress = progress
+        self._total = len(jobs)
+
+    def run(self) -> None:
+        """Returns when every job is done or has failed. Raises RigError as `solve` does."""
+        client = _connect(self._address, CONNECT_S)
+        try:
+            while self._waiting or self._later or self._pending:
+                if client.status != "running":
+                    client.close(timeout=1)
+                    self._waiting.extend(self._pending.values())
+                    self._pending.clear()
+                    client = _connect(self._address, PATIENCE_S)
+                self._submit(client)
+                time.sleep(POLL_S)
+                self._collect()
+                self._progress(self._total - len(self._waiting) - len(self._later) - len(self._pending))
+        finally:
+            client.close(timeout=2)
+
+    def _submit(self, client: Client) -> None:
+        now = time.monotonic()
+        while self._later and self._later[0][0] <= now:
+            self._waiting.append(self._later.popleft()[1])
+        while self._waiting and len(self._pending) < WINDOW:
+            job = self._waiting.popleft()
+            # A name of its own each time: a lost future must not be joined to what the scheduler forgot.
+            name = f"solve-{job.session[:12]}-{uuid.uuid4().hex[:8]}"
+            self._pending[client.submit(solving.solve, job, key=name, pure=False)] = job
+
+    def _collect(self) -> None:
+        for future in [future for future in self._pending if future.status != "pending"]:
+            job = self._pending.pop(future)
+            outcome = self._outcome(future, job)
+            if outcome is None:
+                self._waiting.append(job)
+            elif outcome.state in ("elsewhere", "returned"):
+                self._later.append((time.monotonic() + RETRY_S, job))
+            future.release()
+
+    def _outcome(self, future: Future[SolveOutcome], job: SolveJob) -> SolveOutcome | None:
+        """What became of a job whose future ended; None: it has to be submitted again."""
+        if future.status not in ("finished", "error"):
+            return None  # cancelled or lost with the scheduler
+        try:
+            outcome = future.result(timeout=10)
+        except KilledWorker:
+            self._killed[job.session] += 1
+            if self._killed[job.session] < MOST_KILLS:
+                return None
+            return _give_up(job)
+        except (TimeoutError, FutureCancelledError, OSError):
+            return None  # the worker that held the answer is gone; the catalogue knows
+        return outcome
+
+
+def _give_up(job: SolveJob) -> SolveOutcome:
+    """Records that a job takes its workers with it."""
+    why = "its worker was killed each time (most often memory ran out): give workers more memory"
+    archive = Archive(job.address, job.catalogue)
+    held = claims.Claim(job.key, uuid.uuid4().hex, job.call)
+    state = claims.claim(archive.catalogue, held)
+    if state == "claimed":
+        claims.fail(archive.catalogue, held, why)
+    archive.close()
+    return SolveOutcome(job.session, "elsewhere" if state == "elsewhere" else "failed", why)
+
+
+def _connect(address: str, patience_s: float) -> Client:
+    deadline = time.monotonic() + patience_s
+    while True:
+        try:
+            return Client(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            if time.monotonic() > deadline or isinstance(error, ValueError):
+                raise RigError(
+                    ErrorCode.ARCHIVE_NO_SCHEDULER, f"no Dask scheduler answers at {address}", address=address
+                ) from error
+            time.sleep(1)
+
+
+def _done(archive: Archive, solver: str, settings: str) -> set[str]:
+    """The sessions that are solved already."""
+    query = sa.select(result.c.session).where(
+        result.c.solver == solver, result.c.settings == settings, result.c.state == "done"
+    )
+    return set(archive.catalogue.repeatedly(lambda connection: connection.scalars(query).all()))
+
+
+def _report(archive: Archive, sessions: Sequence[str], solver: str, settings: str, call: str) -> SolveReport:
+    """The report of one call, as the catalogue has it."""
+    query = sa.select(
+        result.c.session,
+        result.c.state,
+        result.c.call,
+        result.c.moved_mean_deg,
+        result.c.moved_over_sigma,
+        result.c.error,
+    ).where(result.c.solver == solver, result.c.settings == settings)
+    wanted = set(sessions)
+    rows = archive.catalogue.repeatedly(lambda connection: connection.execute(query).all())
+    rows = [row for row in rows if row.session in wanted]
+    mine = [row for row in rows if row.call == call and row.state == "done"]
+    failures = {row.session: str(row.error) for row in rows if row.state == "failed"}
+    names = {row.key: row.object for row in archive.catalogue.sessions()} if mine else {}
+    moved = [
+        Moved(row.session, names.get(row.session, ""), row.moved_mean_deg, row.moved_over_sigma)
+        for row in mine
+        if row.moved_mean_deg is not None
+    ]
+    return SolveReport(
+        solved=len(mine),
+        kept=sum(row.state == "done" for row in rows) - len(mine),
+        failed=len(failures),
+        failures=failures,
+        moved=tuple(sorted(moved, key=lambda item: -item.over_sigma)),
+    )

@@ -1,0 +1,117 @@
+"""Exports of archived sessions: the session's own folder, a BagIt bag with RO-Crate metadata, a folder for Relight.
+
+Libraries of those who keep the formats write them: `bagit` (RFC 8493, Library of Congress), `rocrate` (RO-Crate 1.1).
+"""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+import bagit
+import cv2
+import numpy as np
+from rocrate.rocrate import ROCrate
+
+from acquisition.archive.archive import Archive
+from acquisition.archive.entries import ResultEntry, SessionEntry
+from acquisition.formats import export
+from acquisition.formats.atomic_write import atomic_folder
+from acquisition.formats.export import light_files
+from acquisition.formats.folders import session_folder
+from acquisition.models.errors import ErrorCode, RigError
+
+Form = Literal["folder", "bagit", "relight"]
+_TYPES = {".tiff": "image/tiff", ".png": "image/png", ".json": "application/json", ".html": "text/html"}
+
+
+def write(archive: Archive, key: str, form: Form, out: Path) -> None:
+    """Writes one session with all its results into a new folder; it appears as a whole or not at all.
+
+    `folder` is as `lightpose solve` reads it, `bagit` the same as a bag's payload with RO-Crate metadata, `relight` the
+    images with 8 bits and their lights. Raises RigError folder.invalid when `out` exists, archive.damaged,
+    archive.not_found.
+    """
+    if out.exists():
+        raise RigError(ErrorCode.FOLDER_INVALID, f"{out}: exists; name a new folder", file=str(out))
+    entry, results = archive.session(key), archive.results(key)
+    with atomic_folder(out) as partial:
+        if form == "relight":
+            _relight(archive, entry, results, partial)
+            return
+        payload = partial / "data" if form == "bagit" else partial
+        for files in (entry.files, *(result.files for result in results)):
+            archive.fetch(files, payload)
+        if form == "bagit":
+            _crate(entry, results, payload)
+            for path in payload.iterdir():
+                path.rename(partial / path.name)
+            payload.rmdir()
+            bagit.make_bag(str(partial), _bag_info(entry), checksums=["sha256"])
+
+
+def _crate(entry: SessionEntry, results: list[ResultEntry], folder: Path) -> None:
+    """Writes `ro-crate-metadata.json` over the files of a folder."""
+    facts = entry.facts
+    crate = ROCrate()
+    crate.name = facts.object or facts.session_id
+    crate.description = (
+        f"Photometric stereo of {facts.object or 'an object'}: {facts.lights} images of {facts.width} × {facts.height} "
+        f"pixels under known lights, {len(results)} normal maps. {facts.notes}"
+    ).strip()
+    if facts.captured_at is not None:
+        crate.datePublished = datetime.fromtimestamp(facts.captured_at, UTC)
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            name = path.relative_to(folder).as_posix()
+            crate.add_file(
+                path, name, properties={"encodingFormat": _TYPES.get(path.suffix, "application/octet-stream")}
+            )
+    made: dict[str, list[str]] = {}
+    for result in results:
+        made.setdefault(result.solver, []).extend(result.files)
+    for solver, names in made.items():
+        software = {"@type": "SoftwareApplication", "name": "lightpose", "version": solver}
+        crate.add_jsonld({"@id": f"#lightpose-{solver}", **software})
+        crate.add_jsonld({
+            "@id": f"#solve-{solver}",
+            "@type": "CreateAction",
+            "name": "Normals by photometric stereo",
+            "instrument": {"@id": f"#lightpose-{solver}"},
+            "result": [{"@id": name} for name in sorted(names)],
+        })  # fmt: skip
+    crate.metadata.write(str(folder))
+
+
+def _bag_info(entry: SessionEntry) -> dict[str, str]:
+    facts = entry.facts
+    return {
+        "External-Identifier": facts.session_id,
+        "External-Description": facts.object,
+        "Internal-Sender-Identifier": entry.key,
+        "Bag-Software-Agent": f"lightpose {facts.software}",
+    }
+
+
+def _relight(archive: Archive, entry: SessionEntry, results: list[ResultEntry], out: Path) -> None:
+    """Images as PNG with 8 bits, less their lamp-off frames, with `lights.lp` and `lights.dome`."""
+    if entry.facts.kind != "capture":
+        raise RigError(ErrorCode.FOLDER_INVALID, f"{entry.facts.session_id}: is a session of kind {entry.facts.kind}")
+    if not results:
+        raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"{entry.facts.session_id}: has no result, whose mask it needs")
+    scratch = out / ".session"
+    archive.fetch(entry.files, scratch)
+    archive.fetch(results[-1].files, scratch)
+    capture = session_folder.read(scratch)
+    normal_map = export.read(next(scratch.glob(str(Path(next(iter(results[-1].files))).parent))))
+    observations = capture.observations(max(shot.key.pass_number for shot in capture.shots))
+    images = session_folder.images(observations, capture.calibration, normal_map.silhouette)
+    source = export.Source(normal_map, images)
+    names = tuple(f"{number:03d}.png" for number in range(1, images.count + 1))
+    for number, name in enumerate(names):
+        pixels = np.asarray(images.rows(number, 0, images.height), np.float64) / images.full_scale
+        cv2.imwrite(str(out / name), np.round(255 * np.clip(pixels, 0, 1)).astype(np.uint8))
+    light_files.write_lp(out / "lights.lp", names, light_files.directions(images, source.centre))
+    export.make("lights.dome", source, out)
+    for path in sorted(scratch.rglob("*"), reverse=True):
+        path.unlink() if path.is_file() else path.rmdir()
+    scratch.rmdir()

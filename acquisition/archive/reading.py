@@ -1,0 +1,132 @@
+"""A session's folder as entries of the archive: its files hashed, checked against the folder's own manifests.
+
+A folder is refused where a file differs from what its manifest says: what was damaged at home must not be handed on as
+sound. Results whose folder is not complete (a solve that was killed) are left out.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from acquisition.archive.entries import FileEntry, ResultEntry, SessionEntry, SessionFacts, SolveIdentity
+from acquisition.formats.folders import session_folder
+from acquisition.formats.folders.refusal import refusal, text
+from acquisition.models import calibration_recipe
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import SolveSettings
+from acquisition.store.folder import sha256_of
+
+RESULTS = "results"
+
+
+def read(folder: Path, label: str | None = None, notes: str | None = None) -> tuple[SessionEntry, list[ResultEntry]]:
+    """The entries of an ended session's folder; `label` and `notes` are a person's later ones (none: the recipe's).
+
+    Raises RigError folder.invalid naming the file that is missing, damaged or unreadable.
+    """
+    stated = _manifest(folder)
+    entry = SessionEntry(facts=_facts(folder, stated, label, notes), files=_files(folder, stated))
+    results: dict[str, ResultEntry] = {}
+    for path in sorted((folder / RESULTS).glob("*/manifest.json"), key=lambda path: int(path.parent.name)):
+        result = _result(path.parent, entry, stated)
+        results[result.name] = result  # of two with the same settings the newer one
+    return entry, list(results.values())
+
+
+def result_folder(folder: Path, result: ResultEntry) -> Path:
+    """The folder of a session's own result, by the paths of its files."""
+    first = next(iter(result.files))
+    return folder / RESULTS / first.split("/")[1]
+
+
+def _facts(folder: Path, stated: dict[str, Any], label: str | None, notes: str | None) -> SessionFacts:
+    try:
+        recipe = calibration_recipe.read(text(folder / session_folder.RECIPE))
+        cell = CellConfig.model_validate_json(text(folder / session_folder.CELL))
+        calibration = Calibration.model_validate_json(text(folder / session_folder.CALIBRATION))
+    except ValidationError as error:
+        raise refusal(folder, f"{error.title} is not readable: {error.errors()[0]['msg']}") from error
+    shots: list[dict[str, Any]] = stated["shots"]
+    return SessionFacts(
+        session_id=str(stated["session_id"]),
+        object=recipe.label if label is None else label,
+        notes=recipe.notes if notes is None else notes,
+        cell=cell.name,
+        kind=recipe.kind,
+        method=recipe.method if isinstance(recipe, Recipe) else None,
+        lights=sum(shot.get("kind") == "light" for shot in shots),
+        width=calibration.width,
+        height=calibration.height,
+        captured_at=min((float(shot["taken_at"]) for shot in shots), default=None),
+        calibration=calibration.fingerprint,
+        software=str(stated["software"]["lightpose"]),
+    )
+
+
+def _files(folder: Path, stated: dict[str, Any]) -> dict[str, FileEntry]:
+    """Every file of a session but its results, hashed."""
+    found: dict[str, FileEntry] = {}
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if not path.is_file() or name.startswith(f"{RESULTS}/") or name.endswith(".part"):
+            continue
+        found[name] = _checked(path, stated["files"].get(name))
+    missing = [name for name in stated["files"] if not name.startswith(f"{RESULTS}/") and name not in found]
+    if missing:
+        raise refusal(folder / missing[0], "is missing: restore it from a backup")
+    return found
+
+
+def _result(folder: Path, session: SessionEntry, capture: dict[str, Any]) -> ResultEntry:
+    stated = _manifest(folder)
+    files = {f"{RESULTS}/{folder.name}/{name}": _checked(folder / name, file) for name, file in stated["files"].items()}
+    own = folder / "manifest.json"
+    files[f"{RESULTS}/{folder.name}/{own.name}"] = _checked(own, None)
+    passes: list[int] = stated["passes"]
+    last = max((int(shot["key"]["pass_number"]) for shot in capture["shots"]), default=0)
+    try:
+        settings = SolveSettings.model_validate(stated["settings"])
+    except ValidationError as error:
+        raise refusal(own, f"its settings are not readable: {error.errors()[0]['msg']}") from error
+    sigma = stated["summary"].get("mean_sigma_deg")
+    return ResultEntry(
+        session=session.key,
+        solver=str(stated["software"]["lightpose"]),
+        identity=SolveIdentity(
+            settings=settings,
+            last_pass=None if max(passes) >= last else max(passes),
+            calibration=stated.get("calibration"),
+        ),
+        origin="cell",
+        sigma_deg=None if sigma is None else float(sigma),
+        solved_at=own.stat().st_mtime,
+        files=files,
+    )
+
+
+def _checked(path: Path, stated: dict[str, Any] | None) -> FileEntry:
+    """A file with its hash. Raises RigError folder.invalid when it is missing or not as its manifest states it."""
+    try:
+        found = FileEntry(sha256=sha256_of(path), bytes=path.stat().st_size)
+    except OSError as error:
+        raise refusal(path, "is missing: restore it from a backup") from error
+    if stated is not None and found.sha256 != stated["sha256"]:
+        raise refusal(path, "is damaged: its SHA-256 is not that of its manifest; restore it from a backup")
+    return found
+
+
+def _manifest(folder: Path) -> dict[str, Any]:
+    """A manifest as it was written. Raises RigError folder.invalid."""
+    path = folder / session_folder.MANIFEST
+    try:
+        stated: dict[str, Any] = json.loads(text(path))
+        files, software = stated["files"], stated["software"]["lightpose"]
+        if not isinstance(files, dict) or not isinstance(software, str):
+            raise TypeError("files or software are of another type")
+    except (ValueError, KeyError, TypeError) as error:
+        raise refusal(path, f"is no manifest of an ended session: {error}") from error
+    return stated

@@ -1,0 +1,143 @@
+"""Conditions on sessions (`--where`): a small grammar, parsed by lark, to an SQLAlchemy condition.
+
+Nobody's text reaches the database as SQL: names are columns of a table here, values are bound parameters. Versions
+compare as versions (0.9 < 0.10), times are dates of ISO 8601, and `~` finds a part of a text, whatever its case.
+
+    solver < '0.2' and object ~ 'vase' and not (sigma > 1.5 or captured >= '2026-03-01')
+"""
+
+from datetime import UTC, datetime
+from typing import Any
+
+import sqlalchemy as sa
+from lark import Lark, Token, Transformer
+from lark.exceptions import UnexpectedInput, VisitError
+
+from acquisition.archive.catalogue import session
+from acquisition.archive.entries import version_order
+from acquisition.models.errors import ErrorCode, RigError
+
+COLUMNS: dict[str, sa.Column[Any]] = {
+    "object": session.c.object,
+    "notes": session.c.notes,
+    "id": session.c.session_id,
+    "key": session.c.key,
+    "cell": session.c.cell,
+    "kind": session.c.kind,
+    "method": session.c.method,
+    "calibration": session.c.calibration,
+    "solver": session.c.solver_order,
+    "software": session.c.software,
+    "sigma": session.c.sigma_deg,
+    "lights": session.c.lights,
+    "width": session.c.width,
+    "height": session.c.height,
+    "bytes": session.c.bytes,
+    "captured": session.c.captured_at,
+    "pushed": session.c.pushed_at,
+}
+"""What a condition may name."""
+
+_TIMES, _VERSIONS = ("captured", "pushed"), ("solver",)
+_GRAMMAR = r"""
+?start: any
+?any: all ("or"i all)*
+?all: one ("and"i one)*
+?one: "not"i one -> inverse
+    | "(" any ")"
+    | NAME OPERATOR value -> comparison
+    | NAME "is"i "unknown"i -> unknown
+value: TEXT | NUMBER
+NAME: /[a-z_]+/
+OPERATOR: "<=" | ">=" | "!=" | "<" | ">" | "=" | "~"
+TEXT: /'[^']*'/ | /"[^"]*"/
+NUMBER: /-?\d+(\.\d+)?([eE][-+]?\d+)?/
+%ignore /\s+/
+"""
+_PARSER = Lark(_GRAMMAR, parser="earley")
+
+
+class _ToSql(Transformer[Token, sa.ColumnElement[bool]]):
+    """The parsed condition as SQLAlchemy's."""
+
+    def any(self, parts: list[sa.ColumnElement[bool]]) -> sa.ColumnElement[bool]:
+        return sa.or_(*parts)
+
+    def all(self, parts: list[sa.ColumnElement[bool]]) -> sa.ColumnElement[bool]:
+        return sa.and_(*parts)
+
+    def inverse(self, parts: list[sa.ColumnElement[bool]]) -> sa.ColumnElement[bool]:
+        return sa.not_(parts[0])
+
+    def unknown(self, parts: list[Token]) -> sa.ColumnElement[bool]:
+        return _column(str(parts[0])).is_(None)
+
+    def value(self, parts: list[Token]) -> Token:
+        return parts[0]
+
+    def comparison(self, parts: list[Token]) -> sa.ColumnElement[bool]:
+        name, operator, value = parts
+        column = _column(str(name))
+        text = None if value.type == "NUMBER" else str(value)[1:-1]
+        if operator == "~":
+            if text is None or not isinstance(column.type, sa.String) or name in _VERSIONS:
+                raise ValueError(f"~ finds a part of a text, in quotes; {name} is none")
+            return column.icontains(text, autoescape=True)
+        return _compared(column, str(operator), _value(str(name), column, text, str(value)))
+
+
+def parse(condition: str) -> sa.ColumnElement[bool]:
+    """A condition on the table of sessions. Raises RigError archive.query_invalid with what is wrong and where."""
+    try:
+        return _ToSql().transform(_PARSER.parse(condition))
+    except VisitError as error:
+        raise _refusal(condition, str(error.orig_exc)) from error
+    except UnexpectedInput as error:
+        place = f"at position {error.column}" if error.column > 0 else "at its end"
+        raise _refusal(condition, f"cannot be read {place}") from error
+
+
+def _column(name: str) -> sa.Column[Any]:
+    if name not in COLUMNS:
+        raise ValueError(f"{name} is unknown; choose of {', '.join(COLUMNS)}")
+    return COLUMNS[name]
+
+
+def _value(name: str, column: sa.Column[Any], text: str | None, number: str) -> str | float:
+    if name in _TIMES:
+        if text is None:
+            raise ValueError(f"{name} is compared with a date in quotes, such as '2026-03-01'")
+        try:
+            moment = datetime.fromisoformat(text)
+        except ValueError as error:
+            raise ValueError(f"{text!r} is no date, such as '2026-03-01'") from error
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    if name in _VERSIONS:
+        if text is None:
+            raise ValueError(f"{name} is compared with a version in quotes, such as '0.2'")
+        return version_order(text)
+    if isinstance(column.type, sa.String) != (text is not None):
+        raise ValueError(f"{name} is compared with {'a text in quotes' if text is None else 'a number'}")
+    return float(number) if text is None else text
+
+
+def _compared(column: sa.Column[Any], operator: str, value: str | float) -> sa.ColumnElement[bool]:
+    match operator:
+        case "<":
+            return column < value
+        case "<=":
+            return column <= value
+        case ">":
+            return column > value
+        case ">=":
+            return column >= value
+        case "!=":
+            return column != value
+        case _:
+            return column == value
+
+
+def _refusal(condition: str, why: str) -> RigError:
+    return RigError(
+        ErrorCode.ARCHIVE_QUERY_INVALID, f"--where {condition!r} {why}; an example: solver < '0.2' and object ~ 'vase'"
+    )

@@ -1,0 +1,137 @@
+"""`lightpose archive …`: options of the commands; what they do is in `archiving`."""
+
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from api.cli.error_exit import explain_errors
+
+app = typer.Typer(
+    no_args_is_help=True, help="Sessions of many cells at one address, solved again when the solver improves."
+)
+
+
+class ExportForm(StrEnum):
+    """What an archived session is exported as."""
+
+    FOLDER = "folder"
+    BAGIT = "bagit"
+    RELIGHT = "relight"
+
+
+Address = Annotated[str, typer.Argument(help="A folder, or an address of fsspec such as s3://bucket/archive")]
+Where = Annotated[
+    str | None,
+    typer.Option(help="Only sessions for which this holds, such as \"solver < '0.2' and object ~ 'vase'\""),
+]
+Name = Annotated[str, typer.Argument(help="The session's key or id, or the beginning of it")]
+CatalogueAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--catalogue",
+        envvar="LIGHTPOSE_ARCHIVE_CATALOGUE",
+        help="postgresql://USER@HOST/NAME, for several cells; default: SQLite in the archive's folder",
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object as the last line")]
+
+
+def _print(outcome: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def push(
+    address: Address,
+    folders: Annotated[list[Path], typer.Argument(help="Folders of ended sessions, or a service's data folder")],
+    catalogue: CatalogueAddress = None,
+    as_json: AsJson = False,
+) -> None:
+    """Stores sessions' folders, each file hashed and read back; what is there already is not stored again."""
+    from api.cli import archiving
+
+    outcome = explain_errors(lambda: archiving.push(address, catalogue, folders))
+    _print(outcome, as_json)
+    if outcome["refused"]:
+        raise typer.Exit(1)
+
+
+@app.command("list")
+def list_sessions(
+    address: Address,
+    where: Where = None,
+    limit: Annotated[int, typer.Option(min=1, help="Most sessions, the newest first")] = 100,
+    catalogue: CatalogueAddress = None,
+    as_json: AsJson = False,
+) -> None:
+    """Lists sessions with object, cell, solver and mean σ."""
+    from api.cli import archiving
+
+    _print(explain_errors(lambda: archiving.list_sessions(address, catalogue, where, limit)), as_json)
+
+
+@app.command()
+def show(address: Address, session: Name, catalogue: CatalogueAddress = None, as_json: AsJson = False) -> None:
+    """Shows one session: what the catalogue says, its results, its files."""
+    from api.cli import archiving
+
+    _print(explain_errors(lambda: archiving.show(address, catalogue, session)), as_json)
+
+
+@app.command()
+def verify(address: Address, catalogue: CatalogueAddress = None, as_json: AsJson = False) -> None:
+    """Hashes every file; names what is missing or damaged (exit status 1) and enters in the catalogue what it lacks."""
+    from api.cli import archiving
+
+    outcome = explain_errors(lambda: archiving.verify(address, catalogue))
+    _print(outcome, as_json)
+    if outcome["faults"]:
+        raise typer.Exit(1)
+
+
+@app.command()
+def solve(
+    address: Address,
+    where: Where = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="A Dask scheduler, such as tcp://host:8786, whose workers solve")
+    ] = None,
+    local: Annotated[int, typer.Option(min=1, help="Without --scheduler: so many processes of this machine")] = 2,
+    settings: Annotated[
+        Path | None, typer.Option(help="JSON file of settings as in a solve request; default: the solver's own")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="HTML file: what moved against σ, and what failed")] = None,
+    catalogue: CatalogueAddress = None,
+    as_json: AsJson = False,
+) -> None:
+    """Solves sessions by this version, each once, whoever asks; results stand beside the older ones."""
+    from api.cli import archiving
+
+    request = archiving.SolveRequest(address, catalogue, where, scheduler, local, settings, report)
+    outcome = explain_errors(lambda: archiving.solve(request))
+    _print(outcome, as_json)
+    if outcome["failed"]:
+        raise typer.Exit(1)
+
+
+@app.command("export")
+def export_session(
+    address: Address,
+    session: Name,
+    out: Annotated[Path, typer.Option(help="A new folder")],
+    form: Annotated[
+        ExportForm,
+        typer.Option(
+            "--as", help="folder: as `lightpose solve` reads it; bagit: a bag with RO-Crate metadata; relight"
+        ),
+    ] = ExportForm.FOLDER,
+    catalogue: CatalogueAddress = None,
+) -> None:
+    """Writes one session with its results into a new folder."""
+    from api.cli import archiving
+
+    print(explain_errors(lambda: archiving.export(address, catalogue, session, form.value, out)))

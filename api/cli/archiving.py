@@ -1,0 +1,215 @@
+"""What `lightpose archive …` does: tables for people on the error stream, figures for programs."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ValidationError
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import SolveSettings
+from api.cli import archive_report
+
+try:
+    from acquisition.archive import distributed, exports, where
+    from acquisition.archive.archive import Archive
+    from acquisition.archive.catalogue import SessionRow
+    from acquisition.archive.distributed import SolveReport
+    from acquisition.archive.entries import SolveIdentity
+except ModuleNotFoundError as error:
+    raise RigError(
+        ErrorCode.CONFIG_INVALID, f"{error.name} is not installed: pip install 'lightpose[archive]'"
+    ) from error
+
+SHOWN_MOVED = 20
+"""Sessions that the table of what moved shows; the report has all."""
+
+
+@dataclass(frozen=True)
+class SolveRequest:
+    """Options of `archive solve`."""
+
+    address: str
+    catalogue: str | None
+    where: str | None
+    scheduler: str | None
+    local: int
+    settings: Path | None
+    report: Path | None
+
+
+def push(address: str, catalogue: str | None, folders: list[Path]) -> dict[str, Any]:
+    """Pushes sessions; one that is damaged or unfinished is named, and the others go on."""
+    pushed: list[dict[str, Any]] = []
+    refused: dict[str, str] = {}
+    console = _console()
+    with _opened(address, catalogue, create=True) as archive, _bar(console) as bar:
+        for folder in bar.track(_sessions(folders), description="pushing"):
+            try:
+                done = archive.push(folder)
+            except RigError as error:
+                if error.code is not ErrorCode.FOLDER_INVALID:
+                    raise
+                refused[str(folder)] = error.detail
+                console.print(f"refused {error.detail}")
+                continue
+            pushed.append({"folder": str(folder), **asdict(done)})
+    new = sum(bool(item["new"]) for item in pushed)
+    console.print(f"{new} sessions new, {len(pushed) - new} were there, {len(refused)} refused")
+    return {"pushed": pushed, "new": new, "refused": refused}
+
+
+def list_sessions(address: str, catalogue: str | None, condition: str | None, limit: int) -> dict[str, Any]:
+    """Lists sessions, the newest first."""
+    wanted = None if condition is None else where.parse(condition)
+    with _opened(address, catalogue) as archive:
+        rows = archive.catalogue.sessions(wanted, limit)
+    table = Table("key", "captured", "object", "cell", "kind", "lights", "solver", "σ °")
+    for row in rows:
+        sigma = "" if row.sigma_deg is None else f"{row.sigma_deg:.2f}"
+        table.add_row(
+            row.key[:12],
+            _date(row.captured_at),
+            row.object,
+            row.cell,
+            row.kind,
+            str(row.lights),
+            row.solver or "",
+            sigma,
+        )
+    _console().print(table)
+    return {"sessions": [asdict(row) for row in rows]}
+
+
+def show(address: str, catalogue: str | None, name: str) -> dict[str, Any]:
+    """Shows one session."""
+    with _opened(address, catalogue) as archive:
+        key = archive.find(name)
+        entry = archive.session(key)
+        (row,) = archive.catalogue.sessions(where.COLUMNS["key"] == key)
+        results = archive.catalogue.results(key)
+    console = _console()
+    console.print(_facts(row))
+    table = Table("solver", "settings", "images", "state", "from", "solved", "σ °", "moved °", "over σ")
+    for result in results:
+        figures = (result.sigma_deg, result.moved_mean_deg, result.moved_over_sigma)
+        images = "all" if result.last_pass is None else f"to pass {result.last_pass}"
+        table.add_row(
+            result.solver, result.settings, images, result.state, result.origin, _date(result.solved_at),
+            *("" if figure is None else f"{figure:.2f}" for figure in figures),
+        )  # fmt: skip
+    console.print(table)
+    files = {path: file.model_dump() for path, file in entry.files.items()}
+    return {"session": asdict(row), "results": [asdict(result) for result in results], "files": files}
+
+
+def verify(address: str, catalogue: str | None) -> dict[str, Any]:
+    """Hashes every file of an archive."""
+    console = _console()
+    with _opened(address, catalogue) as archive, _bar(console) as bar:
+        task = bar.add_task("verifying", total=None)
+        faults = archive.verify(lambda done, total: bar.update(task, completed=done, total=total))
+    for fault in faults:
+        console.print(f"{fault.what}: {fault.file}, needed by {', '.join(fault.needed_by)}")
+    console.print(f"{len(faults)} files missing or damaged" if faults else "every file is sound")
+    return {"faults": [asdict(fault) for fault in faults]}
+
+
+def solve(request: SolveRequest) -> dict[str, Any]:
+    """Solves what is missing."""
+    captures = where.COLUMNS["kind"] == "capture"
+    wanted = captures if request.where is None else captures & where.parse(request.where)
+    identity = SolveIdentity(settings=_settings(request.settings))
+    console = _console()
+    with _opened(request.address, request.catalogue) as archive, _bar(console) as bar:
+        keys = [row.key for row in archive.catalogue.sessions(wanted)]
+        task = bar.add_task("solving", total=len(keys))
+        report = distributed.solve(
+            archive, keys, identity, scheduler=request.scheduler, workers=request.local,
+            progress=lambda done: bar.update(task, completed=done),
+        )  # fmt: skip
+    _show_report(console, report)
+    if request.report is not None:
+        request.report.write_text(archive_report.page(report), encoding="utf-8")
+    return {**asdict(report), "sessions": len(keys), "settings": identity.hash}
+
+
+def export(
+    address: str, catalogue: str | None, name: str, form: Literal["folder", "bagit", "relight"], out: Path
+) -> str:
+    """Exports one session; returns where to."""
+    with _opened(address, catalogue) as archive:
+        exports.write(archive, archive.find(name), form, out)
+    return str(out)
+
+
+@contextmanager
+def _opened(address: str, catalogue: str | None, *, create: bool = False) -> Generator[Archive]:
+    archive = Archive(address, catalogue, create=create)
+    try:
+        yield archive
+    finally:
+        archive.close()
+
+
+def _sessions(folders: list[Path]) -> list[Path]:
+    """Session folders: those given, and all ended ones of a service's data folder."""
+    found: list[Path] = []
+    for folder in folders:
+        if (folder / "rig.db").is_file():
+            found += sorted(path.parent for path in (folder / "sessions").glob("*/manifest.json"))
+        else:
+            found.append(folder)
+    return found
+
+
+def _settings(file: Path | None) -> SolveSettings:
+    if file is None:
+        return SolveSettings()
+    try:
+        return SolveSettings.model_validate_json(file.read_bytes())
+    except (OSError, ValidationError) as error:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"--settings {file}: {str(error).partition(chr(10))[0]}") from error
+
+
+def _show_report(console: Console, report: SolveReport) -> None:
+    console.print(f"{report.solved} solved, {report.kept} kept, {report.failed} failed")
+    for session, why in sorted(report.failures.items()):
+        console.print(f"failed: {session[:12]} {why}")
+    if not report.moved:
+        return
+    table = Table("session", "object", "moved, mean °", "rms over σ", title="What moved most against σ")
+    for item in report.moved[:SHOWN_MOVED]:
+        table.add_row(item.session[:12], item.object, f"{item.mean_deg:.3f}", f"{item.over_sigma:.2f}")
+    console.print(table)
+    mean = sum(item.mean_deg for item in report.moved) / len(report.moved)
+    beyond = sum(item.over_sigma > 1 for item in report.moved)
+    console.print(f"{len(report.moved)} compared: {mean:.3f}° on average, {beyond} moved by more than σ (rms)")
+
+
+def _facts(row: SessionRow) -> Table:
+    table = Table(show_header=False)
+    for name, value in asdict(row).items():
+        table.add_row(name, _date(value) if name.endswith("_at") else str(value))
+    return table
+
+
+def _date(seconds: float | None) -> str:
+    return "" if seconds is None else f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M}"
+
+
+def _console() -> Console:
+    return Console(stderr=True, markup=False, highlight=False)
+
+
+@contextmanager
+def _bar(console: Console) -> Generator[Progress]:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        yield bar

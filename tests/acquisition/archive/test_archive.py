@@ -1,0 +1,230 @@
+"""An archive in a folder: pushed once, found, fetched, verified; what is damaged is named and the rest goes on."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from acquisition.archive import catalogue as catalogues
+from acquisition.archive import where
+from acquisition.archive.archive import Archive
+from acquisition.archive.catalogue import Catalogue
+from acquisition.archive.contents import ContentStore
+from acquisition.models.errors import ErrorCode, RigError
+from tests.acquisition.archive import session_copies
+
+MakeSession = Callable[..., Path]
+
+
+def object_files(archive: Archive) -> list[Path]:
+    folder = archive.contents.folder
+    assert folder is not None
+    return sorted(path for path in (folder / "objects").rglob("*") if path.is_file())
+
+
+def test_push_then_fetch_gives_the_same_folder(archive: Archive, session_folder: MakeSession, tmp_path: Path):
+    folder = session_folder()
+    pushed = archive.push(folder)
+    for files in (archive.session(pushed.key).files, *(result.files for result in archive.results(pushed.key))):
+        archive.fetch(files, tmp_path / "back")
+    one, two = (
+        {path.relative_to(top).as_posix(): path.read_bytes() for path in top.rglob("*") if path.is_file()}
+        for top in (folder, tmp_path / "back")
+    )
+    assert pushed.new
+    assert one == two
+
+
+def test_push_twice_stores_nothing_new(archive: Archive, session_folder: MakeSession):
+    folder = session_folder()
+    first = archive.push(folder)
+    again = archive.push(folder)
+    assert (again.key, again.new, again.new_files) == (first.key, False, 0)
+    assert len(archive.catalogue.sessions()) == 1
+
+
+def test_push_shares_equal_files_between_sessions(archive: Archive, session_folder: MakeSession):
+    first = archive.push(session_folder("20261121-190041-aaaaaa", 1))
+    second = archive.push(session_folder("20261121-190041-bbbbbb", 2))
+    assert second.new
+    assert second.new_files < first.new_files / 2  # calibration, cell, darks and results are the same here
+
+
+def test_push_two_cells_with_one_id_and_clock_keeps_both(archive: Archive, tmp_path: Path):
+    for cell in ("north", "south"):
+        archive.push(session_copies.make(tmp_path / cell / "20261121-190041-aaaaaa", label="vase", cell=cell))
+    rows = archive.catalogue.sessions()
+    assert sorted(row.cell for row in rows) == ["north", "south"]
+    assert len({row.key for row in rows}) == 2
+    assert {row.session_id for row in rows} == {"20261121-190041-aaaaaa"}
+    assert archive.verify() == []
+
+
+def test_push_damaged_session_is_refused_by_file(archive: Archive, session_folder: MakeSession):
+    folder = session_folder()
+    frame = folder / "passes/0/shots/1.tiff"
+    frame.write_bytes(frame.read_bytes()[:-1] + b"\x00\x01")
+    with pytest.raises(RigError, match=r"shots/1\.tiff: is damaged") as refused:
+        archive.push(folder)
+    assert refused.value.code is ErrorCode.FOLDER_INVALID
+    assert archive.catalogue.sessions() == []
+
+
+def test_push_unfinished_session_is_refused(archive: Archive, session_folder: MakeSession):
+    folder = session_folder()
+    (folder / "manifest.json").unlink()
+    with pytest.raises(RigError, match=r"manifest\.json: is missing"):
+        archive.push(folder)
+
+
+def test_push_with_lost_frame_is_refused(archive: Archive, session_folder: MakeSession):
+    folder = session_folder()
+    (folder / "passes/0/shots/2.tiff").unlink()
+    with pytest.raises(RigError, match=r"shots/2\.tiff: is missing"):
+        archive.push(folder)
+
+
+def test_push_with_new_label_renames_the_object(archive: Archive, session_folder: MakeSession):
+    folder = session_folder()
+    key = archive.push(folder).key
+    assert archive.push(folder, label="amphora", notes="found in 1911").key == key
+    (row,) = archive.catalogue.sessions()
+    assert (row.object, row.notes) == ("amphora", "found in 1911")
+    assert archive.session(key).facts.object == "amphora"
+
+
+@pytest.mark.parametrize("write", range(0, 47, 6))
+def test_interrupted_push_is_completed_by_the_next(
+    archive: Archive, session_folder: MakeSession, monkeypatch: pytest.MonkeyPatch, write: int
+):
+    folder, put, count = session_folder(), ContentStore.put, 0
+
+    def dying(self: ContentStore, file: Path, digest: str) -> bool:
+        nonlocal count
+        count += 1
+        if count > write:
+            raise RigError(ErrorCode.ARCHIVE_UNREACHABLE, "the store is away")
+        return put(self, file, digest)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ContentStore, "put", dying)
+        with pytest.raises(RigError):
+            archive.push(folder)
+    assert archive.verify() == []  # nothing is named that is not there
+    archive.push(folder)
+    assert archive.verify() == []
+    assert len(archive.catalogue.sessions()) == 1
+
+
+def test_verify_names_damaged_and_missing_files_and_goes_on(archive: Archive, session_folder: MakeSession):
+    archive.push(session_folder())
+    one, two, *_ = object_files(archive)
+    one.write_bytes(b"bit rot")
+    two.unlink()
+    faults = archive.verify()
+    assert sorted(fault.what for fault in faults) == ["damaged", "missing"]
+    assert all(fault.needed_by for fault in faults)
+
+
+def test_verify_unreadable_entry_names_it(archive: Archive, session_folder: MakeSession):
+    archive.push(session_folder("20261121-190041-aaaaaa", 1))
+    archive.push(session_folder("20261121-190041-bbbbbb", 2))
+    first = archive.catalogue.sessions()[0].key
+    archive.contents.write(f"sessions/{first}/session.json", b"{}")
+    (fault,) = archive.verify()
+    assert fault.file == f"sessions/{first}/session.json"
+
+
+def test_verify_enters_sessions_of_a_lost_catalogue(archive: Archive, session_folder: MakeSession):
+    archive.push(session_folder())
+    (before,) = archive.catalogue.sessions()
+    archive.close()
+    folder = archive.contents.folder
+    assert folder is not None
+    (folder / catalogues.FILE).unlink()
+    again = Archive(archive.address)
+    assert again.catalogue.sessions() == []
+    assert again.verify() == []
+    (row,) = again.catalogue.sessions()
+    assert (row.key, row.solver, row.sigma_deg) == (before.key, before.solver, before.sigma_deg)
+    assert len(again.catalogue.results(row.key)) == 2
+    again.close()
+
+
+def test_results_of_the_cell_are_entered_by_their_images(archive: Archive, session_folder: MakeSession):
+    key = archive.push(session_folder()).key
+    results = archive.catalogue.results(key)
+    assert sorted((row.last_pass is None, row.origin, row.state) for row in results) == [
+        (False, "cell", "done"), (True, "cell", "done"),
+    ]  # fmt: skip
+    whole = next(row for row in results if row.last_pass is None)
+    assert archive.catalogue.sessions()[0].sigma_deg == whole.sigma_deg
+
+
+def test_find_ambiguous_or_unknown_name_is_refused(archive: Archive, session_folder: MakeSession):
+    archive.push(session_folder("20261121-190041-aaaaaa", 1))
+    archive.push(session_folder("20261121-190041-bbbbbb", 2))
+    assert archive.find("20261121-190041-b") in {row.key for row in archive.catalogue.sessions()}
+    with pytest.raises(RigError, match="several"):
+        archive.find("20261121")
+    with pytest.raises(RigError, match="unknown"):
+        archive.find("vase")
+
+
+def test_open_folder_of_other_files_is_refused(tmp_path: Path):
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(RigError, match="holds other files"):
+        Archive(str(tmp_path), create=True)
+    with pytest.raises(RigError, match="holds no archive"):
+        Archive(str(tmp_path / "nowhere"))
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_open_newer_catalogue_or_archive_is_refused(archive: Archive, tmp_path: Path):
+    newer = Catalogue(catalogues.in_folder(tmp_path))
+    newer.repeatedly(lambda connection: connection.execute(catalogues.meta.insert().values(format=99)).close())
+    newer.close()
+    with pytest.raises(RigError) as refused:
+        Catalogue(catalogues.in_folder(tmp_path))
+    assert refused.value.code is ErrorCode.ARCHIVE_CATALOGUE_NEWER
+    archive.contents.write("archive.json", json.dumps({"format": 2}).encode())
+    with pytest.raises(RigError) as refused:
+        Archive(archive.address)
+    assert refused.value.code is ErrorCode.ARCHIVE_CATALOGUE_NEWER
+
+
+@pytest.mark.parametrize("address", ["mysql://host/name", "nonsense", "postgresql://127.0.0.1:9/lightpose"])
+def test_open_catalogue_elsewhere_names_its_address(archive: Archive, address: str):
+    with pytest.raises(RigError, match=address.partition(":")[0]) as refused:
+        Archive(archive.address, address)
+    assert refused.value.code in (ErrorCode.ARCHIVE_ADDRESS_INVALID, ErrorCode.ARCHIVE_UNREACHABLE)
+
+
+def test_sessions_are_selected_by_condition(archive: Archive, session_folder: MakeSession):
+    archive.push(session_folder("20261121-190041-aaaaaa", 1, label="Große Vase"))
+    archive.push(session_folder("20261121-190041-bbbbbb", 2, label="amphora"))
+    archive.push(session_folder("20261121-190041-cccccc", 3, label="vase 2", results=False))
+
+    def labels(condition: str) -> list[str]:
+        return sorted(row.object for row in archive.catalogue.sessions(where.parse(condition)))
+
+    assert labels("object ~ 'VASE'") == ["Große Vase", "vase 2"]
+    assert labels("object ~ 'große'") == ["Große Vase"]
+    assert labels("solver < '0.10' and sigma > 0") == ["Große Vase", "amphora"]
+    assert labels("solver is unknown or object = 'amphora'") == ["amphora", "vase 2"]
+    assert labels("not (object ~ 'vase')") == ["amphora"]
+    assert labels("captured >= '2026-11-21' and captured < '2026-11-22' and lights = 5") == [
+        "Große Vase", "amphora", "vase 2",
+    ]  # fmt: skip
+
+
+def test_archive_folder_can_be_moved(archive: Archive, session_folder: MakeSession, tmp_path: Path):
+    archive.push(session_folder())
+    archive.close()
+    shutil.move(archive.address, tmp_path / "moved")
+    moved = Archive(str(tmp_path / "moved"))
+    assert len(moved.catalogue.sessions()) == 1
+    assert moved.verify() == []
+    moved.close()

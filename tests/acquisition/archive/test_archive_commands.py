@@ -1,0 +1,102 @@
+"""`lightpose archive …` as a user calls it: push, list, show, verify, solve, export; bad input in a sentence."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from api.cli.commands import app
+
+MakeSession = Callable[..., Path]
+
+
+def call(*arguments: object, status: int = 0) -> str:
+    """Runs `lightpose archive …` and returns its output; what people read is on the error stream."""
+    result = CliRunner().invoke(app, ["archive", *map(str, arguments)])
+    assert result.exit_code == status, result.output
+    return result.output
+
+
+def figures(*arguments: object, status: int = 0) -> dict[str, Any]:
+    return json.loads(call(*arguments, "--json", status=status).splitlines()[-1])
+
+
+@pytest.fixture
+def filled(tmp_path: Path, session_folder: MakeSession) -> Path:
+    """An archive of two sessions."""
+    one = session_folder("20261121-190041-aaaaaa", 1)
+    two = session_folder("20261121-190041-bbbbbb", 2, label="amphora")
+    address = tmp_path / "objects"
+    assert figures("push", address, one, two)["new"] == 2
+    return address
+
+
+def test_push_data_folder_takes_its_ended_sessions(tmp_path: Path, session_folder: MakeSession):
+    (tmp_path / "rig.db").touch()
+    session_folder("sessions/20261121-190041-aaaaaa")
+    (tmp_path / "sessions" / "20261121-190041-running").mkdir()
+    assert figures("push", tmp_path / "objects", tmp_path)["new"] == 1
+
+
+def test_push_goes_on_after_a_damaged_session(tmp_path: Path, session_folder: MakeSession):
+    damaged, sound = session_folder("20261121-190041-aaaaaa", 1), session_folder("20261121-190041-bbbbbb", 2)
+    (damaged / "passes/0/shots/1.tiff").write_bytes(b"")
+    pushed = figures("push", tmp_path / "objects", damaged, sound, status=1)
+    assert pushed["new"] == 1
+    assert list(pushed["refused"]) == [str(damaged)]
+
+
+def test_list_and_show_find_by_condition_and_name(filled: Path):
+    listed = figures("list", filled, "--where", "object ~ 'amph' and solver < '99'")["sessions"]
+    shown = figures("show", filled, listed[0]["key"][:10])
+    assert [row["object"] for row in listed] == ["amphora"]
+    assert shown["session"]["session_id"] == "20261121-190041-bbbbbb"
+    assert len(shown["results"]) == 2
+
+
+def test_verify_damaged_archive_ends_with_status_one(filled: Path):
+    assert figures("verify", filled)["faults"] == []
+    damaged = next(path for path in sorted((filled / "objects").rglob("*")) if path.is_file())
+    damaged.write_bytes(b"rot")
+    faults = figures("verify", filled, status=1)["faults"]
+    assert [fault["what"] for fault in faults] == ["damaged"]
+
+
+def test_export_writes_a_folder(filled: Path, tmp_path: Path):
+    call("export", filled, "20261121-190041-a", "--out", tmp_path / "out")
+    assert (tmp_path / "out" / "recipe.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["list", "ARCHIVE", "--where", "object ="], "archive.query_invalid"),
+        (["list", "NOWHERE"], "holds no archive"),
+        (["show", "ARCHIVE", "zzz"], "archive.not_found"),
+        (["list", "ARCHIVE", "--catalogue", "postgresql://127.0.0.1:9/x"], "archive.unreachable"),
+        (["list", "s3//bucket"], "archive.address_invalid"),
+        (["solve", "ARCHIVE", "--settings", "NOWHERE", "--local", "1"], "request.invalid"),
+        (["solve", "ARCHIVE", "--scheduler", "tcp://127.0.0.1:9", "--settings", "OTHER"], "archive.no_scheduler"),
+    ],
+)
+def test_bad_input_is_named_in_a_sentence(filled: Path, tmp_path: Path, arguments: list[str], complaint: str):
+    other = tmp_path / "other.json"
+    other.write_text('{"depth_rounds": 1}')
+    places = {"ARCHIVE": str(filled), "NOWHERE": str(tmp_path / "nowhere"), "OTHER": str(other)}
+    assert complaint in call(*(places.get(argument, argument) for argument in arguments), status=2)
+
+
+@pytest.mark.long
+def test_solve_by_local_processes_then_again_keeps(filled: Path, tmp_path: Path):
+    settings = tmp_path / "settings.json"
+    settings.write_text('{"depth_rounds": 1}')
+    more = ("--settings", settings, "--local", 2, "--report", tmp_path / "moved.html")
+    first = figures("solve", filled, *more)
+    again = figures("solve", filled, *more)
+    assert (first["solved"], first["kept"], first["failed"]) == (2, 0, 0)
+    assert (again["solved"], again["kept"], again["failed"]) == (0, 2, 0)
+    assert len(first["moved"]) == 2
+    assert "amphora" in (tmp_path / "moved.html").read_text() or again["moved"] == []
