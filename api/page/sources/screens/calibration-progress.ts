@@ -1,10 +1,11 @@
 /** A calibration session: the next view as a picture, what the camera sees, accuracy found and wished, residuals, what next. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
-import { JournalController, live, LiveController } from "../connection/live";
+import { live, LiveController } from "../connection/live";
 import { all, get, Refusal } from "../connection/requests";
 import type { Estimate, Pass, PassSummary, PlannedViews, Session } from "../connection/schemas";
 import { scene } from "../connection/scene";
+import { SessionReading } from "../connection/session-reading";
 import { domeOf, type Dome } from "../drawing/dome-geometry";
 import "../drawing/dome-plot";
 import "../parts/calibration-sets";
@@ -13,7 +14,8 @@ import { listTable } from "../parts/list-table";
 import { plannedView } from "../parts/planned-view";
 import "../parts/target-preview";
 import "../parts/tool-statement";
-import { duration, number, t, tOr, type Word } from "../words/language";
+import { duration, number, t, tOr } from "../words/language";
+import { imageName, stageName } from "../words/names";
 
 const STAGES = ["plan", "waypoints", "capture", "estimate"] as const;
 /** What an accuracy on order is compared with. */
@@ -21,58 +23,44 @@ const FOUND: Record<string, string> = { target_px: "projection_sigma_px", target
 /** Files of an estimate that hold no residuals. */
 const OTHER_FILES = new Set(["summary.json", "calibration.json", "corners.json", "manifest.json"]);
 /** Facts of an image that are no figure to be read. */
-const HIDDEN = new Set(["image", "sha256", "why_not"]);
+const HIDDEN = new Set(["image", "sha256", "why_not", "lamp"]);
 
 type Residual = Record<string, string | number | null>;
+
+interface Found {
+  planned: PlannedViews | null;
+  /** The pass that is under way, of a kind whose views are lights on the dome. */
+  pass: Pass | null;
+  dome: Dome | null;
+  estimate: Estimate | null;
+  residuals: Residual[];
+}
+
+const NOTHING: Found = { planned: null, pass: null, dome: null, estimate: null, residuals: [] };
 
 @customElement("calibration-progress")
 export class CalibrationProgress extends PageElement {
   @property({ attribute: false }) session!: Session;
-  @state() private planned: PlannedViews | null = null;
-  /** The pass that is under way, of a kind whose views are lights on the dome. */
-  @state() private pass: Pass | null = null;
-  @state() private dome: Dome | null = null;
-  @state() private estimate: Estimate | null = null;
-  @state() private residuals: Residual[] = [];
-  private read = "";
-  private reading = false;
-  private again = false;
+  @state() private found: Found = NOTHING;
   protected readonly watching = new LiveController(this);
-  protected readonly hearing = new JournalController(this, ({ type, session_id }) => {
-    if (session_id === this.session.id && /^(shot|shots|plan|waypoints|estimate)\./.test(type)) void this.load();
-  });
+  protected readonly reading = new SessionReading(
+    this,
+    /^(shot|shots|plan|waypoints|estimate)\./,
+    (address) => this.read(address),
+    (found) => (this.found = found ?? NOTHING),
+  );
 
-  override willUpdate(): void {
-    if (this.read === this.session.id) return;
-    this.read = this.session.id;
-    this.planned = this.estimate = this.pass = null;
-    this.residuals = [];
-    void this.load();
-  }
-
-  private async load(): Promise<void> {
-    if (this.reading) {
-      this.again = true;
-      return;
-    }
-    this.reading = true;
-    const address = `/v1/sessions/${this.session.id}`;
-    try {
-      const passes = await all<PassSummary>(`${address}/passes`);
-      const pass = passes.filter((one) => one.lights > 0).at(-1);
-      this.planned = pass ? await viewsOf(`${address}/passes/${pass.number}/views`) : null;
-      this.pass = pass && !this.planned ? await get<Pass>(`${address}/passes/${pass.number}`) : null;
-      if (this.pass) this.dome = domeOf(await scene());
-      const estimate = (await all<Estimate>(`${address}/estimates`)).at(-1) ?? null;
-      if (estimate && estimate.created !== this.estimate?.created) this.residuals = await residualsOf(estimate);
-      this.estimate = estimate;
-    } catch {
-      setTimeout(() => this.isConnected && void this.load(), 2_000); // the bar tells the age of the connection
-    }
-    this.reading = false;
-    if (!this.again) return;
-    this.again = false;
-    void this.load();
+  private async read(address: string): Promise<Found> {
+    const before = this.found;
+    const passes = await all<PassSummary>(`${address}/passes`);
+    const last = passes.filter((one) => one.lights > 0).at(-1);
+    const planned = last ? await viewsOf(`${address}/passes/${last.number}/views`) : null;
+    const pass = last && !planned ? await get<Pass>(`${address}/passes/${last.number}`) : null;
+    const dome = pass ? domeOf(await scene()) : null;
+    const estimate = (await all<Estimate>(`${address}/estimates`)).at(-1) ?? null;
+    const same = estimate?.created === before.estimate?.created;
+    const residuals = same ? before.residuals : estimate ? await residualsOf(estimate) : [];
+    return { planned, pass, dome, estimate, residuals };
   }
 
   override render() {
@@ -82,7 +70,7 @@ export class CalibrationProgress extends PageElement {
         ${STAGES.map(
           (stage) =>
             html`<li aria-current=${running && session.stage === stage ? "step" : nothing}>
-              ${t(stage === "plan" ? "stage.views" : (`stage.${stage}` as Word))}
+              ${stageName(session, stage)}
             </li>`,
         )}
       </ol>
@@ -90,7 +78,8 @@ export class CalibrationProgress extends PageElement {
   }
 
   private figures() {
-    const { session, estimate } = this;
+    const { session } = this;
+    const { estimate } = this.found;
     const summary = (estimate?.summary ?? {}) as Record<string, unknown>;
     const recipe = session.recipe as unknown as Record<string, unknown>;
     const wished = Object.keys(FOUND).filter((name) => recipe[name] != null);
@@ -113,12 +102,12 @@ export class CalibrationProgress extends PageElement {
   }
 
   private eyes() {
-    const { planned } = this;
+    const { planned, pass } = this.found;
     const next = planned?.views.find((one) => one.number === planned.next);
     return html`<div class="split">
       <section class="card" aria-labelledby="next-view">
-        <h2 id="next-view">${t("view.next")}</h2>
-        ${planned && next ? plannedView(planned, next) : this.pass ? this.lights(this.pass) : html`<p>${t("view.none")}</p>`}
+        <h2 id="next-view">${t(pass ? "plan.lights" : "view.next")}</h2>
+        ${planned && next ? plannedView(planned, next) : pass ? this.lights(pass) : html`<p>${t("view.none")}</p>`}
       </section>
       <section class="card" aria-labelledby="seen">
         <h2 id="seen">${t("view.seen")}</h2>
@@ -130,7 +119,7 @@ export class CalibrationProgress extends PageElement {
   private lights({ plan, shots }: Pass) {
     const taken = new Set(shots.map(({ shot }) => shot.light_number));
     return html`<dome-plot
-      .dome=${this.dome}
+      .dome=${this.found.dome}
       .lights=${plan.lights.map(({ position }, index) => ({
         position,
         label: String(index + 1),
@@ -141,7 +130,7 @@ export class CalibrationProgress extends PageElement {
 
   /** What to do now that it has ended. */
   private next() {
-    const summary = this.estimate?.summary;
+    const summary = this.found.estimate?.summary;
     if (!summary?.estimated) return html`<p class="notice warning">${t("next.nothing")}</p>`;
     const wished = Object.keys(FOUND).some((name) => (this.session.recipe as unknown as Values)[name] != null);
     const advice = (summary.advice ?? []).filter((one) => !one.includes("/v1/"));
@@ -161,37 +150,45 @@ export class CalibrationProgress extends PageElement {
   }
 
   private table() {
-    const columns = [...new Set(this.residuals.flatMap((one) => Object.keys(one)))].filter((name) => !HIDDEN.has(name));
-    if (this.residuals.length === 0) return nothing;
+    const { residuals } = this.found;
+    const columns = [...new Set(residuals.flatMap((one) => Object.keys(one)))].filter((name) => !HIDDEN.has(name));
+    if (residuals.length === 0) return nothing;
     return html`<h2>${t("residuals.title")}</h2>
       <p>${t("residuals.why")}</p>
       ${listTable(
         t("residuals.title"),
         [t("residuals.image"), ...columns.map((name) => tOr(`residual.${name}`, name))],
-        this.residuals.map(
+        residuals.map(
           (one) =>
             html`<tr data-view=${one["image"]}>
-              <td>${imageName(String(one["image"]))}</td>
+              <td>${this.imageOf(String(one["image"]))}</td>
               ${columns.map((name) => html`<td>${cell(one[name]) ?? one["why_not"] ?? t("residuals.unseen")}</td>`)}
             </tr>`,
         ),
       )}`;
   }
+
+  /** An image's pass and number in words. */
+  private imageOf(path: string): string {
+    const [, pass, image] = /^passes\/(\d+)\/shots\/(\d+)/.exec(path) ?? [];
+    return image ? `${t("progress.pass", { number: pass! })}, ${imageName(this.session, Number(image))}` : path;
+  }
 }
 
 type Values = Record<string, unknown>;
+
+/** What the files of an estimate tell of single images, or of the images of one exposure time. */
+interface Residuals {
+  views?: Residual[];
+  images?: Residual[];
+  exposures?: (Residual & { exposure_s: number })[];
+}
 
 function figure(name: string, value: string, id = "") {
   return html`<div>
     <dt>${name}</dt>
     <dd data-figure=${id || nothing}>${value}</dd>
   </div>`;
-}
-
-/** An image's pass and number in words. */
-function imageName(path: string): string {
-  const [, pass, image] = /^passes\/(\d+)\/shots\/(\d+)/.exec(path) ?? [];
-  return image ? `${t("progress.pass", { number: pass! })}, ${t("view.name", { number: Number(image) + 1 })}` : path;
 }
 
 function cell(value: string | number | null | undefined): string | null {
@@ -214,6 +211,7 @@ async function residualsOf({ artefacts }: Estimate): Promise<Residual[]> {
   const files = artefacts.filter(({ name }) => name.endsWith(".json") && !OTHER_FILES.has(name));
   const file = files.find(({ name }) => name !== "camera.json") ?? files[0];
   if (!file) return [];
-  const values = await get<{ views?: Residual[]; images?: Residual[] }>(file.href);
-  return values.views ?? values.images ?? [];
+  const { views, images, exposures } = await get<Residuals>(file.href);
+  const times = exposures?.map(({ exposure_s, ...rest }) => ({ image: `${number(1e3 * exposure_s, 2)} ms`, ...rest }));
+  return views ?? times ?? images ?? [];
 }

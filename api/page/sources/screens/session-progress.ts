@@ -1,12 +1,14 @@
 /** A session as it goes: stages, time left, images as they come, what happened in words. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
-import { JournalController, live, LiveController } from "../connection/live";
+import { live, LiveController } from "../connection/live";
 import { all, get } from "../connection/requests";
 import type { JournalEvent, Pass, PassSummary, Session, Shot } from "../connection/schemas";
+import { SessionReading } from "../connection/session-reading";
 import { PageElement } from "../parts/element";
 import "../parts/api-picture";
 import { clock, duration, number, percent, t, tOr, type Word } from "../words/language";
+import { imageName, stageName } from "../words/names";
 
 const STAGES = ["pilot", "waypoints", "capture", "normals", "plan"] as const;
 /** Of a session that calibrates. */
@@ -15,46 +17,23 @@ const CALIBRATION_STAGES = ["plan", "waypoints", "capture", "estimate"] as const
 const CLIPPED_SHARE = 0.005;
 /** Events that are shown, newest first. */
 const SHOWN_EVENTS = 60;
+/** Events that tell what stands above them anyway. */
+const UNTOLD = new Set(["session.progress"]);
 
 @customElement("session-progress")
 export class SessionProgress extends PageElement {
   @property({ attribute: false }) session!: Session;
   @state() private passes: Pass[] = [];
-  private read = "";
-  private reading = false;
-  private again = false;
   protected readonly watching = new LiveController(this);
-  protected readonly hearing = new JournalController(this, ({ type, session_id }) => {
-    if (session_id === this.session.id && /^(shot|shots|plan|waypoints|normals)\./.test(type)) void this.load();
-  });
-
-  override willUpdate(): void {
-    if (this.read === this.session.id) return;
-    this.read = this.session.id;
-    this.passes = [];
-    void this.load();
-  }
-
-  private async load(): Promise<void> {
-    if (this.reading) {
-      this.again = true;
-      return;
-    }
-    this.reading = true;
-    try {
-      const summaries = await all<PassSummary>(`/v1/sessions/${this.session.id}/passes`);
-      this.passes = await Promise.all(
-        summaries.map(({ number: one }) => get<Pass>(`/v1/sessions/${this.session.id}/passes/${one}`)),
-      );
-    } catch {
-      setTimeout(() => this.isConnected && void this.load(), 2_000); // the bar tells the age of the connection
-    }
-    this.reading = false;
-    if (this.again) {
-      this.again = false;
-      void this.load();
-    }
-  }
+  protected readonly reading = new SessionReading(
+    this,
+    /^(shot|shots|plan|waypoints|normals)\./,
+    async (address) => {
+      const summaries = await all<PassSummary>(`${address}/passes`);
+      return Promise.all(summaries.map(({ number: one }) => get<Pass>(`${address}/passes/${one}`)));
+    },
+    (passes) => (this.passes = passes ?? []),
+  );
 
   override render() {
     const { session } = this;
@@ -66,7 +45,7 @@ export class SessionProgress extends PageElement {
               aria-current=${session.state === "running" && session.stage === stage ? "step" : nothing}
               class=${session.stage === stage ? "now" : ""}
             >
-              ${t(`stage.${stage}` as Word)}
+              ${stageName(session, stage)}
             </li>`,
         )}
       </ol>
@@ -118,7 +97,7 @@ export class SessionProgress extends PageElement {
   private words(shot: Shot): { name: string; warnings: string[] } {
     const name =
       shot.kind === "light"
-        ? t("progress.light", { number: (shot.light_number ?? 0) + 1 })
+        ? imageName(this.session, shot.light_number ?? 0)
         : t(shot.kind === "dark" ? "progress.dark" : "progress.repeat");
     const warnings: string[] = [];
     if (shot.attempt > 0) warnings.push(t("progress.retaken", { count: shot.attempt }));
@@ -129,7 +108,10 @@ export class SessionProgress extends PageElement {
   }
 
   private events() {
-    const events = live.events.filter((event) => event.session_id === this.session.id || event.session_id === null);
+    const { id } = this.session;
+    const events = live.events.filter(
+      ({ session_id, type }) => (session_id === id || session_id === null) && !UNTOLD.has(type),
+    );
     if (events.length === 0) return html`<p class="caption">${t("progress.nothing_yet")}</p>`;
     return html`<ol class="events" reversed tabindex="0" aria-label=${t("progress.happened")}>
       ${events
@@ -140,15 +122,15 @@ export class SessionProgress extends PageElement {
   }
 
   private said({ type, body }: JournalEvent): string {
-    const word = `event.${type}`;
+    const { session } = this;
     if (type === "session.state") return `${t(`state.${String(body["state"])}` as Word)} (${String(body["by"] ?? "")})`;
-    if (type === "session.stage") return t(`stage.${String(body["stage"])}` as Word);
+    if (type === "session.stage") return stageName(session, String(body["stage"]));
     if (type === "shot.captured") {
-      const light = t("progress.light", { number: Number(body["light_number"]) + 1 });
-      const what = { dark: t("progress.dark"), reference: t("progress.repeat") }[String(body["kind"])] ?? light;
-      return `${t("event.shot.captured")}: ${what}`;
+      const what = { dark: t("progress.dark"), reference: t("progress.repeat") }[String(body["kind"])];
+      return `${t("event.shot.captured")}: ${what ?? imageName(session, Number(body["light_number"]))}`;
     }
+    const calibrates = session.recipe.kind !== "capture" && tOr(`event.calibration.${type}`, "");
     const reason = body["reason"] ?? body["detail"] ?? body["outcome"];
-    return `${tOr(word, type)}${reason ? `: ${String(reason)}` : ""}`;
+    return `${calibrates || tOr(`event.${type}`, type)}${reason ? `: ${String(reason)}` : ""}`;
   }
 }
