@@ -1,4 +1,4 @@
-"""Planning service: the dry run of a recipe, forecasts for lights of a person's own, and their acceptance as a plan.
+"""Planning service: dry runs of recipes, forecasts for lights of a person's own, and their acceptance as a plan.
 
 Nothing moves. Plans are made by the same jobs in the compute process as those of a session. Dry runs and forecasts have
 lower priority: the jobs of a session preempt them.
@@ -8,17 +8,20 @@ import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from acquisition import session
 from acquisition.devices import Rig
+from acquisition.formats.frames import FolderFrames
 from acquisition.models.base import Vector3
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_recipe import require_capture
+from acquisition.models.calibration_recipe import BoardRecipe, require_capture
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_forecast import ForecastInput, LightForecast
 from acquisition.models.light_plan import LightPlan, PriorForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
+from acquisition.models.shot import Observations
 from acquisition.models.step import AwaitReview, AwaitTarget, Step
 from acquisition.runner import re_solve
 from acquisition.runner.compute import Compute, Preempted
@@ -27,6 +30,7 @@ from acquisition.runner.step_executor import StepExecutor
 from acquisition.session import State
 from acquisition.store import Store
 from acquisition.store.folder import write_value
+from acquisition.waypoints import mounted_tool
 
 ASSUMED_EXPOSURE_S = 0.1
 """Assumed time, s, of an image whose exposure time is automatic, with readout and checks."""
@@ -75,10 +79,7 @@ class PlanningService:
 
         Raises RigError rig.busy while a session works, plan.infeasible, waypoints.unreachable, waypoints.collision.
         """
-        busy = RigError(ErrorCode.RIG_BUSY, "A dry run is made when no session works: ask again later")
-        holder = self._store.journal.holder()
-        if holder is not None and holder.state not in (State.PAUSED, State.INTERRUPTED):
-            raise busy
+        self._require_idle()
         arm, cell = self._rig.arm.reading, self._rig.cell
         start = arm.joints if arm.connected else cell.arm.home
         known = (cell, self._calibration)
@@ -92,9 +93,26 @@ class PlanningService:
                 preemptible=True,
             )  # fmt: skip
         except Preempted as error:
-            raise busy from error
+            raise _busy() from error
         stop_s = cell.arm.settle_s + cell.lamp.rise_s + (recipe.exposure.seconds or ASSUMED_EXPOSURE_S)
         return DryRun(plan, route, route.seconds + stop_s * (len(plan.lights) + 1), forecast)
+
+    def first_views(self, recipe: BoardRecipe) -> tuple[LightPlan, Calibration]:
+        """The poses of a calibration's first pass, and the calibration in use, by which they are planned.
+
+        The board need not be on the flange yet. Raises RigError rig.busy while a session works, config.invalid without
+        a board, waypoints.unreachable, calibration.infeasible.
+        """
+        self._require_idle()
+        mounted_tool.require_board(self._rig.cell)
+        known, none_yet = self._calibration, Observations.of((), FolderFrames(Path()))
+        try:
+            plan: LightPlan = self._compute.run(
+                self._closing, "board_poses", recipe, self._rig.cell, known, none_yet, None, preemptible=True
+            )
+        except Preempted as error:
+            raise _busy() from error
+        return plan, known
 
     def replace_plan(
         self, session_id: str, number: int, positions: Sequence[Vector3], actor: str
@@ -163,6 +181,12 @@ class PlanningService:
         if isinstance(step, AwaitReview | AwaitTarget):
             self._store.journal.approve(session_id, step.pass_number, actor)
 
+    def _require_idle(self) -> None:
+        """Raises RigError rig.busy while a session works."""
+        holder = self._store.journal.holder()
+        if holder is not None and holder.state not in (State.PAUSED, State.INTERRUPTED):
+            raise _busy()
+
     def _require_review(self, session_id: str, number: int) -> None:
         """Raises RigError session.action_not_allowed unless the session waits for the review of this pass's plan."""
         row, step = self._store.journal.session(session_id), self._next_step(session_id)
@@ -177,3 +201,7 @@ class PlanningService:
     def _next_step(self, session_id: str) -> Step | None:
         home = self._rig.cell.arm.home
         return session.next_step(self._store.record(session_id), home, home)
+
+
+def _busy() -> RigError:
+    return RigError(ErrorCode.RIG_BUSY, "A dry run is made when no session works: ask again later")

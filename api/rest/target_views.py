@@ -4,12 +4,16 @@ Both are given as coordinates, not as drawings: a page lays them over the pictur
 for its own readers, and a script compares them.
 """
 
+import anyio.to_thread
 from fastapi import APIRouter, Request, Response
 from pydantic import Field
 
 from acquisition.calibrate import board_view
 from acquisition.calibrate.board_view import ExpectedView, Pixel
 from acquisition.models import cell_config
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import BoardRecipe
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.waypoints import mounted_tool
@@ -104,7 +108,7 @@ def planned_views(service: ServiceOf, session_id: SessionId, number: Number) -> 
     estimate = next((one for one in range(number - 1, -1, -1) if _calibrates(service, session_id, one)), None)
     known = folder if estimate is None else folder / f"estimates/{estimate}"
     calibration = cell_config.load_calibration(known / "calibration.json")
-    cell = cell_config.CellConfig.model_validate_json(stored_files.read_bytes(folder / "cell.json"))
+    cell = CellConfig.model_validate_json(stored_files.read_bytes(folder / "cell.json"))
     shots = [shot for shot in service.store.journal.shots(session_id) if shot.key.pass_number == number]
     taken = {shot.light_number for shot in shots if shot.kind == "light"}
     route = stored_files.newest(service, session_id, "route", number)
@@ -114,20 +118,56 @@ def planned_views(service: ServiceOf, session_id: SessionId, number: Number) -> 
         height_px=calibration.height,
         estimate=estimate,
         next=next((view for view in order if view not in taken), None),
-        views=[
-            PlannedView(
-                number=view,
-                reason=reason,
-                taken=view in taken,
-                view=board_view.expected(joints, cell, calibration),
-            )
-            for view, (joints, reason) in enumerate(zip(plan.joints or [], plan.reasons, strict=False))
-        ],
+        views=_views(plan, cell, calibration, taken),
         links={
             "pass": f"/v1/sessions/{session_id}/passes/{number}",
             "session": f"/v1/sessions/{session_id}",
         },
     )
+
+
+@router.post(
+    "/v1/dry-runs/views",
+    tags=["sessions"],
+    responses=problems.responses_of(
+        *problems.BODY_CODES,
+        ErrorCode.RIG_BUSY,
+        ErrorCode.CONFIG_INVALID,
+        ErrorCode.WAYPOINTS_UNREACHABLE,
+        ErrorCode.CALIBRATION_INFEASIBLE,
+        ErrorCode.SESSION_STEP_FAILED,
+        ErrorCode.COMPUTE_LOST,
+    ),
+)
+async def foreseen_views(service: ServiceOf, recipe: BoardRecipe) -> PlannedViews:
+    """Where the board will be in the first images of a calibration session, before there is one. Nothing moves.
+
+    By the calibration in use; the board need not be on the flange yet. A session of the same recipe plans the same
+    views as long as that calibration is in use, in an order that follows from where the arm stands.
+    """
+    plan, calibration = await anyio.to_thread.run_sync(
+        service.runner.planning.first_views, recipe, limiter=service.limits.reach
+    )
+    return PlannedViews(
+        width_px=calibration.width,
+        height_px=calibration.height,
+        estimate=None,
+        next=None,
+        views=_views(plan, service.cell, calibration, taken=set()),
+        links={"calibration": "/v1/rig/calibration"},
+    )
+
+
+def _views(plan: LightPlan, cell: CellConfig, calibration: Calibration, taken: set[int | None]) -> list[PlannedView]:
+    return [
+        PlannedView(
+            number=view,
+            reason=reason,
+            taken=view in taken,
+            view=board_view.expected(joints, cell, calibration),
+        )
+        for view, (joints, reason) in enumerate(zip(plan.joints or [], plan.reasons, strict=False))
+    ]
 
 
 def _calibrates(service: Service, session_id: str, number: int) -> bool:

@@ -1,5 +1,6 @@
 """The calibration screen: a hand-eye calibration by clicks to its activation; and without findings of axe-core."""
 
+import re
 from collections.abc import Callable, Generator
 
 import numpy as np
@@ -114,6 +115,9 @@ def test_page_hand_eye_by_clicks_is_activated(wizard: Callable[[Role], Page], bo
     expect(page.locator(".fingerprint")).to_have_text(before.fingerprint)
     page.goto(f"{board_lab.url}/#/sessions/{session.id}/images")
     expect(page.locator("#image-count")).to_have_text("12")
+    expect(page.locator(".images figcaption", has_text="View 8")).to_have_count(1)
+    expect(page.locator(".images figcaption", has_text="Light")).to_have_count(0)
+    expect(page.locator(".stages")).to_contain_text("planning views")
 
 
 def test_page_wizard_is_accessible_narrow_and_worked_by_keys(wizard: Callable[[Role], Page], board_lab: Lab) -> None:
@@ -135,6 +139,18 @@ def test_page_wizard_is_accessible_narrow_and_worked_by_keys(wizard: Callable[[R
     page.keyboard.press("Enter")
     expect(page.locator("#tool")).to_have_attribute("data-tool", "board")
     board_lab.client.state_tool("lamp")
+
+
+def test_page_wizard_shows_first_views_before_anything_moves(wizard: Callable[[Role], Page], board_lab: Lab) -> None:
+    page, before = wizard(Role.OPERATOR), board_lab.joints()
+    page.locator("#show-views").click()
+    page.locator("first-views svg polygon").nth(7).wait_for(timeout=WITHIN_MS)
+    assert contrast(page.locator("first-views svg")) > 5
+    expect(page.locator("first-views svg")).to_have_attribute("aria-label", re.compile(r"View 8: \d+ mm away"))
+    assert np.abs(board_lab.joints() - before).max() < 1e-3
+    page.get_by_label("At most so many images").fill("30")
+    expect(page.locator("first-views svg")).to_have_count(0)  # other views may be planned for it
+    expect(page.locator("#show-views")).to_be_enabled()
 
 
 def test_page_viewer_sees_calibration_and_changes_nothing(wizard: Callable[[Role], Page]) -> None:

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from acquisition.calibrate import board_view, charuco
+from acquisition.formats.frames import FolderFrames
 from acquisition.models.calibration_check import CheckResult, PartTest
+from acquisition.models.calibration_recipe import BoardRecipe
 from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.light_plan import Light, LightPlan
-from acquisition.models.shot import FrameQuality, Shot, ShotKey
+from acquisition.models.shot import FrameQuality, Observations, Shot, ShotKey
 from acquisition.runner import calibration_checks
+from acquisition.runner.board_jobs import board_poses
 from acquisition.session import Trigger
 from acquisition.store.folder import write_frame, write_manifest, write_value
 from acquisition.waypoints import mounted_tool
@@ -103,6 +106,33 @@ def test_planned_views_show_next_board_where_arm_holds_it(own: Running) -> None:
     assert planned["estimate"] is None
     assert [(one["reason"], one["taken"]) for one in planned["views"]] == [("first", False), ("second", True)]
     assert planned["views"][0]["view"] == expected.model_dump(mode="json")
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1_200)
+def test_foreseen_views_are_those_that_a_session_plans(own: Running) -> None:
+    recipe = {"kind": "hand-eye", "max_images": 12}
+    foreseen = own.http.post("/v1/dry-runs/views", json=recipe, timeout=600)
+    assert foreseen.status_code == 200, foreseen.text
+    views = foreseen.json()["views"]
+    assert [one["number"] for one in views] == list(range(8))
+    assert all(one["view"]["corners"] == len(one["view"]["corners_px"]) for one in views[:4])  # wholly in the image
+    plan = board_poses(
+        BoardRecipe(kind="hand-eye", max_images=12),
+        own.service.cell,
+        own.service.calibration,
+        Observations.of((), FolderFrames(Path())),
+        None,
+    )
+    expected = [board_view.expected(joints, own.service.cell, own.service.calibration) for joints in plan.joints or []]
+    assert [one["view"] for one in views] == [one.model_dump(mode="json") for one in expected if one is not None]
+    assert own.http.get("/v1/sessions").json()["items"] == []
+
+
+def test_foreseen_views_of_other_recipe_are_refused_by_name(own: Running) -> None:
+    refused = own.http.post("/v1/dry-runs/views", json={"kind": "lamp"})
+    assert refused.status_code == 422
+    assert "kind" in {one["field"] for one in refused.json()["errors"]}
 
 
 def test_estimates_are_listed_with_their_files(own: Running) -> None:

@@ -3,15 +3,17 @@ import { html, svg, type TemplateResult } from "lit";
 import type { PlannedViews } from "../connection/schemas";
 import { number, t } from "../words/language";
 
+type View = NonNullable<PlannedViews["views"][number]["view"]>;
+
 export function plannedView(
   { width_px, height_px }: PlannedViews,
   planned: PlannedViews["views"][number],
 ): TemplateResult {
   const name = t("view.name", { number: planned.number + 1 });
   if (!planned.view) return html`<p>${name}: ${planned.reason}</p>`;
-  const { outline_px: outline, corners_px: corners, distance_m, tilt_deg } = planned.view;
+  const { outline_px: outline, corners_px: corners } = planned.view;
   const radius = width_px / 150;
-  const where = t("view.where", { distance: number(1e3 * distance_m, 0), tilt: number(tilt_deg, 0) });
+  const where = whereOf(planned.view);
   return html`<figure>
     <svg class="view" viewBox=${`0 0 ${width_px} ${height_px}`} role="img" aria-label=${`${name}: ${where}`}>
       ${svg`<polygon points=${outline.map((one) => one.join(",")).join(" ")}></polygon>
@@ -20,6 +22,10 @@ export function plannedView(
     </svg>
     <figcaption><b>${name}</b>: ${where}. ${reasonOf(planned.reason)}</figcaption>
   </figure>`;
+}
+
+export function whereOf({ distance_m, tilt_deg }: View): string {
+  return t("view.where", { distance: number(1e3 * distance_m, 0), tilt: number(tilt_deg, 0) });
 }
 
 /** Why a view was chosen: what is left after it, in the page's language. */

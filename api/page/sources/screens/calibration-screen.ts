@@ -15,6 +15,7 @@ import "../parts/calibration-sets";
 import "../parts/calibration-values";
 import { PageElement } from "../parts/element";
 import { saidOf } from "../parts/problem";
+import "../parts/first-views";
 import "../parts/target-preview";
 import "../parts/tool-statement";
 import "../recipe/recipe-form";
@@ -136,6 +137,11 @@ export class CalibrationScreen extends PageElement {
         >
           <h2 id="wizard-go">4. ${t("wizard.go")}</h2>
           <p>${t("wizard.go.why")}</p>
+          ${
+            kind.tool === "board" && live.mayOperate
+              ? html`<first-views .recipe=${this.recipe()}></first-views>`
+              : nothing
+          }
           <recipe-form
             .fields=${this.fields}
             .values=${this.values}
@@ -160,13 +166,19 @@ export class CalibrationScreen extends PageElement {
     return Object.fromEntries((this.failed.problem.errors ?? []).map(({ field, message }) => [field, message]));
   }
 
+  /** The values without what is empty: the service's own defaults stand then. */
+  private recipe(): Values {
+    return Object.fromEntries(Object.entries(this.values).filter(([, value]) => value !== null));
+  }
+
   private async start(event: Event): Promise<void> {
     event.preventDefault();
     this.starting = true;
     this.failed = null;
     try {
-      const recipe = Object.fromEntries(Object.entries(this.values).filter(([, value]) => value !== null));
-      const session = await post<Session>("/v1/sessions", recipe, { headers: { "Idempotency-Key": randomName() } });
+      const session = await post<Session>("/v1/sessions", this.recipe(), {
+        headers: { "Idempotency-Key": randomName() },
+      });
       live.learn(session);
       location.hash = `#/sessions/${session.id}`;
       await act(session.id, "start");

@@ -538,6 +538,9 @@ export const de: Record<keyof typeof en, string> = {
   "target.found": "Tafel gefunden: {found} von {all} Ecken.",
   "target.missing": "Keine Tafel gefunden:",
   "view.next": "Nächste Ansicht",
+  "views.show": "Die ersten Ansichten zeigen",
+  "views.first":
+    "Wo die Tafel in den ersten Bildern sein wird, nach der Kalibrierung in Gebrauch. Der Arm nimmt sie in der Reihenfolge des kürzesten Weges.",
   "view.none": "Im Augenblick ist keine geplant.",
   "view.name": "Ansicht {number}",
   "view.where": "{distance} mm entfernt, um {tilt}° geneigt",

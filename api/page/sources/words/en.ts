@@ -544,6 +544,9 @@ export const en = {
   "target.found": "Target found: {found} of {all} corners.",
   "target.missing": "No target found:",
   "view.next": "Next view",
+  "views.show": "Show the first views",
+  "views.first":
+    "Where the board will be in the first images, by the calibration in use. The arm takes them in the order of the shortest way.",
   "view.none": "None is planned at the moment.",
   "view.name": "View {number}",
   "view.where": "{distance} mm away, tilted by {tilt}°",
