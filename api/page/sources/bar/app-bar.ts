@@ -5,7 +5,7 @@ import { live, LiveController } from "../connection/live";
 import { storeKey } from "../connection/credentials";
 import { PageElement } from "../parts/element";
 import { choose, clock, duration, language, percent, t, type Word } from "../words/language";
-import { sessionName } from "../words/names";
+import { sessionName, stageName } from "../words/names";
 import "./safety-notice";
 import "./stop-button";
 
@@ -59,7 +59,7 @@ export class AppBar extends PageElement {
     const name = sessionName(holder);
     const words = [`${name}: ${t(`state.${holder.state}` as Word)}`];
     if (holder.state === "running") {
-      words.push(t(`stage.${holder.stage}` as Word), percent(holder.progress));
+      words.push(stageName(holder, holder.stage), percent(holder.progress));
       if (holder.seconds_left !== null) words.push(t("bar.left", { time: duration(holder.seconds_left) }));
     }
     return words.join(" · ");
