@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from acquisition.models.recipe import Recipe
+from acquisition.models.recipe import Exposure, Recipe
 from acquisition.session import SAME_JOINTS_RAD, State
 from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient
@@ -82,7 +82,9 @@ def test_page_tells_time_left_then_compares_sessions(opened: Callable[..., Page]
     recipe = Recipe(pilot_lights=3, planned_lights=0)
     first = lab.start(recipe.model_copy(update={"label": "compared, first"}))
     wait_for(lab, first, State.COMPLETED)
-    second = lab.start(recipe.model_copy(update={"label": "compared, second"}))
+    usual_s = max(shot.shot.exposure_s for shot in lab.client.one_pass(first, 0).shots)
+    too_long = Exposure(seconds=3 * usual_s)
+    second = lab.start(recipe.model_copy(update={"label": "compared, second", "exposure": too_long}))
     page = opened(Role.OPERATOR, f"#/sessions/{second}")
     left = page.locator(".figures div", has_text="Time left").locator("dd")
     while lab.client.session(second).state is not State.COMPLETED:
@@ -93,12 +95,36 @@ def test_page_tells_time_left_then_compares_sessions(opened: Callable[..., Page]
         page.wait_for_timeout(100)
     assert text.split()[0].isdigit(), text
     wait_for(lab, second, State.COMPLETED)
-    expect(page.locator(".events")).to_contain_text("Image taken")
+    expect(page.locator(".events")).to_contain_text("Image taken: Light 3")
+    expect(page.locator(".events")).not_to_contain_text("session.")
+    expect(page.locator(".images .warns").first).to_contain_text("overexposed")
     page.get_by_role("link", name="Result").click()
+    expect(page.locator("result-view")).to_contain_text("Do the images fit the model?")
+    expect(page.locator("result-view")).to_contain_text("of the stated noise")
     page.locator("#compare-with").select_option(label="compared, first")
     page.locator("canvas[data-side='2']").wait_for()
     expect(page.locator("result-comparison")).to_contain_text("median")
     assert contrast(page.locator("canvas[data-side='2']")) > 2
+
+
+def test_page_safety_notice_tells_remedy_and_asks(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.OPERATOR, "#/rig")
+    page.keyboard.press("Escape")
+    page.locator("#stop-told.heard").wait_for()
+    expect(page.locator("#rig-state")).to_have_text("Stopped: the cell must be inspected")
+    notice = page.get_by_role("region", name="A safety stop must be acknowledged")
+    expect(notice).to_contain_text("The cell was stopped by the software's stop")
+    expect(notice).to_contain_text("Inspect the cell, then acknowledge")
+    expect(page.locator(".checks li.bad")).to_contain_text("Safety: not in order")
+    expect(page.locator("rig-screen")).to_contain_text("What to do")
+    notice.get_by_role("button", name="Acknowledge …").click()
+    confirm = notice.get_by_role("button", name="Acknowledge the stop")
+    expect(confirm).to_be_disabled()
+    assert not lab.client.safety().clear
+    notice.get_by_role("checkbox").check()
+    confirm.click()
+    expect(notice).to_have_count(0)
+    assert lab.client.safety().clear
 
 
 def test_page_parks_arm_and_jog_ends_with_focus(opened: Callable[..., Page], lab: Lab) -> None:

@@ -46,6 +46,18 @@ def test_page_cell_follows_moving_arm(opened: Callable[..., Page], lab: Lab) -> 
         page.keyboard.press("ArrowLeft")
     page.wait_for_timeout(500)
     assert np.abs(pixels(canvas).astype(float) - stopped).mean() > 1
+    numbered = pixels(canvas).astype(float)
+    page.get_by_label("Numbers").uncheck()
+    page.wait_for_timeout(500)
+    assert np.mean(np.abs(pixels(canvas).astype(float) - numbered) > 20) > 1e-4
+    page.locator("#cell").focus()
+    for _ in range(5):
+        page.keyboard.press("+")
+    page.wait_for_timeout(500)
+    near = pixels(canvas).astype(float)
+    page.get_by_role("button", name="Show everything").click()
+    page.wait_for_timeout(500)
+    assert np.abs(pixels(canvas).astype(float) - near).mean() > 1
     with page.expect_download() as downloading:
         page.get_by_role("button", name="Save the picture").click()
     assert downloading.value.suggested_filename == "cell.png"

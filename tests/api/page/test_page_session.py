@@ -1,5 +1,6 @@
 """A session by clicks: from sign-in over the reviewed plan to the download of the normals."""
 
+import re
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -114,6 +115,7 @@ def test_page_session_from_sign_in_to_download(
     page.get_by_role("button", name="Start", exact=True).click()
     resume_where_watchdog_stopped(page, "paused")
     expect(page.locator("#rig-state")).to_contain_text("coin, obverse: paused")
+    expect(page.locator("app-bar")).to_contain_text("In charge: operator")
     expect(page.locator("#image-count")).to_have_text("4")
     assert contrast(page.locator(".images img").first) > 5
 
@@ -122,6 +124,9 @@ def test_page_session_from_sign_in_to_download(
     sigma = page.locator("#sigma-forecast")
     sigma.wait_for()
     page.locator("#sigma-picture").wait_for()
+    lights = page.locator("plan-review tbody tr")
+    expect(lights).to_have_count(2)
+    expect(lights.first).to_contain_text(re.compile(r"σ would be [\d.]+% larger without it"))
     planned, before = sigma.inner_text(), page.locator("#sigma-picture").get_attribute("src")
     drag(page, 0, 60, 25)
     expect(sigma).not_to_have_text(planned)
