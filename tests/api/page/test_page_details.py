@@ -87,6 +87,7 @@ def test_page_tells_time_left_then_compares_sessions(opened: Callable[..., Page]
     second = lab.start(recipe.model_copy(update={"label": "compared, second", "exposure": too_long}))
     page = opened(Role.OPERATOR, f"#/sessions/{second}")
     left = page.locator(".figures div", has_text="Time left").locator("dd")
+    text = ""
     while lab.client.session(second).state is not State.COMPLETED:
         text = left.inner_text()
         if text.endswith((" s", " min")):
