@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 from pydantic import BaseModel
 
 from acquisition.calibrate.board_view import ExpectedView
+from acquisition.models.calibration_recipe import BoardRecipe
 from acquisition.models.calibration_result import CalibrationSummary
 from api.rest.calibration_sessions import CalibrationKindResource, EstimateResource
 from api.rest.schemas import ArtefactResource, Page
@@ -37,6 +38,7 @@ _ESTIMATE = EstimateResource(
     links={"session": _SESSION_PATH},
 )
 CALIBRATION_VALUES: tuple[BaseModel, ...] = (
+    BoardRecipe(kind="hand-eye", target_mm=0.3),
     _KIND,
     Page[CalibrationKindResource](items=[_KIND]),
     _ESTIMATE,

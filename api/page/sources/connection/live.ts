@@ -151,7 +151,7 @@ class Live extends EventTarget {
     this.events.push(event);
     if (this.events.length > KEPT_EVENTS) this.events.splice(0, this.events.length - KEPT_EVENTS);
     if (event.session_id && this.known.has(event.session_id)) this.refreshSession(event.session_id);
-    if (/^(session\.(state|deleted)|safety\.|device\.|rig\.)/.test(event.type)) this.refreshRig();
+    if (/^(session\.(state|deleted)|calibration\.|safety\.|device\.|rig\.)/.test(event.type)) this.refreshRig();
     this.dispatchEvent(new CustomEvent("journal", { detail: event }));
     this.changed();
   }

@@ -8,6 +8,7 @@ import { scene } from "../connection/scene";
 import { SessionReading } from "../connection/session-reading";
 import { domeOf, type Dome } from "../drawing/dome-geometry";
 import "../drawing/dome-plot";
+import { changedNames } from "../parts/calibration-checks";
 import "../parts/calibration-sets";
 import { PageElement } from "../parts/element";
 import { listTable } from "../parts/list-table";
@@ -132,6 +133,7 @@ export class CalibrationProgress extends PageElement {
   private next() {
     const summary = this.found.estimate?.summary;
     if (!summary?.estimated) return html`<p class="notice warning">${t("next.nothing")}</p>`;
+    if (summary.passed != null) return this.verdict(summary);
     const wished = Object.keys(FOUND).some((name) => (this.session.recipe as unknown as Values)[name] != null);
     const advice = (summary.advice ?? []).filter((one) => !one.includes("/v1/"));
     return html`<section class="card" aria-labelledby="next">
@@ -146,6 +148,17 @@ export class CalibrationProgress extends PageElement {
       <tool-statement .needed=${"lamp"}></tool-statement>
       <h3>3. ${t("next.then")}</h3>
       <p>${t("next.then.why")}</p>
+    </section>`;
+  }
+
+  /** What a check has found: it makes no calibration that could be used. */
+  private verdict({ passed, changed, advice }: Estimate["summary"]) {
+    return html`<section class="card" aria-labelledby="next">
+      <h2 id="next">${t("next.title")}</h2>
+      <p class=${passed ? "notice good" : "notice danger"} id="verdict">
+        ${t(passed ? "check.passed" : "check.failed")}${changed?.length ? html`. ${changedNames(changed)}` : nothing}
+      </p>
+      ${(advice ?? []).map((one) => html`<p>${one}</p>`)}
     </section>`;
   }
 

@@ -11,6 +11,7 @@ import { JournalController, live, LiveController } from "../connection/live";
 import { get, post, Refusal } from "../connection/requests";
 import { randomName } from "../connection/random-name";
 import type { CalibrationKind, Page, Session } from "../connection/schemas";
+import { calibrationChecks } from "../parts/calibration-checks";
 import "../parts/calibration-sets";
 import "../parts/calibration-values";
 import { PageElement } from "../parts/element";
@@ -78,6 +79,7 @@ export class CalibrationScreen extends PageElement {
         <calibration-sets></calibration-sets>
       </section>
       <h2>${t("calibration.in_use")}</h2>
+      ${live.rig ? calibrationChecks(live.rig) : nothing}
       <calibration-values></calibration-values>`;
   }
 
@@ -116,18 +118,20 @@ export class CalibrationScreen extends PageElement {
   }
 
   private steps(kind: CalibrationKind) {
-    const mounted = live.rig?.tool === kind.tool;
+    // A check of the lamp needs the lamp where its other target needs the board.
+    const tool = this.values["target"] === "plane" ? "lamp" : kind.tool;
+    const mounted = live.rig?.tool === tool;
     const others = (live.rig?.reasons ?? []).filter(({ code }) => code !== "rig.other_tool");
     return html`<section class="card" aria-labelledby="wizard-mount">
-        <h2 id="wizard-mount">2. ${t("wizard.mount", { tool: t(`tool.${kind.tool}`) })}</h2>
-        <p>${t(`mount.${kind.tool}`)}</p>
-        <tool-statement .needed=${kind.tool}></tool-statement>
+        <h2 id="wizard-mount">2. ${t("wizard.mount", { tool: t(`tool.${tool}`) })}</h2>
+        <p>${t(`mount.${tool}`)}</p>
+        <tool-statement .needed=${tool}></tool-statement>
       </section>
       <div class="split">
         <section class="card" aria-labelledby="wizard-look">
           <h2 id="wizard-look">3. ${t("wizard.look")}</h2>
-          ${kind.tool === "board" ? html`<p>${t("wizard.look.why")}</p>` : nothing}
-          <target-preview .board=${kind.tool === "board"}></target-preview>
+          ${tool === "board" ? html`<p>${t("wizard.look.why")}</p>` : nothing}
+          <target-preview .board=${tool === "board"}></target-preview>
         </section>
         <form
           class="card"
@@ -138,7 +142,7 @@ export class CalibrationScreen extends PageElement {
           <h2 id="wizard-go">4. ${t("wizard.go")}</h2>
           <p>${t("wizard.go.why")}</p>
           ${
-            kind.tool === "board" && live.mayOperate
+            kind.recipe === "BoardRecipe" && live.mayOperate
               ? html`<first-views .recipe=${this.recipe()}></first-views>`
               : nothing
           }

@@ -4,6 +4,7 @@ import { customElement, state } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
 import { post } from "../connection/requests";
 import type { Rig } from "../connection/schemas";
+import { calibrationChecks } from "../parts/calibration-checks";
 import { PageElement } from "../parts/element";
 import "../parts/jog-pad";
 import "../parts/key-list";
@@ -27,6 +28,8 @@ export class RigScreen extends PageElement {
           ${this.check("rig.camera", rig.camera_ready, "")} ${this.check("rig.safety", rig.faults.length === 0, "")}
           ${this.check("rig.calibration", rig.calibration.valid, "")} ${this.check("rig.free", rig.holder === null, "")}
         </ul>
+        <h3>${t("check.title")}</h3>
+        ${calibrationChecks(rig)}
         ${
           rig.reasons.length
             ? html`<h3>${t("rig.what_to_do")}</h3>
