@@ -73,7 +73,7 @@ class CheckRecord(Value):
     made_at: str = Field(description="When it was made, ISO 8601")
     fingerprint: str = Field(description="SHA-256 of the calibration that was checked")
     passed: bool = Field(description="Whether that was still true")
-    probability: float = Field(description="That a true calibration shows as much by chance")
+    probability: float = Field(description="Probability that a true calibration shows as much by chance")
     changed: Annotated[tuple[str, ...], Field(strict=False)] = Field(description="What had changed")
     sentences: Annotated[tuple[str, ...], Field(strict=False)] = Field(description="What was found, for people")
 
