@@ -194,6 +194,23 @@ def normalised(
     return (frame.astype(np.float32) - dark.astype(np.float32)) * np.float32(scale)
 
 
+def flat_terms(pixels: FloatArray, width: int, height: int) -> FloatArray:
+    """Terms (N, 5) of ln sensitivity (`FlatField`) at pixels (N, 2), column and row: zero in the image's centre."""
+    half = np.hypot(width, height) / 2
+    u, v = ((pixels - (np.array([width, height]) - 1) / 2) / half).T
+    return np.stack([u, v, u * u, u * v, v * v], axis=1)
+
+
+def sensitivity(calibration: Calibration, rows: slice, columns: slice) -> Float32Array | None:
+    """Sensitivity (h, w) of a window of pixels by the calibrated flat field; none where it is not known."""
+    if calibration.flat_field is None:
+        return None
+    v, u = np.mgrid[rows, columns]
+    pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
+    logarithm = flat_terms(pixels, calibration.width, calibration.height) @ np.array(calibration.flat_field.terms)
+    return np.exp(logarithm).reshape(u.shape).astype(np.float32)
+
+
 def clipping_dn(sensor: SensorModel) -> float:
     """The value above which pixels count as saturated: the converter's end or the full well, whichever is lower."""
     return sensor.black_level_dn + SATURATION_SHARE * min(

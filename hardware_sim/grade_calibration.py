@@ -14,6 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from acquisition import geometry, photometry
 from acquisition.models.base import Float32Array, FloatArray, as_matrix4
@@ -35,7 +36,7 @@ KNOT_STEP_DEG, LAST_KNOT_DEG = 2, 76
 @dataclass(frozen=True)
 class CalibrationErrors:
     """Deviations from the truth: of places, mm, and rotations, degrees; of intensity, lobe (greatest, up to
-    LOBE_TO_DEG to all sides) and focal length, per cent."""
+    LOBE_TO_DEG to all sides), focal length and flat field (root mean square over the image), per cent."""
 
     lamp_mm: float
     intensity_percent: float
@@ -43,6 +44,7 @@ class CalibrationErrors:
     camera_mm: float
     camera_deg: float
     focal_percent: float
+    flat_field_percent: float
 
 
 def load(path: Path) -> dict[str, Any]:
@@ -58,6 +60,7 @@ def errors(found: Calibration, truth: dict[str, Any]) -> CalibrationErrors:
     camera, true_camera = np.array(found.base_from_camera), np.array(truth["base_from_camera"])
     lamp, true_lamp = (np.array(pose)[:3, 3] for pose in (found.tool_from_lamp, truth["tool_from_lamp"]))
     focal, true_focal = (np.diag(np.array(matrix))[:2] for matrix in (found.camera_matrix, truth["camera_matrix"]))
+    sensitivity = _true_sensitivity(found, truth)
     turn = Rotation.from_matrix(true_camera[:3, :3].T @ camera[:3, :3]).magnitude()
     return CalibrationErrors(
         lamp_mm=1e3 * float(np.linalg.norm(lamp - true_lamp)),
@@ -66,7 +69,30 @@ def errors(found: Calibration, truth: dict[str, Any]) -> CalibrationErrors:
         camera_mm=1e3 * float(np.linalg.norm(camera[:3, 3] - true_camera[:3, 3])),
         camera_deg=float(np.degrees(turn)),
         focal_percent=100 * float(np.abs(focal / true_focal - 1).max()),
+        flat_field_percent=100 * float(np.sqrt(np.mean((_sensitivity(found) / sensitivity - 1) ** 2))),
     )
+
+
+def error_probabilities(found: Calibration, truth: dict[str, Any]) -> dict[str, float]:
+    """Probability, by the stated covariances, of errors no larger than these: uniform over 0–1 where they are honest.
+
+    Of the lamp's position, of the camera's pose (six at once), of the flat field's terms; those that are stated.
+    """
+    camera = geometry.inverse(np.array(truth["base_from_camera"])) @ np.array(found.base_from_camera)
+    motion = np.concatenate([camera[:3, 3], Rotation.from_matrix(camera[:3, :3]).as_rotvec()])
+    lamp = np.array(found.tool_from_lamp)[:3, 3] - np.array(truth["tool_from_lamp"])[:3, 3]
+    flat = found.flat_field
+    stated = [
+        ("lamp", lamp, found.tool_from_lamp_covariance),
+        ("camera", motion, found.base_from_camera_covariance),
+        ("flat_field", None if flat is None else np.array(flat.terms) - _flat_field(found, truth),
+         None if flat is None else flat.covariance),
+    ]  # fmt: skip
+    return {
+        name: float(chi2.cdf(error @ np.linalg.solve(np.array(covariance), error), len(error)))
+        for name, error, covariance in stated
+        if error is not None and covariance is not None
+    }
 
 
 def direction_deg(found: Calibration, true: Calibration, cell: CellConfig, joints: Sequence[Sequence[float]]) -> float:
@@ -107,6 +133,7 @@ def true_calibration(nominal: Calibration, truth: dict[str, Any]) -> Calibration
         "joint_offsets_rad": truth["joint_offsets_rad"],
         "lamp_intensity": truth["lamp_intensity"],
         "lobe": lobe.model_dump(),
+        "flat_field": {"terms": _flat_field(nominal, truth).tolist(), "covariance": np.zeros((5, 5)).tolist()},
     }
     return Calibration.model_validate(nominal.model_dump() | values)
 
@@ -127,6 +154,21 @@ def _lobe(found: Calibration) -> FloatArray:
     return along[:, None] * (1 + direction @ np.array(tilt))
 
 
+def _sensitivity(found: Calibration) -> Float32Array:
+    """Sensitivity (H, W) over the image, 1 in its centre; even where a calibration states none."""
+    whole = slice(0, found.height), slice(0, found.width)
+    sensitivity = photometry.sensitivity(found, *whole)
+    return np.ones((found.height, found.width), np.float32) if sensitivity is None else sensitivity
+
+
+def _true_sensitivity(found: Calibration, truth: dict[str, Any]) -> FloatArray:
+    a_x, a_y, q = truth["vignetting"]
+    half = np.hypot(found.width, found.height) / 2
+    v, u = np.mgrid[: found.height, : found.width]
+    u, v = (u - (found.width - 1) / 2) / half, (v - (found.height - 1) / 2) / half
+    return 1 + a_x * u + a_y * v + q * (u**2 + v**2)
+
+
 def _true_lobe(truth: dict[str, Any]) -> FloatArray:
     along = np.array(truth["lobe_by_degree"])[: LOBE_TO_DEG + 1]
     return along[:, None] * (1 + _directions()[1] @ np.array(truth["lobe_tilt"]))
@@ -138,6 +180,14 @@ def _directions() -> tuple[FloatArray, FloatArray]:
     round_axis = 2 * np.pi * np.arange(SIDES) / SIDES
     sides = np.stack([np.cos(round_axis), np.sin(round_axis)], axis=1)
     return angle, np.sin(angle)[:, None, None] * sides
+
+
+def _flat_field(nominal: Calibration, truth: dict[str, Any]) -> FloatArray:
+    """Terms of ln sensitivity nearest to the true one over the image, by linear least squares."""
+    v, u = np.mgrid[: nominal.height : 16, : nominal.width : 16]
+    terms = photometry.flat_terms(np.stack([u.ravel(), v.ravel()], axis=1).astype(float), nominal.width, nominal.height)
+    logarithm = np.log(_true_sensitivity(nominal, truth)[::16, ::16]).ravel()
+    return np.asarray(np.linalg.lstsq(terms, logarithm, rcond=None)[0], np.float64)
 
 
 def _five_coefficients(nominal: Calibration, truth: dict[str, Any]) -> FloatArray:

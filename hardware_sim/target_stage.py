@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from acquisition import geometry
 from acquisition.models.base import Float32Array, FloatArray
@@ -26,8 +27,8 @@ EMITTER_RADIUS_M = 0.020
 BLUR_PX = 0.5
 """1 σ of the lens's blur: corners and highlights have soft edges on a sensor."""
 
-BOX_MARGIN_PX = 4
-"""Pixels round the projected target that are traced with it."""
+MARGIN_PX = 6
+"""Pixels round the projected target that are traced with it: its edges are bent by the lens, by less than that."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -46,6 +47,24 @@ class _Posed:
     free: Float32Array
 
 
+class _SubpixelRays:
+    """Rays through points beside the pixels' centres, to first order about the centre.
+
+    Undistortion is the dearest part of an image, and over half a pixel a lens's is linear to 1e-5 pixels.
+    """
+
+    def __init__(self, lens: Lens) -> None:
+        rows, columns = np.divmod(np.arange(lens.width * lens.height, dtype=float), lens.width)
+        self._centre = lens.directions(columns, rows)
+        self._right = lens.directions(columns + 0.5, rows) - lens.directions(columns - 0.5, rows)
+        self._down = lens.directions(columns, rows + 0.5) - lens.directions(columns, rows - 0.5)
+
+    def directions(self, pixels: npt.NDArray[np.int32], right: float, down: float) -> Float32Array:
+        """Directions (N, 3) as `Lens.directions`, of pixels (N,) by number, `right` and `down` of their centres."""
+        aside = np.float32(right) * self._right[pixels] + np.float32(down) * self._down[pixels]
+        return (self._centre[pixels] + aside).astype(np.float32, copy=False)
+
+
 class TargetStage:
     """Images of one target by one lens."""
 
@@ -53,6 +72,7 @@ class TargetStage:
         """`subdivision` × `subdivision` rays for each pixel of the target."""
         self._target, self._lens, self._subdivision = target, lens, subdivision
         self._table = _table_samples(lens)
+        self._rays = _SubpixelRays(lens)
         self._last: tuple[bytes, _Posed | None] | None = None
 
     def lamp_image(self, lamp: Lamp, object_from_mount: FloatArray) -> Float32Array:
@@ -98,12 +118,11 @@ class TargetStage:
             return None
         tracer = Tracer(scene.mesh)
         parts = list[Samples]()
-        pixels = _box(lens, corners)
-        rows, columns = np.divmod(pixels.astype(float), lens.width)
+        pixels = _outlined(lens, corners)
         offsets = (np.arange(self._subdivision) + 0.5) / self._subdivision - 0.5
         for down in offsets:
             for right in offsets if len(pixels) else ():
-                seen = render.object_samples(scene, tracer, lens.eye, lens.directions(columns + right, rows + down))
+                seen = render.object_samples(scene, tracer, lens.eye, self._rays.directions(pixels, right, down))
                 parts.append(Samples(pixels[seen.pixels], seen.points, seen.normals, seen.albedo))
         share = 1.0 / self._subdivision**2
         surface = render.joined(parts) if parts else _no_samples()
@@ -167,16 +186,19 @@ def _table_samples(lens: Lens) -> Samples:
     return Samples(pixels, points.astype(np.float32), normals, albedo)
 
 
-def _box(lens: Lens, corners: FloatArray) -> np.ndarray:
-    """Numbers of the pixels in the rectangle round points (N, 3); all of them where one lies behind the camera."""
+def _outlined(lens: Lens, corners: FloatArray) -> npt.NDArray[np.int32]:
+    """Numbers of the pixels inside the convex outline of points (N, 3) and round it; all of them where one lies behind
+    the camera."""
     in_camera = geometry.transform(geometry.inverse(lens.object_from_camera), corners)
-    low, high = np.zeros(2), np.array([lens.width, lens.height]) - 1.0
-    if (in_camera[:, 2] > 0.01).all():
-        seen = cv2.projectPoints(in_camera, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)[0].reshape(-1, 2)
-        low = np.maximum(low, np.floor(seen.min(axis=0)) - BOX_MARGIN_PX)
-        high = np.minimum(high, np.ceil(seen.max(axis=0)) + BOX_MARGIN_PX)
-    columns, rows = (np.arange(int(a), int(b) + 1) for a, b in zip(low, high, strict=True))
-    return (rows[:, None] * lens.width + columns[None, :]).ravel().astype(np.int32)
+    if (in_camera[:, 2] <= 0.01).any():
+        return np.arange(lens.width * lens.height, dtype=np.int32)
+    seen = cv2.projectPoints(in_camera, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)[0].reshape(-1, 2)
+    inside = np.zeros((lens.height, lens.width), np.uint8)
+    outline = cv2.convexHull(np.clip(seen, -lens.width, 2 * lens.width).round().astype(np.int32))
+    cv2.fillConvexPoly(inside, outline, (1,))
+    # The line widens the outline, whose edges distortion bends by less than that.
+    cv2.polylines(inside, [outline], isClosed=True, color=(1,), thickness=2 * MARGIN_PX)
+    return np.flatnonzero(inside).astype(np.int32)
 
 
 def _no_samples() -> Samples:

@@ -19,7 +19,7 @@ from scipy.linalg import block_diag
 
 from acquisition import geometry, lamp_pose, photometry
 from acquisition.models.base import FloatArray
-from acquisition.models.calibration import Calibration, LampLobe
+from acquisition.models.calibration import Calibration, FlatField, LampLobe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 
@@ -129,6 +129,9 @@ class LobeFit:
         return calibration.model_copy(
             update={
                 "lamp_intensity": self.lamp_intensity, "lobe": self.lobe, "intensity_sigma": self.image_sigma,
+                "flat_field": FlatField.model_validate(
+                    {"terms": self.flat_field.tolist(), "covariance": self.flat_covariance.tolist()}
+                ),
             }
         )  # fmt: skip
 
@@ -193,13 +196,6 @@ def normal_error_deg(
     return float(np.degrees(np.mean(errors)))
 
 
-def flat_terms(pixels: FloatArray, width: int, height: int) -> FloatArray:
-    """Terms (N, 5) of ln sensitivity at pixels (N, 2): zero in the image's centre."""
-    half = np.hypot(width, height) / 2
-    u, v = ((pixels - (np.array([width, height]) - 1) / 2) / half).T
-    return np.stack([u, v, u * u, u * v, v * v], axis=1)
-
-
 def _light(image: PlaneImage, calibration: Calibration) -> Light:
     return lamp_pose.light_from_tool(image.base_from_tool, calibration)
 
@@ -208,7 +204,7 @@ def _values_at(image: PlaneImage, points: FloatArray, calibration: Calibration, 
     """Normalised values y of an image at some of its patches."""
     row = {tuple(np.round(point, 6)): number for number, point in enumerate(image.points)}
     at = [row[tuple(point)] for point in points]
-    sensitivity = np.exp(flat_terms(image.pixels[at], calibration.width, calibration.height) @ flat_field)
+    sensitivity = np.exp(photometry.flat_terms(image.pixels[at], calibration.width, calibration.height) @ flat_field)
     return image.values[at] / sensitivity / calibration.lamp_intensity
 
 
@@ -250,7 +246,7 @@ def seen_patches(
 def columns(images: Sequence[PlaneImage], seen: SeenPatches, knots: tuple[float, ...], known: Known) -> FloatArray:
     """Design (N, 1 + K − 1 + 2 + 5): ln intensity, knots but the first, tilt to first order, flat field."""
     pixels = np.concatenate([image.pixels for image in images])
-    flat = flat_terms(pixels, known.calibration.width, known.calibration.height)
+    flat = photometry.flat_terms(pixels, known.calibration.width, known.calibration.height)
     spline = photometry.lobe_spline(knots, seen.angle)[:, 1:]
     return np.hstack([np.ones((len(pixels), 1)), spline, seen.side, flat])
 

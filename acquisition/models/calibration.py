@@ -59,6 +59,23 @@ class LampLobe(Value):
         return self
 
 
+_Row5 = Annotated[tuple[float, ...], Field(strict=False, min_length=5, max_length=5)]
+Matrix5 = Annotated[tuple[_Row5, ...], Field(strict=False, min_length=5, max_length=5)]
+
+
+class FlatField(Value):
+    """What the lens passes to each pixel: sensitivity e^(a u + b v + c u² + d u v + e v²), 1 in the image's centre.
+
+    u and v are counted from the centre in half diagonals. Lenses dim towards the corners smoothly (cos⁴, vignetting);
+    single pixels are the sensor's.
+    """
+
+    terms: Annotated[tuple[float, float, float, float, float], Field(strict=False)] = Field(
+        description="a, b, c, d, e of u, v, u², u v, v²"
+    )
+    covariance: Matrix5 = Field(description="Of the terms")
+
+
 _Row3 = Annotated[tuple[float, ...], Field(strict=False, min_length=3, max_length=3)]
 _Row6 = Annotated[tuple[float, ...], Field(strict=False, min_length=6, max_length=6)]
 Matrix3 = Annotated[tuple[_Row3, ...], Field(strict=False, min_length=3, max_length=3)]
@@ -89,6 +106,9 @@ class Calibration(Value):
     reference_m: float = Field(gt=0, description="Distance that `lamp_intensity` is for, m")
     lobe_exponent: float = Field(ge=0, description="Exponent of the cosine by which the lamp falls off its axis")
     lobe: LampLobe | None = Field(default=None, description="What the lobe has beyond that power of the cosine")
+    flat_field: FlatField | None = Field(
+        default=None, description="The camera's sensitivity over the image; none: taken as even"
+    )
     sensor: SensorModel = Field(description="The camera's values and their noise")
     intensity_sigma: float = Field(ge=0, description="1 σ of each image's lamp intensity, as a fraction")
     lamp_position_sigma_m: float = Field(

@@ -85,8 +85,8 @@ class BoardRecipe(CalibrationRecipe):
     def images_after(self, taken: int) -> int:
         """As many as there are, where all are taken anyway: an estimate in between would save no move."""
         ordered = self.target_px is not None or self.target_mm is not None
-        batch = FURTHER_IMAGES if ordered else max(taken, FURTHER_IMAGES)
-        return self.first_images if taken == 0 else min(batch, self.max_images - taken)
+        left = self.max_images - taken
+        return self.first_images if taken == 0 else min(FURTHER_IMAGES, left) if ordered else left
 
     @property
     def lit(self) -> bool:

@@ -123,7 +123,9 @@ def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
 def read(
     observations: Observations, calibration: Calibration, rows: slice, columns: slice
 ) -> ImageStack | StoredImages:
-    """Dark-frame subtraction and normalisation of all lit images within a window of rows and columns.
+    """Dark-frame subtraction, normalisation and flat field of all lit images within a window of rows and columns.
+
+    The sensor's noise is stated for pixels in the image's centre: it differs by the lens's few per cent elsewhere.
 
     Raises RigError normals.infeasible when a frame's size is not the calibration's or a lamp-off frame is missing.
     """
@@ -139,12 +141,15 @@ def read(
             return observations.frames.rows(shot.frame, *lines)[:, columns]
 
         dark = {seconds: window(shot) for seconds, shot in darks.items()}
+        sensitivity = photometry.sensitivity(calibration, slice(*lines), columns)
         size = (len(shots), stop - start, _length(columns))
         values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
         for index, shot in enumerate(shots):
             frame = window(shot)
             values[index] = photometry.normalised(frame, dark[shot.exposure_s], shot.exposure_s, calibration)
             clipped[index] = photometry.saturated(frame, calibration.sensor)
+        if sensitivity is not None:
+            values /= sensitivity
         return values, clipped
 
     black = calibration.sensor.black_level_dn

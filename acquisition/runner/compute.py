@@ -15,6 +15,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -45,6 +46,13 @@ class Compute:
         self._process: BaseProcess | None = None
         self._connection: Connection | None = None
         self._closed = False
+        self._processor_s: dict[str, float] = {}
+
+    @property
+    def processor_s(self) -> dict[str, float]:
+        """Processor time of all jobs that ended, by name, s: unlike their duration it does not grow with what else
+        runs."""
+        return dict(self._processor_s)
 
     def run(self, stop: threading.Event, job: str, *arguments: Any, preemptible: bool = False) -> Any:
         """Runs the function `job` of `acquisition.runner.jobs` and returns what it returns.
@@ -102,7 +110,9 @@ class Compute:
         except BaseException:
             self._kill()  # else the next job would be given this one's result
             raise
-        return connection.recv()
+        succeeded, result, processor_s = connection.recv()
+        self._processor_s[job] = self._processor_s.get(job, 0.0) + processor_s
+        return succeeded, result
 
     def warm(self) -> None:
         """Starts the process ahead of the first job."""
@@ -160,6 +170,7 @@ def _serve(connection: Connection) -> None:
             job, arguments = connection.recv()
         except EOFError:
             return
+        since = time.process_time()
         try:
             outcome: tuple[bool, Any] = (True, getattr(jobs, job)(*arguments))
         except RigError as error:
@@ -174,7 +185,7 @@ def _serve(connection: Connection) -> None:
                 False,
                 RigError(ErrorCode.SESSION_STEP_FAILED, f"{job}: {error!r}", job=job),
             )
-        connection.send(outcome)
+        connection.send((*outcome, time.process_time() - since))
 
 
 def _end_with_parent() -> None:

@@ -240,6 +240,11 @@ class Runner:
             self._compute.run(self._closing, "make_reach", self._rig.cell, calibration, cache)
         return cache.read_text(encoding="utf-8")
 
+    @property
+    def processor_s(self) -> dict[str, float]:
+        """Processor time of the jobs of the compute process so far, by name, s."""
+        return self._compute.processor_s
+
     def render(self, job: str, *arguments: Any) -> bytes:
         """Renders a picture by a preemptible job. Raises RigError rig.busy when a session's job preempts it."""
         try:

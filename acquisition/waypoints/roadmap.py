@@ -286,13 +286,15 @@ def connected_lights(lights: Sequence[Light], cell: CellConfig, calibration: Cal
 def connected_views(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> FloatArray:
     """Joints (N, 6), at most `count`, that show the board and are connected to home; `cell` has the board on.
 
+    Of a place's configurations the nearest to home stands for it: other branches tell no more of camera and joints, and
+    moves between branches take half as long again (greedy designs of 16–32 of 160 views: loss 3 % less, time 26 %).
     Raises RigError waypoints.unreachable with the reasons where there are none, waypoints.collision as `roadmap`.
     """
     arm = scene(cell, calibration)
     hubs = roadmap(cell, calibration)
     found = board_poses.solve(board_poses.sample(cell, calibration, 4 * count, seed), cell, calibration, arm)
     home = np.array(cell.arm.home)
-    nearest = [spread(place.joints, 2, home) for place in found.solutions]
+    nearest = [spread(place.joints, 1, home) for place in found.solutions]
     joints = np.concatenate([np.zeros((0, 6)), *nearest])
     kept = joints[hubs.connected(joints, arm)] if len(joints) else joints
     if not len(kept):

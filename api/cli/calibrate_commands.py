@@ -264,8 +264,9 @@ def check(
 @app.command("all")
 def everything(
     address: Annotated[str, typer.Option(help="The running service, such as http://127.0.0.1:8000")],
-    camera_images: Annotated[int, typer.Option(help="Images of the board for the camera, 8 at the least")] = 12,
-    hand_eye_images: Annotated[int, typer.Option(help="Images of the board for its place, 8 at the least")] = 32,
+    hand_eye_images: Annotated[
+        int, typer.Option(help="Images of the board for camera and its place, 8 at the least")
+    ] = 36,
     lamp_images: Annotated[int, typer.Option(help="Images of sphere and plane, 36 at the least")] = 72,
     yes: Yes = False,
     simulated: Simulated = None,
@@ -273,10 +274,10 @@ def everything(
 ) -> None:
     """Calibrates camera, its place, and the lamp in turn, and says what a person has to put into the cell between them.
 
-    Each result is used from then on; `PUT /v1/rig/calibrations/active` goes back.
+    Camera and place come from the same images of the board, the arm's joint offsets with them. Each result is used from
+    then on; `PUT /v1/rig/calibrations/active` goes back.
     """
     wanted = (
-        {"kind": "camera", "max_images": camera_images},
         {"kind": "hand-eye", "max_images": hand_eye_images},
         {"kind": "lamp", "max_images": lamp_images},
     )

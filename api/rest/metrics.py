@@ -59,6 +59,12 @@ class _RigCollector(Collector):
         yield GaugeMetricFamily(
             "lightpose_preview_viewers", "Clients that watch the camera", value=self._preview.viewers
         )
+        spent = CounterMetricFamily(
+            "lightpose_compute_processor_seconds", "Processor time of routes, plans, solves, estimates", labels=["job"]
+        )
+        for job, seconds in sorted(self._service.runner.processor_s.items()):
+            spent.add_metric([job], seconds)
+        yield spent
         yield GaugeMetricFamily("lightpose_arm_connected", "The arm answers", value=status.reading.connected)
         yield GaugeMetricFamily("lightpose_camera_ready", "The camera answers", value=status.camera_ready)
         yield GaugeMetricFamily("lightpose_may_start", "A session may start", value=status.may_start)

@@ -30,6 +30,7 @@ def test_errors_nominal_values_are_off_as_drawn(truth: dict[str, Any]) -> None:
     assert found.focal_percent == pytest.approx(1, rel=0.02)
     assert found.intensity_percent == pytest.approx(5, rel=0.06)
     assert found.lobe_percent > 3
+    assert 0.5 < found.flat_field_percent < 2  # of the 2 % that the corners lose, and 1 % on one side
 
 
 def test_errors_true_values_are_none(truth: dict[str, Any]) -> None:
@@ -38,8 +39,19 @@ def test_errors_true_values_are_none(truth: dict[str, Any]) -> None:
     assert max(found.lamp_mm, found.camera_mm, found.camera_deg, found.focal_percent) < 1e-6
     assert found.intensity_percent < 1e-6
     assert found.lobe_percent < 0.1
+    assert found.flat_field_percent < 0.01
     assert grade_calibration.direction_deg(true, true, CELL, JOINTS) == 0
     assert 0.3 < grade_calibration.direction_deg(NOMINAL, true, CELL, JOINTS) < 4
+
+
+def test_error_probabilities_follow_from_covariances(truth: dict[str, Any]) -> None:
+    lamp, camera = np.eye(3) * 0.01**2 / 3, np.diag([0.005**2 / 3] * 3 + [np.radians(0.5) ** 2 / 3] * 3)
+    stated = NOMINAL.model_copy(
+        update={"tool_from_lamp_covariance": lamp.tolist(), "base_from_camera_covariance": camera.tolist()}
+    )
+    found = grade_calibration.error_probabilities(stated, truth)
+    # Errors of one standard deviation for each unknown: χ² of 3 and of 6 at their means.
+    assert found == pytest.approx({"lamp": 0.6084, "camera": 0.5768}, abs=1e-3)
 
 
 def test_true_calibration_five_coefficients_are_near_the_lens(truth: dict[str, Any]) -> None:

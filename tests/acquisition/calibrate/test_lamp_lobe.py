@@ -56,6 +56,8 @@ def test_lobe_verifies_on_placing_that_took_no_part() -> None:
     error = lamp_lobe.normal_error_deg(unused, placings[1], after, found.flat_field)
     assert error < min(0.35, 0.75 * before)  # by images that differ by 0.5 %, and lamps that are 0.4 mm off
     assert after.intensity_sigma == found.image_sigma
+    assert after.flat_field is not None
+    assert after.flat_field.terms == tuple(found.flat_field)
 
 
 def test_lobe_too_few_or_central_images_are_refused() -> None:
