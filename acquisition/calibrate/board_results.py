@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from acquisition.calibrate import intrinsics
-from acquisition.calibrate.bundle_adjustment import CAMERA, JOINT_OFFSETS, Adjusted, Parameters
+from acquisition.calibrate.bundle_adjustment import BASE_FROM_CAMERA, CAMERA, JOINT_OFFSETS, Adjusted, Parameters
 from acquisition.calibrate.hand_eye import HandEyeFit
 from acquisition.calibrate.intrinsics import CameraFit
 from acquisition.models.base import FloatArray, Joints, Matrix4, Value, as_matrix4
@@ -124,6 +124,7 @@ def hand_eye_result(found: HandEyeFit, hashes: Mapping[str, str]) -> HandEyeResu
     position, rotation = found.sigma
     offset_sigmas = np.zeros(6)
     offset_sigmas[1:5] = adjusted.sigma(JOINT_OFFSETS)
+    together = [*range(28)[BASE_FROM_CAMERA], *range(28)[JOINT_OFFSETS]]
     return HandEyeResult.model_validate(
         {
             "made_at": now(), "version": metadata.version("lightpose"),
@@ -131,6 +132,7 @@ def hand_eye_result(found: HandEyeFit, hashes: Mapping[str, str]) -> HandEyeResu
             "position_sigma_m": position, "rotation_sigma_rad": rotation,
             "flange_from_board": as_matrix4(parameters.flange_from_board), "square_scale": 1 + parameters.scale,
             "joint_offsets_rad": parameters.joint_offsets.tolist(), "joint_offset_sigmas_rad": offset_sigmas.tolist(),
+            "pose_and_offsets_covariance": adjusted.covariance[np.ix_(together, together)].tolist(),
             "arm_sigma_m": adjusted.arm_sigma[0], "arm_sigma_rad": adjusted.arm_sigma[1],
             "views": residuals(adjusted, hashes),
         }

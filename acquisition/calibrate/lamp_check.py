@@ -132,7 +132,7 @@ def _linearised(
     tilted = slice(len(knots), len(knots) + 2)
     design[:, tilted] = seen.side / side[:, None]
     pixels = np.concatenate([image.pixels for image in here])
-    flat = lamp_lobe.flat_terms(pixels, known.calibration.width, known.calibration.height) @ np.array(lobe.flat_field)
+    flat = photometry.flat_terms(pixels, known.calibration.width, known.calibration.height) @ np.array(lobe.flat_field)
     predicted = (
         np.log(lobe.lamp_intensity * known.albedo) + seen.log_shading + np.log(side) + flat
         + photometry.lobe_spline(knots, seen.angle)[:, 1:] @ logs

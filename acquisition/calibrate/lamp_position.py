@@ -12,7 +12,7 @@ that all aim at the sphere 12 mm are left (scratch simulation, November 2026), w
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -70,11 +70,13 @@ MAX_RIVAL = 0.5
 
 @dataclass(frozen=True)
 class Highlight:
-    """The lamp's reflection in one image: pixel (2,), column and row, and the tool's pose (4, 4) in the base frame."""
+    """The lamp's reflection in one image: pixel (2,), column and row, the tool's pose (4, 4) in the base frame, and its
+    derivatives (J, 4, 4) by what is uncertain of the arm, the offsets of its joints."""
 
     name: str
     pixel: FloatArray
     base_from_tool: FloatArray
+    by_offsets: FloatArray = field(default_factory=lambda: np.zeros((0, 4, 4)))
 
 
 ARM_REPEATABILITY_M = 3e-5
@@ -154,23 +156,27 @@ def fit(
     highlights: Sequence[Highlight], calibration: Calibration, pose_covariance: FloatArray, radius_m: float,
     sphere_center_m: FloatArray, window_radius_m: float = 0.0,
 ) -> LampFit:  # fmt: skip
-    """Least squares over all highlights for lamp, sphere and, within its covariance, the camera's pose.
+    """Least squares over all highlights for lamp, sphere and, within their covariance, camera's pose and joint offsets.
 
     `calibration` states the camera and, as start, `tool_from_lamp`; `pose_covariance` (6, 6) is that of its
-    `base_from_camera`, m and rad, as in `hand_eye`; `sphere_center_m` (3,) is the sphere's place in the base frame to
+    `base_from_camera`, m and rad, as in `hand_eye`, or (6 + J, 6 + J) with that of the joint offsets, by which the
+    highlights then have derivatives; `sphere_center_m` (3,) is the sphere's place in the base frame to
     some centimetres; `window_radius_m` is that of the lamp's luminous window, a disc across its axis. Raises RigError
     calibration.infeasible: too few highlights, lamps all on one side.
     """
     if len(highlights) < MIN_HIGHLIGHTS:
         raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, f"{len(highlights)} highlights: {MIN_HIGHLIGHTS} are needed")
     tools = np.stack([one.base_from_tool for one in highlights])
+    uncertain = len(pose_covariance) - 6
+    by_offsets = np.stack([one.by_offsets[:uncertain] for one in highlights])
     observed = np.stack([one.pixel for one in highlights])
     start = np.array(calibration.tool_from_lamp)[:3, 3]
     _require_spread(_lamps(tools, start) - sphere_center_m)
     whitening = np.linalg.inv(np.linalg.cholesky(pose_covariance))
 
     def residuals(unknown: FloatArray) -> FloatArray:
-        return observed - _predicted(unknown, tools, calibration, window_radius_m)
+        moved = tools + np.einsum("j,njkl->nkl", unknown[13:], by_offsets)
+        return observed - _predicted(unknown, moved, calibration, window_radius_m)
 
     def whitened(unknown: FloatArray, sigma_px: float) -> FloatArray:
         prior = np.concatenate([
@@ -181,7 +187,7 @@ def fit(
         ])  # fmt: skip
         return np.concatenate([(residuals(unknown) / sigma_px).ravel(), prior])
 
-    unknown, sigma_px = np.concatenate([start, sphere_center_m, [radius_m], np.zeros(6)]), 1.0
+    unknown, sigma_px = np.concatenate([start, sphere_center_m, [radius_m], np.zeros(len(pose_covariance))]), 1.0
     found = least_squares(whitened, unknown, args=(sigma_px,), x_scale="jac")
     for _ in range(3):  # the noise is what the residuals say, and the prior of the pose weighs by it
         left = residuals(found.x)

@@ -60,7 +60,8 @@ def read_sphere(observations: Observations, cell: CellConfig, calibration: Calib
         if isinstance(spot, str):
             why_not[shot.frame.path] = spot
         else:
-            found.append(Highlight(shot.frame.path, spot, _tool(shot, cell, calibration)))
+            moved = measured_pose.by_offsets(np.array(shot.joints), cell.arm, calibration)
+            found.append(Highlight(shot.frame.path, spot, _tool(shot, cell, calibration), moved))
     return SphereImages(tuple(found), why_not)
 
 
@@ -70,7 +71,7 @@ def place_lamp(
     """Finds the lamp's place, and the calibration with it. Raises RigError calibration.infeasible as the fit does."""
     targets = lamp_targets.require_targets(cell)
     found = lamp_position.fit(
-        images.highlights, calibration, np.array(hand_eye.covariance), targets.sphere_radius_m,
+        images.highlights, calibration, np.array(hand_eye.shared_covariance), targets.sphere_radius_m,
         lamp_targets.sphere_center(cell), targets.window_radius_m,
     )  # fmt: skip
     return found, found.calibrated(calibration, hand_eye).model_copy(update={"made_at": now()})

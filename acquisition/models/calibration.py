@@ -71,9 +71,9 @@ class FlatField(Value):
     """
 
     terms: Annotated[tuple[float, float, float, float, float], Field(strict=False)] = Field(
-        description="a, b, c, d, e of u, v, u², u v, v²"
+        description="a, b, c, d, e of u, v, u², u v, v², each a fraction at a half diagonal from the centre"
     )
-    covariance: Matrix5 = Field(description="Of the terms")
+    covariance: Matrix5 = Field(description="Of the terms, no unit")
 
 
 _Row3 = Annotated[tuple[float, ...], Field(strict=False, min_length=3, max_length=3)]

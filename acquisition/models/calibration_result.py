@@ -62,9 +62,18 @@ class HandEyeResult(Value):
         description="Offsets of the six joints; those of the first and the last are part of the two poses"
     )
     joint_offset_sigmas_rad: Annotated[tuple[float, ...], Field(strict=False)]
+    pose_and_offsets_covariance: Rows | None = Field(
+        default=None, description="Of the camera's small motion and of the offsets of joints 2 to 5, rad, together"
+    )
     arm_sigma_m: float = Field(description="1 σ of the arm's deviation from its kinematic model, per axis, m")
     arm_sigma_rad: float = Field(description="1 σ of the arm's deviation in rotation, per axis, rad")
     views: Annotated[tuple[ViewResidual, ...], Field(strict=False)]
+
+    @property
+    def shared_covariance(self) -> Rows:
+        """Of all that is uncertain alike in every image: (10, 10) with the joints' offsets, (6, 6) in files that came
+        before these were stated."""
+        return self.covariance if self.pose_and_offsets_covariance is None else self.pose_and_offsets_covariance
 
     @property
     def deviation_m(self) -> float:

@@ -16,6 +16,12 @@ from acquisition.models.cell_config import ArmConfig
 from acquisition.models.light_plan import Light
 from acquisition.waypoints import calibrated_kinematics
 
+OFFSET_JOINTS = range(1, 5)
+"""Joints with offsets of their own: those of the first and the last are part of the base's and the tool's pose."""
+
+STEP_RAD = 1e-5
+"""Step of numeric derivatives by offsets, rad."""
+
 
 def tool_pose(base_from_tool: FloatArray, joints: FloatArray, arm: ArmConfig, calibration: Calibration) -> FloatArray:
     """The tool's pose (4, 4) with the calibration's joint offsets, from that stated (4, 4) at joints (6,), rad."""
@@ -31,6 +37,15 @@ def tools(joints: FloatArray, arm: ArmConfig, calibration: Calibration) -> Float
     states them, with the calibration's joint offsets."""
     true = joints + np.array(calibration.joint_offsets_rad or (0.0,) * 6)
     return calibrated_kinematics.forward(calibrated_kinematics.of_arm(arm), true)[:, 6] @ arm.flange_from_tool.matrix
+
+
+def by_offsets(joints: FloatArray, arm: ArmConfig, calibration: Calibration) -> FloatArray:
+    """Derivatives (4, 4, 4), 1/rad, of the tool's pose at joints (6,) by the offsets of joints 2 to 5, by central
+    differences: the controller's own kinematics differ by millimetres, which in derivatives is nothing."""
+    steps = np.zeros((len(OFFSET_JOINTS), 6))
+    steps[np.arange(len(OFFSET_JOINTS)), OFFSET_JOINTS] = STEP_RAD
+    ahead, behind = (tools(joints + sign * steps, arm, calibration) for sign in (1, -1))
+    return (ahead - behind) / (2 * STEP_RAD)
 
 
 def light(base_from_tool: FloatArray, joints: FloatArray, arm: ArmConfig, calibration: Calibration) -> Light:

@@ -42,7 +42,9 @@ def calibrate_lamp(
     keep_out = cell.object.keep_out.base_from_object.matrix
     center = keep_out[:3, 3] + keep_out[:3, 2] * radius_mm / 1000
     window_m = 0.0 if cell.lamp_targets is None else cell.lamp_targets.window_radius_m
-    found = lamp_position.fit(used, calibration, np.array(hand_eye.covariance), radius_mm / 1000, center, window_m)
+    found = lamp_position.fit(
+        used, calibration, np.array(hand_eye.shared_covariance), radius_mm / 1000, center, window_m
+    )
     result = lamp_results.lamp_result(found, used, why_not, hashes)
     out.mkdir(parents=True, exist_ok=True)
     changed = found.calibrated(calibration, hand_eye)
@@ -66,8 +68,9 @@ def _highlights(
         if isinstance(spot, str):
             why_not[image.name] = spot
         else:
-            tool = measured_pose.tools(joints[image.name][None], cell.arm, calibration)[0]
-            used.append(Highlight(image.name, spot, tool))
+            at = joints[image.name]
+            tool = measured_pose.tools(at[None], cell.arm, calibration)[0]
+            used.append(Highlight(image.name, spot, tool, measured_pose.by_offsets(at, cell.arm, calibration)))
     return used, why_not, hashes
 
 

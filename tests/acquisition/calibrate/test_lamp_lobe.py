@@ -11,6 +11,7 @@ from acquisition.calibrate import lamp_lobe
 from acquisition.calibrate.lamp_lobe import LobeFit
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
+from tests.acquisition.calibrate.coverage import LEAST, MOST, require_covered, squared
 from tests.acquisition.calibrate.matt_plane import CALIBRATION, Truth, captured
 
 ANGLES = np.radians(np.arange(2.0, 40.0, 2.0))
@@ -95,10 +96,15 @@ def test_lobe_of_plane_that_is_not_matt_is_refused() -> None:
 
 @pytest.mark.long
 def test_covariance_of_fifty_lobes_covers_truth() -> None:
-    """Share of LEDs whose intensity, lobe and sides lie within the 95 % ellipsoid."""
-    inside = []
+    """Intensity, lobe and sides of fifty LEDs, and the camera's flat field."""
+    of_lobe, of_flat_field, unknowns = list[float](), list[float](), list[int]()
     for seed in range(100, 150):
         truth, images, placings, known = captured(seed)
         found = lamp_lobe.fit(images, placings, known)
-        inside.append(whitened(found, truth) < chi2.ppf(0.95, len(found.covariance)))
-    assert 0.85 <= np.mean(inside) <= 0.99
+        unknowns.append(len(found.covariance))
+        of_lobe.append(chi2.cdf(whitened(found, truth), unknowns[-1]))
+        of_flat_field.append(squared(found.flat_field - truth.flat_field, found.flat_covariance))
+    inside = np.mean(np.array(of_lobe) < 0.95)
+    print(f"lobe: {inside:.0%} of 50 in their 95 % ellipsoids of {min(unknowns)} to {max(unknowns)} unknowns")
+    require_covered("flat field", of_flat_field, 5)
+    assert LEAST <= inside <= MOST
