@@ -127,23 +127,42 @@ def _long_and_default_tests(module: Path) -> tuple[set[str], set[str]]:
     return long, {test.name for test in tests} - long
 
 
+def _require_tests(line: str, folder: Path) -> set[str]:
+    """The tests that a line of a page names, without a folder those in `folder`; each is there and as long as said."""
+    named: set[str] = set()
+    for said_long, file, name in re.findall(r"(\(long\) )?`([\w/.]+\.py)::(\w+)`", line):
+        module = ROOT / file if "/" in file else folder / file
+        assert module.is_file(), line
+        assert name in _long_and_default_tests(module)[0 if said_long else 1], f"{said_long}{file}::{name}"
+        named.add(name)
+    return named
+
+
 def test_service_tests_page_names_tests_for_every_point() -> None:
     page = (DOCS / "reference" / "service-tests.md").read_text(encoding="utf-8")
     points: set[str] = set()
     named: set[str] = set()
     for line in page.splitlines():
-        mentioned = re.findall(r"(\(long\) )?`([\w/.]+\.py)::(\w+)`", line)
+        mentioned = _require_tests(line, ROOT / "tests" / "api" / "rest")
         if match := re.match(r"\| (\d+)[a-z]? \|", line):
             points.add(match[1])
             assert mentioned, line
-        for said_long, file, name in mentioned:
-            module = ROOT / file if "/" in file else ROOT / "tests" / "api" / "rest" / file
-            assert module.is_file(), line
-            assert name in _long_and_default_tests(module)[0 if said_long else 1], f"{said_long}{file}::{name}"
-            named.add(name)
+        named |= mentioned
 
     assert points == {str(number) for number in range(1, 15)}
     assert len(named) > 80
+
+
+def test_page_tests_page_names_every_test_of_the_page() -> None:
+    folder = ROOT / "tests" / "api" / "page"
+    page = (DOCS / "reference" / "page-tests.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if re.match(r"\| \w", line) and "shown by" not in line]
+    named = [_require_tests(row, folder) for row in rows]
+    every = {name for module in folder.glob("test_*.py") for names in _long_and_default_tests(module) for name in names}
+
+    assert len(rows) > 30
+    assert all(names or "`python " in row for row, names in zip(rows, named, strict=True))
+    assert every <= set().union(*named)
 
 
 def _generated_blocks() -> ModuleType:
