@@ -165,3 +165,19 @@ def draw_projection_sigma(found: CameraFit, sigma: FloatArray, path: Path) -> No
     figure.colorbar(shown, label="1 σ of a direction's place, px")
     axes.set(xlabel="column, px", ylabel="row, px")
     figure.savefig(path, dpi=120)
+
+
+def draw_residuals(found: CameraFit, path: Path) -> None:
+    """Draws each corner's residual as an arrow over the image, a hundred times as long and more."""
+    width, height = found.size
+    at = np.concatenate([view.pixels for view in found.adjusted.views])
+    rest = np.concatenate(found.adjusted.residuals_px)
+    # A typical arrow is a fortieth of the image's width long, a large one several times that.
+    larger = width / 40 / max(found.adjusted.corner_sigma_px, 1e-6)
+    figure = Figure(figsize=(6, 6 * height / width), layout="constrained")
+    axes = figure.subplots()
+    axes.quiver(*at.T, *(larger * rest).T, angles="xy", scale_units="xy", scale=1, width=0.0015)
+    axes.set(
+        xlim=(0, width), ylim=(height, 0), xlabel="column, px", ylabel="row, px", title=f"residuals × {larger:.0f}"
+    )
+    figure.savefig(path, dpi=120)

@@ -14,7 +14,7 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.models.base import FloatArray
+from acquisition.models.base import FloatArray, Vector3
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import Halted
 
@@ -103,6 +103,11 @@ class Arm(Protocol):
 
         Raises RigError arm.not_ready, arm.protective_stop, arm.emergency_stop, arm.in_use, driver.lost.
         """
+        ...
+
+    def carry(self, mass_kg: float, center_m: Vector3) -> None:
+        """States the payload that `prepare` tells the controller and `preflight` compares, in the flange frame; none
+        stated: the cell file's `[arm]`. Asks no device."""
         ...
 
     def preflight(self) -> Sequence[Finding]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
+from pydantic import Discriminator, Field, Tag, ValidationError, field_validator, model_validator
 
 from acquisition import geometry
 from acquisition.models import stl
@@ -71,6 +71,21 @@ class BoardConfig(Value):
     replaces_lamp: bool = Field(
         default=True, description="Whether the lamp is taken off the flange for it; else it is beside the lamp"
     )
+    payload_kg: float | None = Field(
+        default=None,
+        gt=0,
+        description="All that is on the flange with the board, bracket and lamp included; none: as `arm.payload_kg`",
+    )
+    payload_center_m: Vector3 | None = Field(
+        default=None, description="Centre of gravity of that, in the flange frame; stated together with `payload_kg`"
+    )
+
+    @model_validator(mode="after")
+    def _payload_is_whole(self) -> "BoardConfig":
+        """Refuses a mass without a centre of gravity, and the other way round."""
+        if (self.payload_kg is None) != (self.payload_center_m is None):
+            raise ValueError("payload_kg and payload_center_m belong together: state both, or neither")
+        return self
 
 
 class LampTargetsConfig(Value):
@@ -288,7 +303,10 @@ class Clearances(Value):
     self_m: float = Field(default=0.01, gt=0)
 
 
-_LATER_FIELDS = (("arm", "polyscope"), ("arm", "robot_api_port"), ("arm", "tool"), ("board",), ("lamp_targets",))
+_LATER_FIELDS = (
+    ("arm", "polyscope"), ("arm", "robot_api_port"), ("arm", "tool"), ("board", "payload_kg"),
+    ("board", "payload_center_m"), ("board",), ("lamp_targets",),
+)  # fmt: skip
 """Fields that came after sessions had been recorded; each has a default that means what was before."""
 
 
@@ -319,11 +337,11 @@ class CellConfig(Value):
         defaults, so that an interrupted session can be resumed after an upgrade."""
         values = self.model_dump(mode="json")
         for *sections, name in _LATER_FIELDS:
-            owner: Value = self
+            owner: Value | None = self
             section = values
             for part in sections:
                 owner, section = getattr(owner, part), section[part]
-            if getattr(owner, name) == type(owner).model_fields[name].default:
+            if owner is not None and getattr(owner, name) == type(owner).model_fields[name].default:
                 del section[name]
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 

@@ -121,6 +121,7 @@ def _write_results(
     """Writes what was found, and the calibration in use with it in place of its own values."""
     made = board_results.results(found.camera, found.hand_eye, images.hashes)
     board_results.draw_projection_sigma(found.camera, made.projection_sigma_px, folder / "projection_sigma.png")
+    board_results.draw_residuals(found.camera, folder / "residuals.png")
     write_json(folder / "camera.json", made.camera)
     if made.hand_eye is not None:
         write_json(folder / "hand_eye.json", made.hand_eye)

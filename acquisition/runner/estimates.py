@@ -2,6 +2,7 @@
 
 import threading
 import time
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -51,6 +52,8 @@ def estimate_and_record(
         job, given = JOBS[recipe.kind], (folder / name, last)
     with written_by_job(folder / name):
         summary: CalibrationSummary = compute.run(stop, job, recipe, cell, calibration, images, *given)
+    compute.run(stop, "report_calibration", folder / name, f"Calibration {record.session_id} ({recipe.kind})",
+                _made_with(record, cell, calibration, known, summary, folder), summary.advice)  # fmt: skip
     more: dict[str, object] = {"seconds": round(time.monotonic() - begun, 3), "passes": list(range(number + 1))}
     facts = {
         "session_id": record.session_id,
@@ -110,6 +113,24 @@ def keep(store: Store, record: SessionRecord, cell: CellConfig, known: Path | No
     )
     store.calibrations.add(made, estimate, known)
     store.journal.announce(record.session_id, "calibration.made", {"id": made.id, "fingerprint": made.fingerprint})
+
+
+def _made_with(
+    record: SessionRecord, cell: CellConfig, calibration: Calibration, known: Path | None, summary: CalibrationSummary,
+    folder: Path,
+) -> dict[str, str]:  # fmt: skip
+    """What an estimate rests on, for its report."""
+    return {
+        "session": record.session_id,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "software": f"lightpose {version('lightpose')}",
+        "camera": camera_name(cell),
+        "arm": _text(folder / "arm.txt") or cell.arm.model,
+        "cell file": f"{cell.name}, SHA-256 {cell.fingerprint}",
+        "images": f"{summary.images}, of which {summary.used} were used",
+        "calibration before": f"{'the cell file' if known is None else known.name}, SHA-256 {calibration.fingerprint}",
+        "this calibration": f"SHA-256 {summary.fingerprint}" if summary.fingerprint else "none",
+    }
 
 
 def _text(file: Path) -> str:

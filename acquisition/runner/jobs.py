@@ -307,6 +307,11 @@ def _facts(
     )
 
 
+def report_calibration(folder: Path, title: str, facts: dict[str, str], advice: Sequence[str]) -> None:
+    """Writes the report of a calibration's estimate into its folder."""
+    report.write_calibration(folder, title, facts, advice)
+
+
 def _routes(session: Path, last_pass: int) -> list[Route]:
     """Each pass's full route; shorter ones are what was left after an interruption."""
     routes: list[Route] = []

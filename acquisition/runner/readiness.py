@@ -4,17 +4,20 @@ Missing devices are reconnected periodically while nothing runs, so that the ser
 which is missing. `make_ready` is the explicit step before a session, which also compares the arm with the cell file.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from acquisition.devices import ArmIdentity, Rig
+from acquisition.models.base import Vector3
 from acquisition.models.errors import ErrorCode, RigError, problem
 
 
 class Readiness:
     """Connects the devices of a rig, in the runner's thread; the three attributes may be read by any."""
 
-    def __init__(self, rig: Rig) -> None:
-        self._rig = rig
+    def __init__(self, rig: Rig, payload: Callable[[], tuple[float, Vector3]]) -> None:
+        """`payload`: mass, kg, and centre of gravity, m, of what is on the flange now."""
+        self._rig, self._payload = rig, payload
         self.identity: ArmIdentity | None = None
         self.camera_ready = False
         self.problems: list[dict[str, Any]] = [
@@ -27,6 +30,7 @@ class Readiness:
         Raises RigError arm.unreachable, arm.in_use, arm.preflight (with `findings`), camera.unreachable and others.
         """
         try:
+            self._rig.arm.carry(*self._payload())
             identity = self._rig.arm.connect()
             if not self._rig.arm.reading.program_running:  # connecting has not taken control: this says why it cannot
                 self._rig.arm.prepare()
@@ -46,12 +50,22 @@ class Readiness:
         self.identity, self.camera_ready, self.problems = identity, True, []
         return identity
 
+    def tell_payload(self) -> None:
+        """Tells the controller the payload of another tool, where this program has control; else `prepare` does.
+
+        Raises RigError as `Arm.prepare`.
+        """
+        self._rig.arm.carry(*self._payload())
+        if self._rig.arm.reading.program_running:
+            self._rig.arm.prepare()
+
     def reconnect_missing(self) -> bool:
         """Connects missing devices and keeps the problem of each; True when that has made the rig complete."""
         if not self.problems and self._rig.arm.reading.connected:
             return False
         problems: list[dict[str, Any]] = []
         try:
+            self._rig.arm.carry(*self._payload())
             self.identity = self._rig.arm.connect()
         except RigError as error:
             self.identity = None

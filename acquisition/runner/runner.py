@@ -21,6 +21,7 @@ from acquisition import session
 from acquisition.devices import RecoveryStep, Rig, StopToken
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import AnyRecipe
+from acquisition.models.cell_config import Tool
 from acquisition.models.errors import ErrorCode, RigError, problem
 from acquisition.runner import calibration_checks, preconditions
 from acquisition.runner.compute import Compute, Preempted
@@ -37,6 +38,7 @@ from acquisition.runner.step_executor import StepExecutor
 from acquisition.runner.stop_record import StopRecord
 from acquisition.session import Actor, State, Trigger
 from acquisition.store import SessionRow, Store
+from acquisition.waypoints import mounted_tool
 
 _log = logging.getLogger(__name__)
 
@@ -70,7 +72,7 @@ class Runner:
         self.choices = RigChoices(store, rig.cell, calibration, self._refuse_used, self._arm_name)
         self._compute, self._monitor = compute, monitor
         self._executor = StepExecutor(store, rig, self.choices, compute)
-        self._readiness = Readiness(rig)
+        self._readiness = Readiness(rig, lambda: mounted_tool.payload(rig.cell, self.choices.tool))
         self._closing = threading.Event()
         self._estimator = ProgressEstimator(store, rig.cell)
         self._loop = SessionLoop(store, rig, self._executor, monitor, self._closing, self._estimator)
@@ -117,6 +119,12 @@ class Runner:
         if new:
             self._executor.create_folder(row.id, recipe)
         return row, new
+
+    def state_tool(self, tool: Tool, actor: str) -> None:
+        """A person states what is on the flange; the controller is told its payload. Raises RigError config.invalid for
+        a board that the cell file has not, rig.busy."""
+        self.choices.state_tool(tool, actor)
+        self._requests.put(self._readiness.tell_payload)
 
     def set_region(self, session_id: str, mask: bytes, actor: str) -> int:
         """Stores a PNG mask as the session's region of interest; returns its number of pixels.

@@ -8,7 +8,7 @@ thinner.
 import numpy as np
 
 from acquisition import geometry
-from acquisition.models.base import FloatArray
+from acquisition.models.base import FloatArray, Vector3
 from acquisition.models.cell_config import BoardConfig, CapsuleShape, CellConfig, Tool
 from acquisition.models.errors import ErrorCode, RigError
 
@@ -29,8 +29,35 @@ def with_tool(cell: CellConfig, tool: Tool) -> CellConfig:
     tool_pose = cell.arm.flange_from_tool
     if np.linalg.norm(far) > np.linalg.norm(tool_pose.position_m):
         tool_pose = tool_pose.model_copy(update={"position_m": tuple(far.tolist())})
-    arm = cell.arm.model_copy(update={"tool": tool, "flange_from_tool": tool_pose})
+    mass_kg, center_m = payload(cell, tool)
+    arm = cell.arm.model_copy(
+        update={
+            "tool": tool, "flange_from_tool": tool_pose, "payload_kg": mass_kg, "payload_center_m": center_m,
+        }
+    )  # fmt: skip
     return cell.model_copy(update={"arm": arm})
+
+
+def payload(cell: CellConfig, tool: Tool) -> tuple[float, Vector3]:
+    """Mass, kg, and centre of gravity (3,) in the flange frame, m, of what is on the flange, as the cell file says.
+
+    With a board whose payload is not stated it is the lamp's: `payload_warning` says so.
+    """
+    board = cell.board if tool == "board" else None
+    if board is None or board.payload_kg is None or board.payload_center_m is None:
+        return cell.arm.payload_kg, cell.arm.payload_center_m
+    return board.payload_kg, board.payload_center_m
+
+
+def payload_warning(cell: CellConfig, tool: Tool) -> str:
+    """What a person should know of the payload that the controller is told; empty: nothing."""
+    if tool == "lamp" or require_board(cell).payload_kg is not None:
+        return ""
+    return (
+        f"The payload with the board is not stated: the controller goes on with the lamp's {cell.arm.payload_kg:g} kg. "
+        "Weigh what is on the flange and state payload_kg and payload_center_m in [board]: a wrong payload makes the "
+        "arm sag, and stop for forces that are none."
+    )
 
 
 def require_board(cell: CellConfig) -> BoardConfig:

@@ -124,6 +124,8 @@ def follow(client: Client, recipe: AnyRecipe, hands: Hands, say: Say) -> Session
         raise RigError(code, f"Session {done.id} is {done.state}: {why}")
     for sentence in sentences(done):
         say(sentence)
+    report = f"/v1/sessions/{done.id}/estimates/{client.estimates(done.id)[-1].number}/report.html"
+    say(f"report with values, residuals and pictures: {report}")
     return done
 
 

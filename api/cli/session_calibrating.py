@@ -41,12 +41,19 @@ def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool)
         _show(console, found)
         for sentence in found.advice:
             console.print(sentence)
+        console.print(f"report: {report_address(client, address, done.id)}")
         if activate:
             client.activate_calibration(done.id)
             console.print(f"calibration {done.id} is in use")
         if isinstance(recipe, CheckRecipe):
             return {"session": done.id, **found.model_dump(mode="json")}
         return {"calibration": done.id, "active": activate, **found.model_dump(mode="json")}
+
+
+def report_address(client: Client, address: str, session_id: str) -> str:
+    """Where the report of a session's newest estimate is."""
+    newest = client.estimates(session_id)[-1].number
+    return f"{address.rstrip('/')}/v1/sessions/{session_id}/estimates/{newest}/report.html"
 
 
 def target_at_hand(address: str) -> str:

@@ -41,6 +41,7 @@ from api.client.progress_bar import SessionProgressBar
 from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed
 from api.client.transport import authorization_headers, connection
 from api.rest.calibration import RigCalibration, ToolResource
+from api.rest.calibration_schemas import EstimateResource
 from api.rest.key_schemas import CallerResource, KeyResource
 from api.rest.preview_figures import PreviewFigures
 from api.rest.queue import QueueEntryResource, QueueResource
@@ -234,6 +235,10 @@ class AsyncClient:
     async def results(self, session_id: str) -> list[ResultResource]:
         """The results so far, oldest first."""
         return await self._all(f"/v1/sessions/{session_id}/results", ResultResource)
+
+    async def estimates(self, session_id: str) -> list[EstimateResource]:
+        """The estimates of a calibration session so far, oldest first."""
+        return await self._all(f"/v1/sessions/{session_id}/estimates", EstimateResource)
 
     async def choose_answer(self, session_id: str, number: int) -> ResultResource:
         """Chooses which result is the session's answer."""

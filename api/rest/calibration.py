@@ -19,6 +19,7 @@ from acquisition.models.calibration_set import CELL_FILE, CalibrationSet
 from acquisition.models.cell_config import Tool
 from acquisition.models.errors import ErrorCode
 from acquisition.store.folder import sha256_of
+from acquisition.waypoints import mounted_tool
 from api.rest import problems, stored_files
 from api.rest.dependencies import Actor, ServiceOf
 from api.rest.paging import Limit, Offset, page
@@ -71,6 +72,7 @@ class ToolResource(Resource):
     """What is on the arm's flange, as somebody stated last: paths are certified for it."""
 
     tool: Tool = Field(description="`lamp`, or `board`")
+    warning: str = Field(default="", description="What to know of its payload, for people; empty: nothing")
     links: Links
 
 
@@ -144,7 +146,9 @@ def calibration_file(
 @router.get("/v1/rig/tool")
 def tool(service: ServiceOf) -> ToolResource:
     """What is on the arm's flange, as somebody stated last."""
-    return ToolResource(tool=service.runner.choices.tool, links={"self": "/v1/rig/tool", "rig": "/v1/rig"})
+    mounted = service.runner.choices.tool
+    warning = mounted_tool.payload_warning(service.cell, mounted)
+    return ToolResource(tool=mounted, warning=warning, links={"self": "/v1/rig/tool", "rig": "/v1/rig"})
 
 
 @router.put(
@@ -156,9 +160,9 @@ def tool(service: ServiceOf) -> ToolResource:
 def state_tool(service: ServiceOf, statement: ToolStatement, actor: Actor) -> ToolResource:
     """A person states what is on the flange now: paths of sessions, parking and jogging are certified for it.
 
-    Nothing moves. Refused while a session holds the rig.
+    Nothing moves; the controller is told the payload of this tool. Refused while a session holds the rig.
     """
-    service.runner.choices.state_tool(statement.tool, actor)
+    service.runner.state_tool(statement.tool, actor)
     return tool(service)
 
 

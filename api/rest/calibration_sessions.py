@@ -10,50 +10,21 @@ from typing import Annotated, get_args
 from fastapi import APIRouter, Request
 from fastapi import Path as InPath
 from fastapi.responses import FileResponse
-from pydantic import Field
 
 from acquisition.models import calibration_recipe
 from acquisition.models.calibration_recipe import CalibrationRecipe
 from acquisition.models.calibration_result import CalibrationSummary
-from acquisition.models.cell_config import Tool
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.runner import calibration_checks
 from acquisition.store import Artifact
 from api.rest import problems, stored_files
+from api.rest.calibration_schemas import CalibrationKindResource, EstimateResource
 from api.rest.dependencies import Number, ServiceOf, SessionId
 from api.rest.paging import Limit, Offset, page
-from api.rest.schemas import ArtefactResource, Links, Page, Resource, as_datetime
+from api.rest.schemas import ArtefactResource, Page, as_datetime
 from api.rest.wiring import Service
 
 router = APIRouter()
-
-
-class CalibrationKindResource(Resource):
-    """A kind of calibration session, and the newest calibration of it."""
-
-    kind: str = Field(description="`kind` of the recipe: `camera`, `hand-eye`, …")
-    recipe: str = Field(description="Name of its recipe's schema in /openapi.json")
-    explanation: str = Field(description="What its recipe says of it")
-    tool: Tool = Field(description="What its sessions need on the flange: PUT /v1/rig/tool states it")
-    made_at: str | None = Field(
-        description="When the newest calibration or check of this kind was made, ISO 8601; null: none"
-    )
-    age_days: float | None = Field(description="Days since then; null: none was made")
-    calibration: str | None = Field(
-        description="Identifier of that calibration; null: none was made, and a check makes none"
-    )
-    links: Links
-
-
-class EstimateResource(Resource):
-    """What a calibration session estimated from all its images after a pass."""
-
-    number: int = Field(ge=0, description="Number of the pass after which it was made")
-    created: datetime = Field(description="When it was made, UTC")
-    seconds: float = Field(description="Time that it took")
-    summary: CalibrationSummary = Field(description="The figures that a person reads first")
-    artefacts: list[ArtefactResource] = Field(description="Its files: values, residuals of each image, pictures")
-    links: Links
 
 
 @router.get("/v1/rig/calibration-kinds", tags=["rig"])
@@ -100,7 +71,7 @@ def estimates(
     tags=["sessions"],
     response_class=FileResponse,
     responses={
-        **stored_files.binary("application/json", "image/png", description="The file"),
+        **stored_files.binary("application/json", "image/png", "text/html", description="The file"),
         **problems.NOT_FOUND,
         **problems.responses_of(ErrorCode.STORE_CORRUPT),
     },

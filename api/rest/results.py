@@ -10,7 +10,6 @@ import anyio.to_thread
 from fastapi import APIRouter, Body, Header, Request, Response
 from fastapi import Path as InPath
 from fastapi.responses import FileResponse
-from starlette.convertors import Convertor, register_url_convertor
 
 from acquisition import session
 from acquisition.models.errors import ErrorCode, RigError
@@ -30,23 +29,6 @@ from api.rest.schemas import (
     as_datetime,
 )
 from api.rest.wiring import Service
-
-
-class FileName(Convertor[str]):
-    """A part of an address that is a file's name: it has a dot, as no other address below a result has."""
-
-    regex = r"[^/]*\.[^/]*"
-
-    def convert(self, value: str) -> str:
-        """The name as it stands."""
-        return value
-
-    def to_string(self, value: str) -> str:
-        """The name as it stands."""
-        return value
-
-
-register_url_convertor("file", FileName())
 
 router = APIRouter(tags=["sessions"])
 

@@ -9,10 +9,28 @@ from pathlib import Path
 from typing import Any
 
 from fastapi.responses import FileResponse
+from starlette.convertors import Convertor, register_url_convertor
 
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store import Artifact
 from api.rest.wiring import Service
+
+
+class FileName(Convertor[str]):
+    """A part of an address that is a file's name: it has a dot, as no other address below a result has."""
+
+    regex = r"[^/]*\.[^/]*"
+
+    def convert(self, value: str) -> str:
+        """The name as it stands."""
+        return value
+
+    def to_string(self, value: str) -> str:
+        """The name as it stands."""
+        return value
+
+
+register_url_convertor("file", FileName())
 
 MEDIA_TYPES = {
     ".png": "image/png",

@@ -110,6 +110,7 @@ def state(controller: Controller) -> dict[str, Any]:
         "digital_outputs": outputs.levels,
         "output_age_s": [max(0.0, now - at) for at in outputs.changed_at],
         "analog_outputs": [outputs.analog(0), outputs.analog(1)],
+        "payload": [arm.payload, *arm.payload_center],
         "tool_force": list(arm.tool_force),
         "digital_inputs": controller.inputs.levels,
         "analog_inputs": controller.inputs.analog,

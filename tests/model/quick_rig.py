@@ -15,7 +15,7 @@ import numpy as np
 
 from acquisition.devices import ArmIdentity, ArmReading, Finding, Frame, MotionLimits, RecoveryStep, Rig, StopToken
 from acquisition.models import cell_config
-from acquisition.models.base import as_joints
+from acquisition.models.base import Vector3, as_joints
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
@@ -74,6 +74,9 @@ class QuickArm:
     def prepare(self) -> None:
         if self._safety_bits != NORMAL:
             raise RigError(ErrorCode.ARM_PROTECTIVE_STOP, "The arm is in a protective stop")
+
+    def carry(self, mass_kg: float, center_m: Vector3) -> None:
+        return
 
     def preflight(self) -> Sequence[Finding]:
         return []

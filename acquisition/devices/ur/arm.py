@@ -23,7 +23,7 @@ from acquisition.devices.process_priority import Priority, RealTime
 from acquisition.devices.ur import motion_limits, preflight, primary, probe, protocol, readings, states
 from acquisition.devices.ur.program_stop import ProgramStop
 from acquisition.devices.ur.protocol import Done, Failed, Field, Inspection, Interrupted, Sample, SharedMemory
-from acquisition.models.base import FloatArray
+from acquisition.models.base import FloatArray, Vector3
 from acquisition.models.cell_config import ArmConfig, JointGeometry
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
@@ -169,6 +169,10 @@ class UrArm:
         finally:
             self._taking_control = False
         self._tell_priority()
+
+    def carry(self, mass_kg: float, center_m: Vector3) -> None:
+        """States the payload; see the Protocol `Arm`."""
+        self._config = self._config.model_copy(update={"payload_kg": mass_kg, "payload_center_m": center_m})
 
     def _tell_priority(self) -> None:
         """Logs, once, that this machine does not grant what keeps the arm moving beside other programs."""

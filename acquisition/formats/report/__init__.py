@@ -1,7 +1,8 @@
-"""The report of a result for a person: report.html and report.png."""
+"""The reports for a person: of a result, report.html and report.png, and of a calibration, report.html."""
 
 from acquisition.formats.report.advice import quality_warnings
+from acquisition.formats.report.calibration_page import write as write_calibration
 from acquisition.formats.report.context import ReportContext
 from acquisition.formats.report.page import PAGE, PICTURE, write
 
-__all__ = ["PAGE", "PICTURE", "ReportContext", "quality_warnings", "write"]
+__all__ = ["PAGE", "PICTURE", "ReportContext", "quality_warnings", "write", "write_calibration"]

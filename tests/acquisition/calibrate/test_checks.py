@@ -94,9 +94,21 @@ def test_check_of_three_views_asks_for_more() -> None:
 
 
 @pytest.mark.long
-def test_false_alarms_of_real_calibrations_are_as_rare_as_stated() -> None:
+@pytest.mark.timeout(1800)
+def test_false_alarms_are_as_rare_as_stated() -> None:
+    alarms = 0
+    for seed in range(200):
+        truth = synthetic.truth(seed)
+        alarms += bool(checked(truth, known_of(truth, seed), seed).found.changed)
+    print(f"{alarms} false alarms in 200")
+    assert alarms <= 4  # one is expected; more than four come once in 270 times
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_check_against_calibrations_from_views_tells_sound_from_moved() -> None:
     alarms, named = 0, 0
-    for seed in range(60):
+    for seed in range(20):
         truth = synthetic.truth(seed)
         views = synthetic.views(truth, synthetic.joints_of(truth, 20, seed), seed)
         camera = intrinsics.fit(synthetic.BOARD, views, synthetic.SIZE)
@@ -104,9 +116,9 @@ def test_false_alarms_of_real_calibrations_are_as_rare_as_stated() -> None:
         alarms += bool(checked(truth, known, seed).found.changed)
         found = checked(moved(truth, "camera by 1 mm"), known, seed).found.changed
         named += [test.group.name for test in found] == ["camera"]
-    print(f"{alarms} false alarms in 60, the camera named in {named}")
-    assert alarms <= 3  # 0.5 % each, were the variances known exactly: they are estimated from twenty views
-    assert named >= 57
+    print(f"{alarms} false alarms in 20, the camera named in {named}")
+    assert alarms <= 2  # the variances are estimated from twenty views, so that there are a few more
+    assert named >= 19
 
 
 @pytest.fixture(scope="module")

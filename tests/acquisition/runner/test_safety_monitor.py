@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken
+from acquisition.models.base import Vector3
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.runner.safety_monitor import Latch, SafetyMonitor, classify
 
@@ -41,6 +42,9 @@ class ScriptedArm:
 
     def prepare(self) -> None:
         raise NotImplementedError
+
+    def carry(self, mass_kg: float, center_m: Vector3) -> None:
+        return
 
     def preflight(self) -> Sequence[Finding]:
         raise NotImplementedError

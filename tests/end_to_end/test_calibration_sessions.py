@@ -1,0 +1,83 @@
+"""Calibration sessions of a running service by the command line: complete, killed in mid-pass and resumed, checked."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.models.calibration_recipe import BoardRecipe
+from acquisition.models.errors import ErrorCode
+from acquisition.session import State
+from api import Client
+from hardware_sim import placing
+from hardware_sim.cell import Cell, CellOptions
+from tests.end_to_end.processes import Service, client_of, serving
+
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
+ADDRESS = "127.0.6.41"
+
+
+def calibrate(service: Service, *arguments: str) -> tuple[int, dict[str, Any], str]:
+    """Exit code of `lightpose calibrate`, its JSON (empty: none) and what it says."""
+    command = [sys.executable, "-m", "api.cli", "calibrate", *arguments, "--address", service.url, "--json"]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    lines = ended.stdout.strip().splitlines()
+    return ended.returncode, json.loads(lines[-1]) if lines else {}, ended.stderr
+
+
+def cell_of(folder: Path, *, perturbed: bool) -> Cell:
+    return Cell(CellOptions(ADDRESS, "empty", 3, "realistic", 20.0, pixels=512, perturbed=perturbed), folder / "cell")
+
+
+def test_hand_eye_by_command_killed_resumed_and_checked(tmp_path: Path) -> None:
+    with cell_of(tmp_path, perturbed=True) as cell:
+        placing.place(ADDRESS, 30100, "charuco@flange")
+        with serving(cell, tmp_path / "data") as service, client_of(service) as client:
+            client.state_tool("board")
+            session_id = client.create(BoardRecipe(kind="hand-eye", max_images=20)).id
+            client.start(session_id)
+            announced: set[tuple[int, int]] = set()
+            for event in client.events(session_id, after=0):
+                assert event.type != "session.state" or "reason" not in event.body, event
+                if event.type == "shot.captured":
+                    announced.add((event.body["pass"], event.body["number"]))
+                if len(announced) == 3:
+                    break
+            service.kill()
+        with serving(cell, tmp_path / "data") as service, Client(service.url) as client:
+            session = client.session(session_id)
+            assert (session.state, client.rig().tool) == (State.INTERRUPTED, "board")
+            client.acknowledge()
+            client.resume(session_id)
+            done = client.wait(session_id)
+            assert done.state is State.COMPLETED, done.reason
+            assert done.estimate is not None
+            assert done.estimate.position_sigma_mm is not None
+            assert done.estimate.position_sigma_mm < 0.5
+            shots = [(e.body["pass"], e.body["number"]) for e in client.past_events(session_id)
+                     if e.type == "shot.captured"]  # fmt: skip
+            assert len(shots) == len(set(shots)) == 20
+            assert announced <= set(shots)
+            report = tmp_path / "data/calibrations" / session_id / "report.html"
+            assert "Camera against the arm" in report.read_text(encoding="utf-8")
+            client.activate_calibration(session_id)
+            code, found, said = calibrate(service, "check", "--target", "board")
+            assert (code, found["passed"]) == (0, True), said
+            assert list(client.rig().calibration.check.checks) == ["board"]
+            code, found, said = calibrate(service, "hand-eye", "--images", "8", "--activate")
+            assert (code, found["active"]) == (0, True), said
+
+
+def test_check_without_calibration_by_sessions_says_so(tmp_path: Path) -> None:
+    with cell_of(tmp_path, perturbed=False) as cell, serving(cell, tmp_path / "data") as service:
+        with client_of(service) as client:
+            client.state_tool("board")
+        code, _, said = calibrate(service, "check")
+        assert code not in (0, 3)
+        assert ErrorCode.CALIBRATION_INFEASIBLE in said or "nothing to check against" in said
+        with Client(service.url) as client:
+            (session,) = client.sessions()
+            assert session.state is State.PAUSED
