@@ -1,14 +1,15 @@
 """Planning service: dry runs of recipes, forecasts for lights of a person's own, and their acceptance as a plan.
 
 Nothing moves. Plans are made by the same jobs in the compute process as those of a session. Dry runs and forecasts have
-lower priority: the jobs of a session preempt them.
+lower priority: the jobs of a session preempt them. They are pure functions of what is asked and take seconds, so the
+newest are kept: whoever edits a recipe's title, or asks twice, waits once.
 """
 
 import threading
-from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from acquisition import session
 from acquisition.devices import Rig
@@ -25,6 +26,7 @@ from acquisition.models.shot import Observations
 from acquisition.models.step import AwaitReview, AwaitTarget, Step
 from acquisition.runner import re_solve
 from acquisition.runner.compute import Compute, Preempted
+from acquisition.runner.memo import Memo
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.step_executor import StepExecutor
 from acquisition.session import State
@@ -37,6 +39,15 @@ ASSUMED_EXPOSURE_S = 0.1
 
 KEPT_FORECASTS = 8
 """Forecasts that are kept, so that figures and picture of the same lights are computed once."""
+
+KEPT_DRY_RUNS = 32
+"""Lights with their prior forecasts, and routes, that are kept; each takes some 100 kB."""
+
+SAME_START_RAD = 1e-3
+"""Grid of the arm's place, rad, within which a dry run's route is the same: a resting arm's reading varies by less."""
+
+UNPLANNED: Mapping[str, Any] = {"label": "", "notes": "", "retakes": 0, "review_plan": False}
+"""Fields of a recipe that neither its first lights nor their forecast depend on."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +76,9 @@ class PlanningService:
     ) -> None:
         self._store, self._rig, self._choices = store, rig, choices
         self._compute, self._executor, self._closing = compute, executor, closing
-        self._forecasts: OrderedDict[tuple[str, tuple[Vector3, ...]], tuple[LightForecast, bytes | None]] = (
-            OrderedDict()
-        )
-        self._forecasts_lock = threading.Lock()
+        self._forecasts = Memo[tuple[LightForecast, bytes | None]](KEPT_FORECASTS)
+        self._designs = Memo[tuple[LightPlan, PriorForecast]](KEPT_DRY_RUNS)
+        self._routes = Memo[Route](KEPT_DRY_RUNS)
 
     @property
     def _calibration(self) -> Calibration:
@@ -82,16 +92,9 @@ class PlanningService:
         self._require_idle()
         arm, cell = self._rig.arm.reading, self._rig.cell
         start = arm.joints if arm.connected else cell.arm.home
-        known = (cell, self._calibration)
         try:
-            plan: LightPlan = self._compute.run(
-                self._closing, "first_lights", recipe, *known, self._executor.reach_cache, preemptible=True
-            )
-            route: Route = self._compute.run(self._closing, "plan_route", plan.lights, start, *known, preemptible=True)
-            forecast: PriorForecast = self._compute.run(
-                self._closing, "prior_forecast", recipe, *known, self._executor.reach_cache, plan.lights,
-                preemptible=True,
-            )  # fmt: skip
+            plan, forecast = self._design(recipe)
+            route = self._route(plan, start)
         except Preempted as error:
             raise _busy() from error
         stop_s = cell.arm.settle_s + cell.lamp.rise_s + (recipe.exposure.seconds or ASSUMED_EXPOSURE_S)
@@ -113,6 +116,28 @@ class PlanningService:
         except Preempted as error:
             raise _busy() from error
         return plan, known
+
+    def _design(self, recipe: Recipe) -> tuple[LightPlan, PriorForecast]:
+        """The lights of a recipe's first pass and what accuracy to expect. Raises Preempted."""
+        known = (recipe, self._rig.cell, self._calibration, self._executor.reach_cache)
+
+        def compute() -> tuple[LightPlan, PriorForecast]:
+            plan: LightPlan = self._compute.run(self._closing, "first_lights", *known, preemptible=True)
+            return plan, self._compute.run(self._closing, "prior_forecast", *known, plan.lights, preemptible=True)
+
+        key = (recipe.model_copy(update=UNPLANNED).model_dump_json(), self._calibration.fingerprint)
+        return self._designs.of(key, compute)
+
+    def _route(self, plan: LightPlan, start: tuple[float, ...]) -> Route:
+        """The path through a plan's lights from where the arm stands. Raises Preempted."""
+        lights = tuple(light.model_dump_json() for light in plan.lights)
+        grid = tuple(round(angle / SAME_START_RAD) for angle in start)
+        return self._routes.of(
+            (lights, grid, self._calibration.fingerprint),
+            lambda: self._compute.run(
+                self._closing, "plan_route", plan.lights, start, self._rig.cell, self._calibration, preemptible=True
+            ),
+        )
 
     def replace_plan(
         self, session_id: str, number: int, positions: Sequence[Vector3], actor: str
@@ -150,30 +175,25 @@ class PlanningService:
         record, folder = self._store.record(session_id), self._store.folder(session_id)
         region_file = re_solve.region_file(self._store, session_id)
         key = f"{session_id}/{number}/{region_file}"
-        request = (key, tuple(positions))
-        with self._forecasts_lock:
-            if request in self._forecasts:
-                return self._forecasts[request]
-        given = ForecastInput(
-            recipe=require_capture(record.recipe),
-            cell=self._rig.cell,
-            calibration=self._calibration,
-            result=folder / "results" / str(number - 1) if number > 0 else None,
-            observations=re_solve.observations(record, folder),
-            region_file=region_file,
-        )
-        try:
-            made = self._compute.run(
+
+        def compute() -> tuple[LightForecast, bytes | None]:
+            given = ForecastInput(
+                recipe=require_capture(record.recipe),
+                cell=self._rig.cell,
+                calibration=self._calibration,
+                result=folder / "results" / str(number - 1) if number > 0 else None,
+                observations=re_solve.observations(record, folder),
+                region_file=region_file,
+            )
+            return self._compute.run(
                 self._closing, "forecast_lights", key, given, self._executor.reach_cache, list(positions),
                 preemptible=True,
             )  # fmt: skip
+
+        try:
+            return self._forecasts.of((key, tuple(positions)), compute)
         except Preempted as error:
             raise RigError(ErrorCode.RIG_BUSY, "A session computes at the moment: ask again later") from error
-        with self._forecasts_lock:
-            self._forecasts[request] = made
-            while len(self._forecasts) > KEPT_FORECASTS:
-                self._forecasts.popitem(last=False)
-        return made
 
     def approve(self, session_id: str, actor: str) -> None:
         """Records that `actor` approves the plan, or has placed the target, that the session waits for, if it does."""

@@ -14,6 +14,7 @@ from typing import Any
 import anyio.to_thread
 from fastapi import FastAPI
 
+from acquisition.runner.memo import Memo
 from api.rest import (
     archive,
     calibration,
@@ -52,7 +53,7 @@ from api.rest.authentication import Authentication
 from api.rest.camera_preview import CameraPreview
 from api.rest.compression import Compressed
 from api.rest.conditional import ConditionalGet
-from api.rest.drawings import Drawings
+from api.rest.drawings import KEPT_DRAWINGS
 from api.rest.events import EventFeed
 from api.rest.joint_readings import JointReadings
 from api.rest.keys import KeyRing
@@ -88,7 +89,7 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     app.state.service = service
     app.state.feed = EventFeed(service.store.journal, JointReadings(service.rig.arm))
     app.state.camera_preview = CameraPreview(service)
-    app.state.scene, app.state.drawings = CellScene(service), Drawings()
+    app.state.scene, app.state.drawings = CellScene(service), Memo[bytes](KEPT_DRAWINGS)
     app.state.keys = keys
     app.state.capacity, app.state.proxies = capacity.present(), TrustedProxies(settings.trusted_proxies)
     app.state.security_headers = security_headers(foreign_pages=bool(settings.allowed_origins))

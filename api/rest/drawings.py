@@ -5,8 +5,6 @@ is told so before anything is rendered; the newest drawings are kept for the oth
 """
 
 import hashlib
-import threading
-from collections import OrderedDict
 from functools import partial
 from importlib.metadata import version
 from typing import Annotated, Literal
@@ -20,9 +18,11 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.route import Route
+from acquisition.runner.memo import Memo
 from api.rest import problems, stored_files
 from api.rest.conditional import is_current
 from api.rest.dependencies import Number, ServiceOf, SessionId
+from api.rest.turns import in_turn
 from api.rest.wiring import Service
 
 router = APIRouter()
@@ -31,33 +31,12 @@ Format = Annotated[Literal["png", "html"], InPath(description="A still, or a 3-D
 _TYPES = {"png": "image/png", "html": "text/html"}
 _PICTURE = stored_files.binary(*_TYPES.values(), description="The still, or the page")
 _BUSY = problems.responses_of(
-    ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY, ErrorCode.SESSION_STEP_FAILED, ErrorCode.COMPUTE_LOST
-)
-
+    ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY, ErrorCode.SESSION_STEP_FAILED, ErrorCode.COMPUTE_LOST,
+    ErrorCode.SERVICE_OVERLOADED,
+)  # fmt: skip
 
 KEPT_DRAWINGS = 4
 """Drawings that are kept, the newest ones; a 3-D page has 5 MB."""
-
-
-class Drawings:
-    """Renders drawings, and keeps the newest ones by their ETag."""
-
-    def __init__(self) -> None:
-        self._kept: OrderedDict[str, bytes] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def of(self, etag: str, draw: partial[bytes]) -> bytes:
-        """The drawing of an ETag, rendered by `draw` unless it is kept."""
-        with self._lock:
-            if etag in self._kept:
-                self._kept.move_to_end(etag)
-                return self._kept[etag]
-        content = draw()
-        with self._lock:
-            self._kept[etag] = content
-            while len(self._kept) > KEPT_DRAWINGS:
-                self._kept.popitem(last=False)
-        return content
 
 
 @router.get(
@@ -69,7 +48,7 @@ class Drawings:
 async def reach_picture(service: ServiceOf, request: Request, form: Format) -> Response:
     """The reach of the arm: the dome seen from the camera, or cell and dome in 3-D, with the reason of each refusal."""
     runner = service.runner
-    reach = await anyio.to_thread.run_sync(runner.reach, limiter=service.limits.reach)
+    reach = await in_turn(service.limits.reach, runner.reach)
     draw = partial(runner.render, "draw_reach", service.cell, service.calibration, runner.reach_file, form)
     return await _rendered(service, request, draw, form, reach, service.cell, service.calibration)
 
@@ -124,6 +103,6 @@ async def _rendered(
     headers = stored_files.revalidated(hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32])
     if is_current(request.headers.get("if-none-match", ""), headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    drawings: Drawings = request.app.state.drawings
+    drawings: Memo[bytes] = request.app.state.drawings
     content = await anyio.to_thread.run_sync(drawings.of, headers["ETag"], draw, limiter=service.limits.pictures)
     return Response(content, media_type=_TYPES[form], headers=headers)

@@ -13,6 +13,7 @@ from acquisition.models.recipe import Recipe
 from api.rest import problems, sessions, stored_files
 from api.rest.dependencies import Actor, Number, ServiceOf, SessionId
 from api.rest.schemas import DryRunResource, OwnLights, PassResource
+from api.rest.turns import in_turn
 
 router = APIRouter(tags=["sessions"])
 
@@ -27,6 +28,7 @@ _UNREACHABLE_LIGHTS = (ErrorCode.PLAN_INFEASIBLE, ErrorCode.WAYPOINTS_UNREACHABL
         ErrorCode.RIG_BUSY,
         ErrorCode.SESSION_STEP_FAILED,
         ErrorCode.COMPUTE_LOST,
+        ErrorCode.SERVICE_OVERLOADED,
     ),
 )
 async def dry_run(service: ServiceOf, recipe: Recipe) -> DryRunResource:
@@ -35,7 +37,7 @@ async def dry_run(service: ServiceOf, recipe: Recipe) -> DryRunResource:
     With method `optimal` these are the pilot's lights; the later plans depend on the pilot's images. `forecast` says
     what accuracy to expect of how many images, of an assumed object.
     """
-    proposal = await anyio.to_thread.run_sync(service.runner.planning.dry_run, recipe, limiter=service.limits.reach)
+    proposal = await in_turn(service.limits.reach, service.runner.planning.dry_run, recipe)
     return DryRunResource(
         plan=proposal.plan, route=proposal.route, seconds=proposal.seconds, forecast=proposal.forecast
     )
@@ -52,6 +54,7 @@ async def dry_run(service: ServiceOf, recipe: Recipe) -> DryRunResource:
         ErrorCode.RIG_NOT_READY,
         ErrorCode.SESSION_STEP_FAILED,
         ErrorCode.COMPUTE_LOST,
+        ErrorCode.SERVICE_OVERLOADED,
     ),
 )
 async def replace_plan(
@@ -61,9 +64,7 @@ async def replace_plan(
 
     The session stays paused: the plan may be replaced again, and `resume` executes it.
     """
-    await anyio.to_thread.run_sync(
-        service.runner.planning.replace_plan, session_id, number, request.lights, actor, limiter=service.limits.reach
-    )
+    await in_turn(service.limits.reach, service.runner.planning.replace_plan, session_id, number, request.lights, actor)
     return await anyio.to_thread.run_sync(sessions.one_pass, service, session_id, number)
 
 
@@ -81,6 +82,7 @@ async def replace_plan(
             ErrorCode.RIG_BUSY,
             ErrorCode.SESSION_STEP_FAILED,
             ErrorCode.COMPUTE_LOST,
+            ErrorCode.SERVICE_OVERLOADED,
         ),
     },
 )
@@ -93,8 +95,8 @@ async def forecast_plan(
     dark where it is small, for the same lights as a request for the figures just before at no further cost. Forecasts
     are computed one after another, so ask for the next when the last is answered.
     """
-    forecast, picture = await anyio.to_thread.run_sync(
-        service.runner.planning.forecast, session_id, number, request.lights, limiter=service.limits.forecasts
+    forecast, picture = await in_turn(
+        service.limits.forecasts, service.runner.planning.forecast, session_id, number, request.lights
     )
     headers = {"Cache-Control": "no-store", "Vary": "Accept"}
     if "image/png" not in http_request.headers.get("accept", ""):

@@ -35,6 +35,7 @@ from api.rest.rig_schemas import (
     SafetyResource,
 )
 from api.rest.schemas import Accepted, as_datetime
+from api.rest.turns import in_turn
 
 router = APIRouter()
 
@@ -175,12 +176,12 @@ async def park(service: ServiceOf, actor: Actor) -> Accepted:
     response_class=Response,
     responses={
         200: {"description": "A ReachMap", "content": {"application/json": {"schema": {"type": "object"}}}},
-        **problems.responses_of(ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY),
+        **problems.responses_of(ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY, ErrorCode.SERVICE_OVERLOADED),
     },
 )
 async def reach(service: ServiceOf) -> Response:
     """Which light positions the arm can reach, and why not the others; computed once for a cell, in a minute or so."""
-    content = await anyio.to_thread.run_sync(service.runner.reach, limiter=service.limits.reach)
+    content = await in_turn(service.limits.reach, service.runner.reach)
     return Response(content, media_type="application/json")
 
 

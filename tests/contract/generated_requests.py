@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from api.rest.app import description
+from tests.contract.progress import Notes, follow
 from tests.contract.steering import CONFORMANCE
 
 HERE = Path(__file__).parent
@@ -79,27 +80,28 @@ def run(url: str, key: str, known: Mapping[str, Any], folder: Path, most: int) -
     """
     described = folder / "openapi.json"
     described.write_text(json.dumps(_with_items(description())), encoding="utf-8")
-    answers = folder / "answers.jsonl"
-    answers.touch()
-    report = folder / "report.json"
-    done = subprocess.run(
-        [
-            sys.executable, "-m", "schemathesis.cli", "--config-file", str(HERE / "schemathesis.toml"), "run",
-            str(described), "--url", url, "--phases", ",".join(PHASES), "--checks", ",".join(CHECKS),
-            "--max-examples", str(most), "--header", f"Authorization: Bearer {key}", "--report-json-path", str(report),
-            "--output-truncate", "true",
-        ],
-        env={
-            **os.environ, "PYTHONPATH": str(HERE.parents[1]),
-            "SCHEMATHESIS_HOOKS": "tests.contract.hooks", "CONTRACT_KNOWN": json.dumps(dict(known)),
-            "CONTRACT_ANSWERS": str(answers), "NO_COLOR": "1", "COLUMNS": "160",
-        },
-        cwd=folder, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    output = done.stdout + done.stderr
-    (folder / "schemathesis.log").write_text(output, encoding="utf-8")
-    noted = [json.loads(line) for line in answers.read_text(encoding="utf-8").splitlines()]
-    return Run(noted, output, _failures(output), _links(output))
+    notes = Notes(folder / "notes.jsonl")
+    notes.path.touch()
+    log = folder / "schemathesis.log"
+    command = [
+        sys.executable, "-m", "schemathesis.cli", "--config-file", str(HERE / "schemathesis.toml"), "run",
+        str(described), "--url", url, "--phases", ",".join(PHASES), "--checks", ",".join(CHECKS),
+        "--max-examples", str(most), "--header", f"Authorization: Bearer {key}",
+        "--report-json-path", str(folder / "report.json"), "--output-truncate", "true",
+    ]  # fmt: skip
+    environment = {
+        **os.environ, "PYTHONPATH": str(HERE.parents[1]), "SCHEMATHESIS_HOOKS": "tests.contract.hooks",
+        "CONTRACT_KNOWN": json.dumps(dict(known)), "CONTRACT_NOTES": str(notes.path), "NO_COLOR": "1", "COLUMNS": "160",
+    }  # fmt: skip
+    with log.open("wb") as file:
+        process = subprocess.Popen(command, env=environment, cwd=folder, stdout=file, stderr=file)
+        try:
+            follow(process, notes)
+        finally:
+            process.kill()
+            process.wait()
+    output = log.read_text(encoding="utf-8")
+    return Run(notes.answers, output, _failures(output), _links(output))
 
 
 def _with_items(described: dict[str, Any]) -> dict[str, Any]:

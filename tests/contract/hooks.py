@@ -1,12 +1,16 @@
 """Hooks that schemathesis loads: requests lead somewhere half of the time, and every answer is noted.
 
-Loaded by `SCHEMATHESIS_HOOKS`. `CONTRACT_KNOWN` is a JSON object of path parameters that exist; `CONTRACT_ANSWERS` the
-file for one JSON object per answer, or per request without one.
+Loaded by `SCHEMATHESIS_HOOKS`. `CONTRACT_KNOWN` is a JSON object of path parameters that exist; `CONTRACT_NOTES` the
+file for one JSON object per request that is sent, and one per answer or request without one. On SIGUSR1 the stacks of
+all threads are written to standard error.
 """
 
+import faulthandler
 import json
 import os
+import signal
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +20,18 @@ from schemathesis.generation.meta import TestPhase
 from tests.contract.steering import Steering, ending
 
 KNOWN: dict[str, Any] = json.loads(os.environ["CONTRACT_KNOWN"])
-ANSWERS = Path(os.environ["CONTRACT_ANSWERS"])
+NOTES = Path(os.environ["CONTRACT_NOTES"])
 
 _steering = Steering(KNOWN)
 _writing = threading.Lock()
 
+faulthandler.register(signal.SIGUSR1, all_threads=True)
 
-def _note(**facts: Any) -> None:
-    with _writing, ANSWERS.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(facts) + "\n")
+
+def _note(case: Any, **facts: Any) -> None:
+    facts = {"thread": threading.get_ident(), "phase": _phase(case), "method": case.method.upper(), **facts}
+    with _writing, NOTES.open("a", encoding="utf-8") as file:
+        file.write(json.dumps({**facts, "path": case.operation.path}) + "\n")
 
 
 def _phase(case: Any) -> str:
@@ -40,11 +47,12 @@ def map_path_parameters(context: Any, path_parameters: dict[str, Any] | None) ->
 
 @schemathesis.hook
 def before_call(context: Any, case: Any, kwargs: dict[str, Any]) -> None:
-    """Events are read until now; what is known to exist is not deleted."""
+    """Events are read until now; what is known to exist is not deleted. Notes the request, which is sent next."""
     del context, kwargs
     if case.method.upper() == "DELETE" and (case.path_parameters or {}).get("session_id") == KNOWN["session_id"]:
         case.path_parameters["session_id"] = "kept"
     case.query = ending(case.operation.path, case.method, case.query)
+    _note(case, sent=time.time())
 
 
 @schemathesis.hook
@@ -55,9 +63,7 @@ def after_call(context: Any, case: Any, response: Any) -> None:
     if response.status_code >= 400 and response.headers.get("content-type", [""])[0].startswith("application/problem"):
         code = json.loads(response.content)["code"]
     _note(
-        phase=_phase(case),
-        method=case.method.upper(),
-        path=case.operation.path,
+        case,
         status=response.status_code,
         code=code,
         seconds=response.elapsed,
@@ -69,4 +75,4 @@ def after_call(context: Any, case: Any, response: Any) -> None:
 def after_network_error(context: Any, case: Any, request: Any) -> None:
     """Notes a request without an answer: a hang, or a connection that was cut."""
     del context, request
-    _note(phase=_phase(case), method=case.method.upper(), path=case.operation.path, status=None)
+    _note(case, status=None)

@@ -154,6 +154,9 @@ def test_unreachable_lights_are_named_without_motion(rig: Rig) -> None:
 def test_replace_plan_under_review_uses_reachable_user_lights(rig: Rig) -> None:
     recipe = Recipe(method="random", pilot_lights=3, planned_lights=0, review_plan=True)
     foreseen = rig.runner.planning.dry_run(recipe)
+    again = rig.runner.planning.dry_run(recipe.model_copy(update={"label": "the same under another title"}))
+    assert (again.plan, again.route, again.forecast) == (foreseen.plan, foreseen.route, foreseen.forecast)
+    assert again.route is foreseen.route  # kept, not computed anew
     moves = rig.control.state()["moves_started"]
     session_id = new(rig, recipe)
     rig.runner.act(session_id, Trigger.START, "a")

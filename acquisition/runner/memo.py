@@ -1,0 +1,33 @@
+"""Memo: the newest answers of slow pure functions by what they depend on; any thread may call."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import Generic, TypeVar
+
+Answer = TypeVar("Answer")
+
+
+class Memo(Generic[Answer]):
+    """Keeps at most `most` answers; the one that was asked for least recently is dropped first."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._answers: OrderedDict[Hashable, Answer] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def of(self, key: Hashable, compute: Callable[[], Answer]) -> Answer:
+        """The answer for a key; computed where it is not kept, and not kept where computing raises.
+
+        Two threads that ask for the same at once may both compute it.
+        """
+        with self._lock:
+            if key in self._answers:
+                self._answers.move_to_end(key)
+                return self._answers[key]
+        answer = compute()
+        with self._lock:
+            self._answers[key] = answer
+            while len(self._answers) > self._most:
+                self._answers.popitem(last=False)
+        return answer
