@@ -34,6 +34,7 @@ class Recorded:
         """What `every_tick` finds since the test has begun."""
         trace = read_trace(self.path)
         rows = trace.times >= self.begin
+        assert trace.times[rows][0] == self.begin
         return every_tick(replace(trace, times=trace.times[rows], joints=trace.joints[rows], tcp=trace.tcp[rows]))
 
 
@@ -48,7 +49,8 @@ def module_cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Cell
 def recorded(module_cell: tuple[Cell, Path]) -> Iterator[Recorded]:
     cell, path = module_cell
     at_home(cell)
-    yield Recorded(cell, path, cell.receive.getTimestamp() - TICK)
+    # The tick at which the client has seen the arm at rest, to the bit; one tick earlier it may still have moved home.
+    yield Recorded(cell, path, cell.receive.getTimestamp())
     assert cell.io.setSpeedSlider(1.0)
     wait_until(lambda: cell.receive.getTargetSpeedFraction() == 1.0)
 
