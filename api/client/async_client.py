@@ -39,7 +39,7 @@ from api.client.event_following import (
 )  # fmt: skip
 from api.client.progress_bar import SessionProgressBar
 from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed
-from api.client.transport import authorization_headers, connection
+from api.client.transport import CLOSED_MEANWHILE, authorization_headers, connection, may_repeat
 from api.rest.calibration import RigCalibration, ToolResource
 from api.rest.calibration_schemas import EstimateResource
 from api.rest.key_schemas import CallerResource, KeyResource
@@ -401,10 +401,10 @@ class AsyncClient:
     async def _send(self, method: str, address: str, **arguments: Any) -> httpx.Response:
         try:
             response = await self._http.request(method, address, **arguments)
-        except httpx.RemoteProtocolError:  # an idle connection was closed while the request was on its way
-            if method != "GET":
+        except CLOSED_MEANWHILE:
+            if not may_repeat(method, address):
                 raise
-            response = await self._http.request(method, address, **arguments)  # RFC 9110, 9.2.2
+            response = await self._http.request(method, address, **arguments)
         if response.is_error:
             raise_problem(response)
         return response

@@ -2,6 +2,7 @@
 
 import asyncio
 import socket
+import struct
 import threading
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -80,8 +81,8 @@ def test_events_concurrent_listeners_miss_none_over_restart(start: Callable[...,
 
 
 @contextmanager
-def closing_the_first(url: str) -> Generator[str]:
-    """The address of a relay to a service, which closes its first connection once a request has come."""
+def closing_the_first(url: str, reset: bool = False) -> Generator[str]:
+    """The address of a relay to a service, which closes or resets its first connection once a request has come."""
     target = urlsplit(url)
     with socket.create_server(("127.0.0.1", 0)) as listening:
 
@@ -89,6 +90,8 @@ def closing_the_first(url: str) -> Generator[str]:
             first, _ = listening.accept()
             with first:
                 first.recv(1 << 16)
+                if reset:
+                    first.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             with suppress(OSError):  # the end of the test
                 second, _ = listening.accept()
                 with second, socket.create_connection((str(target.hostname), int(target.port or 0))) as service:
@@ -103,10 +106,17 @@ def closing_the_first(url: str) -> Generator[str]:
         thread.join(60)
 
 
-def test_client_asks_again_where_a_connection_was_closed_meanwhile(own: Any) -> None:
+@pytest.mark.parametrize("reset", [False, True])
+def test_client_asks_again_where_a_connection_was_closed_meanwhile(own: Any, reset: bool) -> None:
     made = own.client.create()
-    with closing_the_first(own.url) as url, Client(url) as client:
+    with closing_the_first(own.url, reset) as url, Client(url) as client:
         assert client.session(made.id).id == made.id
+
+
+def test_client_repeats_a_stop_whose_connection_was_closed_meanwhile(own: Any) -> None:
+    with closing_the_first(own.url, reset=True) as url, Client(url) as client:
+        client.halt()
+    assert not own.client.safety().clear
 
 
 def test_client_never_repeats_what_is_no_mere_question(own: Any) -> None:
