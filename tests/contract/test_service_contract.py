@@ -12,6 +12,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections import Counter
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -38,9 +39,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(7200)]
 ROOT = Path(__file__).parents[2]
 CASES = int(os.environ.get("LIGHTPOSE_CASES", "30"))
 LIVE_P99_MS = 100.0
-"""Time within which 99 % of the probes have to be answered, ms, where this machine lets a process run at once."""
-TURNS = 4
-"""How often an answer waits for a core: the listener's thread, the event loop, and the probe, which connects first."""
+"""Time within which 99 % of the probes have to be answered, ms, whatever else the machine does."""
 
 
 @dataclass
@@ -76,15 +75,23 @@ def contract(tmp_path_factory: pytest.TempPathFactory) -> Generator[Contract]:
     data.mkdir(mode=0o700)
     key = keys.add(keys.path_in(data), "admin", keys.Role.ADMIN)
     cell_file = ROOT / "tests" / "data" / "cell.test.toml"
+    begun = time.monotonic()
+
+    def tell(what: str) -> None:
+        print(f"  {time.monotonic() - begun:4.0f} s {what}", flush=True)
+
     options = CellOptions("127.0.47.1", "sphere", 1, "ideal", 20.0, pixels=96, cell_file=cell_file)
     with Cell(options, folder / "cell") as cell, serving(cell, data) as service, Client(service.url, key) as client:
         client.wait_ready(180)
+        tell("the rig is ready; a session, which compiles what a checkout has not compiled yet")
         session = client.create(Recipe(pilot_lights=3, planned_lights=1, label="known"))
         client.start(session.id)
         while client.wait(session.id).state is State.INTERRUPTED:  # a busy machine
             client.resume(session.id)
         assert client.session(session.id).state is State.COMPLETED
+        tell("reach, dry run, jog")
         warm(service.url, key)
+        tell("the requests begin")
         yield Contract(service.url, key, session.id)
 
 
@@ -134,9 +141,9 @@ def test_hostile_inputs_are_all_answered(contract: Contract) -> None:
 
 
 def assert_live(measured: dict[str, float]) -> None:
-    """Every probe was answered, 99 % of them in time, beside how late other work made the probe itself."""
+    """Every probe was answered, 99 % of them in time; `measured` tells how late the machine made the probe itself."""
     assert measured["bad"] == 0
-    assert measured["p99_ms"] <= LIVE_P99_MS + TURNS * measured["probe_late_p99_ms"], measured
+    assert measured["p99_ms"] <= LIVE_P99_MS, measured
 
 
 def wrong(outcome: Outcome) -> str | None:
