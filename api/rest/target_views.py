@@ -4,7 +4,6 @@ Both are given as coordinates, not as drawings: a page lays them over the pictur
 for its own readers, and a script compares them.
 """
 
-import anyio.to_thread
 from fastapi import APIRouter, Request, Response
 from pydantic import Field
 
@@ -21,6 +20,7 @@ from api.rest import camera_preview, problems, stored_files
 from api.rest.camera_preview import CameraPreview
 from api.rest.dependencies import Number, ServiceOf, SessionId
 from api.rest.schemas import Links, Resource
+from api.rest.turns import in_turn
 from api.rest.wiring import Service
 
 router = APIRouter()
@@ -137,6 +137,7 @@ def planned_views(service: ServiceOf, session_id: SessionId, number: Number) -> 
         ErrorCode.CALIBRATION_INFEASIBLE,
         ErrorCode.SESSION_STEP_FAILED,
         ErrorCode.COMPUTE_LOST,
+        ErrorCode.SERVICE_OVERLOADED,
     ),
 )
 async def foreseen_views(service: ServiceOf, recipe: BoardRecipe) -> PlannedViews:
@@ -145,9 +146,7 @@ async def foreseen_views(service: ServiceOf, recipe: BoardRecipe) -> PlannedView
     By the calibration in use; the board need not be on the flange yet. A session of the same recipe plans the same
     views as long as that calibration is in use, in an order that follows from where the arm stands.
     """
-    plan, calibration = await anyio.to_thread.run_sync(
-        service.runner.planning.first_views, recipe, limiter=service.limits.reach
-    )
+    plan, calibration = await in_turn(service.limits.reach, service.runner.planning.first_views, recipe)
     return PlannedViews(
         width_px=calibration.width,
         height_px=calibration.height,
