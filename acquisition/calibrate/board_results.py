@@ -15,7 +15,14 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from acquisition.calibrate import intrinsics
-from acquisition.calibrate.bundle_adjustment import BASE_FROM_CAMERA, CAMERA, JOINT_OFFSETS, Adjusted, Parameters
+from acquisition.calibrate.bundle_adjustment import (
+    BASE_FROM_CAMERA,
+    CAMERA,
+    JOINT_OFFSETS,
+    UNKNOWNS,
+    Adjusted,
+    Parameters,
+)
 from acquisition.calibrate.hand_eye import HandEyeFit
 from acquisition.calibrate.intrinsics import CameraFit
 from acquisition.models.base import FloatArray, Joints, Matrix4, Value, as_matrix4
@@ -37,7 +44,7 @@ class AdjustmentRecord(Value):
     flange_from_board: Matrix4
     scale: float
     joint_offsets_rad: Joints
-    covariance: Rows = Field(description="Of all 28 parameters, as in `bundle_adjustment`")
+    covariance: Rows = Field(description="Of all 29 parameters, as in `bundle_adjustment`")
     corner_sigma_px: float
     arm_sigma: Annotated[tuple[float, float], Field(strict=False)] = Field(description="m and rad")
 
@@ -124,7 +131,7 @@ def hand_eye_result(found: HandEyeFit, hashes: Mapping[str, str]) -> HandEyeResu
     position, rotation = found.sigma
     offset_sigmas = np.zeros(6)
     offset_sigmas[1:5] = adjusted.sigma(JOINT_OFFSETS)
-    together = [*range(28)[BASE_FROM_CAMERA], *range(28)[JOINT_OFFSETS]]
+    together = [*range(UNKNOWNS)[BASE_FROM_CAMERA], *range(UNKNOWNS)[JOINT_OFFSETS]]
     return HandEyeResult.model_validate(
         {
             "made_at": now(), "version": metadata.version("lightpose"),

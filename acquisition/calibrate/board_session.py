@@ -22,6 +22,7 @@ from acquisition.calibrate.bundle_adjustment import (
     JOINT_OFFSETS,
     SCALE,
     SCALE_SIGMA,
+    UNKNOWNS,
     WARP,
     WARP_SIGMA_M,
     Adjusted,
@@ -186,7 +187,7 @@ def prior(cell: CellConfig, calibration: Calibration) -> Adjusted:
     """The calibration in use as an estimate, with the covariance of a cell that was set up by hand."""
     matrix = calibration.camera_matrix
     camera = np.array([matrix[0][0], matrix[1][1], matrix[0][2], matrix[1][2], *calibration.distortion])
-    sigma = np.zeros(28)
+    sigma = np.zeros(UNKNOWNS)
     sigma[CAMERA] = [FOCAL_SIGMA * camera[0]] * 2 + [CENTER_SIGMA_PX] * 2 + [*DISTORTION_SIGMAS]
     sigma[WARP], sigma[SCALE], sigma[JOINT_OFFSETS] = WARP_SIGMA_M, SCALE_SIGMA, JOINT_OFFSET_SIGMA_RAD
     sigma[BASE_FROM_CAMERA] = sigma[FLANGE_FROM_BOARD] = np.repeat(POSE_SIGMA, 3)

@@ -28,18 +28,20 @@ from acquisition.waypoints import calibrated_kinematics
 CAMERA = slice(0, 9)
 """Of θ: f_x, f_y, c_x, c_y in pixels and OpenCV's distortion k1, k2, p1, p2, k3."""
 
-WARP = slice(9, 11)
-"""Of θ: sag of the board's middle against its edges along x and along y, m."""
+WARP = slice(9, 12)
+"""Of θ: sag of the board's middle along x and along y, and its twist, by which opposite corners stand out, m. Left out,
+35 µm of twist turned a camera of narrow field by 0.09°, by way of its principal point."""
 
-BASE_FROM_CAMERA, FLANGE_FROM_BOARD = slice(11, 17), slice(17, 23)
+BASE_FROM_CAMERA, FLANGE_FROM_BOARD = slice(12, 18), slice(18, 24)
 """Of θ: translation, m, and rotation vector, rad, by which the pose is changed on its right."""
 
-SCALE = 23
+SCALE = 24
 """Of θ: relative deviation of the board's squares from their stated side."""
 
-JOINT_OFFSETS = slice(24, 28)
+JOINT_OFFSETS = slice(25, 29)
 """Of θ: offsets of the second to the fifth joint, rad. The first turns the base and the last the board: offsets of
 these are part of the two poses."""
+UNKNOWNS = 29
 
 WARP_SIGMA_M, SCALE_SIGMA, JOINT_OFFSET_SIGMA_RAD = 1e-3, 1e-3, math.radians(0.2)
 """Prior 1 σ of the warp (a sheet on a board sags by tenths of a millimetre), of the scale (a printer's, and a ruler
@@ -67,12 +69,12 @@ OUTLIER_SIGMA = 6.0
 
 @dataclass(frozen=True)
 class Parameters:
-    """An estimate: camera (9,) as in CAMERA; warp (2,); poses of camera and board; scale; joint offsets (6,), rad; the
+    """An estimate: camera (9,) as in CAMERA; warp (3,); poses of camera and board; scale; joint offsets (6,), rad; the
     views' own poses (V, 4, 4), `camera_from_board` without an arm, `board_from_board` deviations with one."""
 
     camera: FloatArray
     own: FloatArray
-    warp: FloatArray = field(default_factory=lambda: np.zeros(2))
+    warp: FloatArray = field(default_factory=lambda: np.zeros(3))
     base_from_camera: FloatArray = field(default_factory=lambda: np.eye(4))
     flange_from_board: FloatArray = field(default_factory=lambda: np.eye(4))
     scale: float = 0.0
@@ -86,13 +88,13 @@ class Parameters:
 
     @property
     def prior_part(self) -> FloatArray:
-        """Those of θ (28,) that have a prior, of mean zero; the others are zero."""
-        part = np.zeros(28)
+        """Those of θ (29,) that have a prior, of mean zero; the others are zero."""
+        part = np.zeros(UNKNOWNS)
         part[WARP], part[SCALE], part[JOINT_OFFSETS] = self.warp, self.scale, self.joint_offsets[1:5]
         return part
 
     def stepped(self, shared: FloatArray, own: Sequence[FloatArray]) -> "Parameters":
-        """The estimate after a step of θ (28,) and of the views' own poses, V of (6,)."""
+        """The estimate after a step of θ (29,) and of the views' own poses, V of (6,)."""
         offsets = self.joint_offsets.copy()
         offsets[1:5] += shared[JOINT_OFFSETS]
         return Parameters(
@@ -110,7 +112,7 @@ class Parameters:
 class Adjusted:
     """What an adjustment found.
 
-    `covariance` (28, 28) of θ, zero where a parameter was held; `corner_sigma_px` of a coordinate; `arm_sigma` of the
+    `covariance` (29, 29) of θ, zero where a parameter was held; `corner_sigma_px` of a coordinate; `arm_sigma` of the
     arm's deviation, m and rad; `residuals_px`: per view (K, 2), observed minus predicted; `left_out`: name and number
     of corners taken for misread.
     """
@@ -137,16 +139,16 @@ class Model:
 
     @property
     def free(self) -> np.ndarray:
-        """Which of θ (28,) are estimated."""
-        free = np.ones(28, bool)
+        """Which of θ (29,) are estimated."""
+        free = np.ones(UNKNOWNS, bool)
         if self.chain is None:
             free[BASE_FROM_CAMERA.start :] = False
         return free
 
     @property
     def prior(self) -> FloatArray:
-        """Inverse prior variance of θ (28,)."""
-        prior = np.zeros(28)
+        """Inverse prior variance of θ (29,)."""
+        prior = np.zeros(UNKNOWNS)
         prior[WARP], prior[SCALE] = 1 / WARP_SIGMA_M**2, 1 / SCALE_SIGMA**2
         prior[JOINT_OFFSETS] = 1 / JOINT_OFFSET_SIGMA_RAD**2
         return prior
@@ -154,7 +156,7 @@ class Model:
 
 @dataclass(frozen=True)
 class _Equations:
-    """One view's residuals (2K,), pixels, and their derivatives by θ (2K, 28) and by its own pose (2K, 6)."""
+    """One view's residuals (2K,), pixels, and their derivatives by θ (2K, 29) and by its own pose (2K, 6)."""
 
     residual: FloatArray
     shared: FloatArray
@@ -181,7 +183,7 @@ class _Variances:
 
 @dataclass(frozen=True)
 class _View:
-    """A view's share of the normal equations: of its own pose (6, 6) and (6,), and of θ with it (28, 6)."""
+    """A view's share of the normal equations: of its own pose (6, 6) and (6,), and of θ with it (29, 6)."""
 
     normal: FloatArray
     gradient: FloatArray
@@ -190,7 +192,7 @@ class _View:
 
 @dataclass(frozen=True)
 class _Reduced:
-    """Normal equations of θ (28, 28) and (28,) with the views' own poses eliminated, and the views' shares."""
+    """Normal equations of θ (29, 29) and (29,) with the views' own poses eliminated, and the views' shares."""
 
     normal: FloatArray
     gradient: FloatArray
@@ -219,7 +221,7 @@ def adjust(model: Model, views: Sequence[View], start: Parameters) -> Adjusted:
 @dataclass(frozen=True)
 class Seen:
     """What a view says of θ at an estimate, its own pose eliminated: residuals (2K,), pixels, Fisher information
-    (28, 28) and gradient (28,) of the log likelihood."""
+    (29, 29) and gradient (29,) of the log likelihood."""
 
     residual: FloatArray
     information: FloatArray
@@ -240,7 +242,7 @@ def seen_by(model: Model, view: View, found: Adjusted) -> Seen:
 
 
 def information(model: Model, view: View, found: Adjusted) -> FloatArray:
-    """Fisher information (28, 28) that a further view would add on θ, its own pose eliminated.
+    """Fisher information (29, 29) that a further view would add on θ, its own pose eliminated.
 
     The view's pixels do not matter, only which corners it sees and the joints.
     """
@@ -348,8 +350,9 @@ def _all_equations(model: Model, views: Sequence[View], present: Parameters) -> 
 
 def _equations(model: Model, view: View, present: Parameters, own: FloatArray) -> _Equations:
     flat = model.board.corners_m[view.corners]
-    middle = 1 - (2 * flat[:, :2] / np.array(model.board.size_m) - 1) ** 2  # 1 in the middle, 0 at the edges
-    points = np.column_stack([(1 + present.scale) * flat[:, :2], middle @ present.warp])
+    place = 2 * flat[:, :2] / np.array(model.board.size_m) - 1  # −1 to 1 over the board
+    shapes = np.column_stack([1 - place**2, place[:, 0] * place[:, 1]])
+    points = np.column_stack([(1 + present.scale) * flat[:, :2], shapes @ present.warp])
     camera_from_own = np.eye(4) if model.chain is None else camera_from_board(model, present, view)
     pose = camera_from_own @ own
     vector = cv2.Rodrigues(pose[:3, :3])[0]
@@ -357,9 +360,9 @@ def _equations(model: Model, view: View, present: Parameters, own: FloatArray) -
     by_all = np.asarray(derivatives, dtype=float).reshape(len(points), 2, -1)
     by_point = by_all[:, :, 3:6]  # of the point in the camera's frame
     by_own = by_point @ pose[:3, :3]  # of the point in the board's frame
-    shared = np.zeros((len(points), 2, 28))
+    shared = np.zeros((len(points), 2, UNKNOWNS))
     shared[..., CAMERA] = by_all[:, :, 6:15]
-    shared[..., WARP] = by_own[..., 2:3] * middle[:, None, :]
+    shared[..., WARP] = by_own[..., 2:3] * shapes[:, None, :]
     if model.chain is not None:
         arm = _arm_links(model, present, view)
         in_camera = geometry.transform(pose, points)
@@ -372,7 +375,7 @@ def _equations(model: Model, view: View, present: Parameters, own: FloatArray) -
             moved = np.cross(arm[number][:3, 2], base - arm[number][:3, 3])
             shared[..., column] = np.einsum("kij,kj->ki", by_base, moved)
     residual = view.pixels - np.asarray(predicted, dtype=float).reshape(-1, 2)
-    return _Equations(residual.ravel(), shared.reshape(-1, 28), _by_twist(by_own, points).reshape(-1, 6))
+    return _Equations(residual.ravel(), shared.reshape(-1, UNKNOWNS), _by_twist(by_own, points).reshape(-1, 6))
 
 
 def _arm_links(model: Model, parameters: Parameters, view: View) -> FloatArray:

@@ -57,7 +57,7 @@ def next_view(
 
 
 def pose_loss(covariance: FloatArray) -> float:
-    """`loss` of base from camera, m², by the covariance (28, 28) of all parameters."""
+    """`loss` of base from camera, m², by the covariance (29, 29) of all parameters."""
     return loss(covariance[BASE_FROM_CAMERA, BASE_FROM_CAMERA])
 
 
@@ -67,7 +67,7 @@ def plan_views(
 ) -> list[tuple[int, float]]:  # fmt: skip
     """Greedy design of at most `count` further views: numbers of candidate joints (6,), and the criterion with each.
 
-    `criterion` is a function of the covariance (28, 28). Fewer where no other candidate would show the board.
+    `criterion` is a function of the covariance (29, 29). Fewer where no other candidate would show the board.
     """
     free = np.ix_(model.free, model.free)
     present = np.linalg.inv(found.covariance[free])

@@ -33,8 +33,8 @@ class CameraResult(Value):
     camera_matrix: Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
     distortion: Annotated[tuple[float, float, float, float, float], Field(strict=False)]
     covariance: Rows = Field(description="Of f_x, f_y, c_x, c_y in pixels and k1, k2, p1, p2, k3")
-    warp_m: Annotated[tuple[float, float], Field(strict=False)] = Field(
-        description="Sag of the board's middle against its edges along x and y, m"
+    warp_m: Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)] = Field(
+        description="Sag of the board's middle against its edges along x and y, and its twist, m"
     )
     corner_sigma_px: float = Field(description="1 σ of a corner's coordinate, pixels")
     projection_sigma_px: float = Field(

@@ -15,6 +15,9 @@ SIZE = (1600, 1200)
 BOARD = CharucoBoard(columns=9, rows=7, square_m=0.012)
 NOMINAL = np.array(kinematics.denavit_hartenberg(kinematics.arm_model("ur5e")))
 
+TWIST_SIGMA_M = 1e-4
+"""1 σ by which opposite corners of the board stand out, m."""
+
 
 @dataclass(frozen=True)
 class Truth:
@@ -42,9 +45,10 @@ def truth(seed: int, scale_sigma: float = 3e-4) -> Truth:
     camera[:4] *= 1 + 0.01 * random.standard_normal(4)
     offsets = np.radians(0.1) * random.standard_normal(6)
     offsets[[0, 5]] = 0
+    twist_m = TWIST_SIGMA_M * np.random.default_rng(4000 + seed).standard_normal()
     down = geometry.pose((0.55, 0.0, 0.9), (np.pi, 0.0, 0.0))
     return Truth(
-        camera, 3e-4 * random.standard_normal(2), scale_sigma * random.standard_normal(),
+        camera, np.append(3e-4 * random.standard_normal(2), twist_m), scale_sigma * random.standard_normal(),
         down @ geometry.pose(0.01 * random.standard_normal(3), 0.02 * random.standard_normal(3)),
         geometry.pose((-0.054, -0.042, 0.05), (0.0, 0.0, 0.0))
         @ geometry.pose(0.003 * random.standard_normal(3), 0.02 * random.standard_normal(3)),
@@ -89,8 +93,9 @@ def views(known: Truth, joints: FloatArray, seed: int) -> list[View]:
     """Corners that the true camera sees of the true board on the true arm, with noise; those in the image."""
     random = np.random.default_rng(3000 + seed)
     flat = BOARD.corners_m
-    middle = 1 - (2 * flat[:, :2] / np.array(BOARD.size_m) - 1) ** 2
-    points = np.column_stack([(1 + known.scale) * flat[:, :2], middle @ known.warp])
+    u, v = (2 * flat[:, :2] / np.array(BOARD.size_m) - 1).T
+    depth = known.warp[0] * (1 - u * u) + known.warp[1] * (1 - v * v) + known.warp[2] * u * v
+    points = np.column_stack([(1 + known.scale) * flat[:, :2], depth])
     made: list[View] = []
     for number, (pose, stated) in enumerate(zip(camera_from_boards(known, joints, seed), joints, strict=True)):
         vector = cv2.Rodrigues(pose[:3, :3])[0]

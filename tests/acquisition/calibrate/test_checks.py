@@ -34,7 +34,7 @@ def known_of(truth: Truth, seed: int) -> Adjusted:
     for view in synthetic.views(truth, synthetic.joints_of(truth, 20, seed), seed):
         present = present + information(MODEL, view, found)
     covariance = np.linalg.inv(present)
-    error = np.linalg.cholesky(covariance) @ np.random.default_rng(seed).standard_normal(28)
+    error = np.linalg.cholesky(covariance) @ np.random.default_rng(seed).standard_normal(len(covariance))
     return replace(found, parameters=exact.stepped(error, [np.zeros(6)]), covariance=covariance)
 
 
