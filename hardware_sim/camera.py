@@ -1,9 +1,10 @@
 """Simulated camera on a TCP port: a request is one JSON line, the reply a JSON line and the frame's bytes.
 
-A request is `{"exposure_s": 0.05, "attempt": 0}`; the answer's line holds width, height, dtype (always `<u2`),
-exposure_s, attempt and taken_at (seconds since 1970, UTC, the middle of the exposure), and width · height · 2 bytes
-follow, row 0 first. `{"info": true}` is answered by a line alone; so is `{"place": "mirror-sphere"}`, by
-`{"placed": label}`, for which somebody puts another object or target into the cell. A bad request is answered
+A request is `{"exposure_s": 0.05, "attempt": 0, "number": 7}`; the answer's line holds width, height, dtype (always
+`<u2`), exposure_s, attempt, taken_at (seconds since 1970, UTC, the middle of the exposure) and the number if one was
+given, and width · height · 2 bytes follow, row 0 first. `{"info": true}` is answered by a line alone; so is `{"place":
+"mirror-sphere"}`, by `{"placed": label}`, for which somebody puts another object or target into the cell; and so is
+`{"fault": "doubled", "count": 2}`, which disturbs the next frames (`FrameFaults`). A bad request is answered
 `{"error": sentence}` and the connection stays open; a line that is too long closes it. Connections are served in turn,
 request by request.
 """
@@ -20,9 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 from acquisition.models.calibration import Calibration
-from acquisition.models.cell_config import SimCameraConfig
+from acquisition.models.camera_config import SimCameraConfig
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import shutter
+from hardware_sim.frame_faults import FrameFaults
 from hardware_sim.shutter import ExposureInterval, StateSource
 
 LONGEST_REQUEST = 4096
@@ -51,6 +53,7 @@ class CameraServer:
         self._take_frame, self._source = take_frame, source
         self._place = place
         self._turn = threading.Lock()
+        self.faults = FrameFaults()
         outer = self
 
         class Handler(socketserver.StreamRequestHandler):
@@ -73,6 +76,8 @@ class CameraServer:
         """Answers the requests of one connection until its other end closes it."""
         try:
             while line := connection.rfile.readline(LONGEST_REQUEST + 1):
+                if self.faults.is_away:
+                    return
                 if len(line) > LONGEST_REQUEST:
                     connection.wfile.write(_line({"error": f"a request has at most {LONGEST_REQUEST} bytes"}))
                     return
@@ -96,6 +101,9 @@ class CameraServer:
                 }, None
             if set(request) == {"place"}:
                 return self._placed(request["place"]), None
+            if set(request) == {"fault", "count"}:
+                self.faults.order(request["fault"], request["count"])
+                return {"ordered": request["fault"]}, None
             exposure_s, attempt = self._exposure(request)
         except ValueError as error:
             return {"error": str(error)}, None
@@ -107,7 +115,10 @@ class CameraServer:
                 frame = self._take_frame(moments, exposure_s, attempt)
             except RigError as error:
                 return {"error": error.detail}, None
-        return {**size, "exposure_s": exposure_s, "attempt": attempt, "taken_at": taken_at}, frame
+            header = {**size, "exposure_s": exposure_s, "attempt": attempt, "taken_at": taken_at}
+            if "number" in request:
+                header["number"] = request["number"]
+            return self.faults.applied(header, frame)
 
     def _placed(self, name: Any) -> dict[str, Any]:
         """Answer to a request to put something else into the cell, between two frames."""
@@ -121,7 +132,7 @@ class CameraServer:
 
     def _exposure(self, request: dict[str, Any]) -> tuple[float, int]:
         """Exposure time and attempt of a request. Raises ValueError saying what is wrong."""
-        unknown = set(request) - {"exposure_s", "attempt"}
+        unknown = set(request) - {"exposure_s", "attempt", "number"}
         if unknown:
             raise ValueError(f"unknown: {', '.join(sorted(unknown))}")
         exposure_s, attempt = request.get("exposure_s"), request.get("attempt", 0)
@@ -132,6 +143,9 @@ class CameraServer:
             raise ValueError(f"exposure_s must lie between {low} and {high}")
         if isinstance(attempt, bool) or not isinstance(attempt, int) or not 0 <= attempt <= MOST_ATTEMPTS:
             raise ValueError(f"attempt must be an integer from 0 to {MOST_ATTEMPTS}")
+        number = request.get("number", 0)
+        if isinstance(number, bool) or not isinstance(number, int):
+            raise ValueError("number must be an integer")
         return float(exposure_s), attempt
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Literal, get_args
 
-from acquisition.models.cell_config import SimCameraConfig
+from acquisition.models.camera_config import SimCameraConfig
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal, object_spec, placing, real_time_controller
 from hardware_sim.controller.control import ControlClient

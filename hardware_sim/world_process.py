@@ -18,6 +18,7 @@ import cv2
 
 from acquisition.devices import process_priority
 from acquisition.models import cell_config
+from acquisition.models.camera_config import SimCameraConfig
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import object_spec, solids
@@ -75,7 +76,7 @@ def main(folder: Path, spec: ObjectSpec, seed: int, profile: ProfileName, *, per
     )  # rendering waits for the controller's tick, never the other way round
     try:
         cell = cell_config.load(folder / "cell.toml")
-        if not isinstance(cell.camera, cell_config.SimCameraConfig):
+        if not isinstance(cell.camera, SimCameraConfig):
             raise RigError(ErrorCode.CONFIG_INVALID, "A simulated cell needs a camera of kind 'sim'.")
         calibration = cell_config.load_calibration(folder / cell.calibration)
         source = ControllerState(cell.arm.address, cell.lamp.output)

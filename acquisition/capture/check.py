@@ -15,7 +15,7 @@ from acquisition.capture import exposure
 from acquisition.capture.expected import displacement
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import SensorModel
-from acquisition.models.cell_config import CameraConfig
+from acquisition.models.camera_config import CameraConfig
 from acquisition.models.recipe import Exposure
 from acquisition.models.shot import FrameQuality
 

@@ -6,7 +6,8 @@ Steps of ∛2 lose at most an eighth of a stop of light on average and let most 
 import math
 
 from acquisition.models.calibration import Calibration
-from acquisition.models.cell_config import CameraConfig, CellConfig
+from acquisition.models.camera_config import CameraConfig
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.recipe import Exposure
 
 STEP = 2.0 ** (1 / 3)

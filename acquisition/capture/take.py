@@ -14,6 +14,9 @@ from acquisition.models.errors import ErrorCode, RigError
 MAX_EXPOSURE_MOTION_RAD = 5e-4
 """Largest movement, rad, of a joint during an exposure (0.5 mm at 1 m); a larger one rejects the frame."""
 
+MOST_RETURNS = 5
+"""How often the camera may go away and come back during one image; then its link is what has to be mended."""
+
 
 @dataclass(frozen=True)
 class Exposed:
@@ -41,10 +44,23 @@ def motion_limits(cell: CellConfig, speeds: Sequence[float]) -> list[MotionLimit
 
 
 def expose(rig: Rig, exposure_s: float, attempt: int, *, lit: bool, stop: StopToken) -> Exposed:
-    """Takes one frame with the lamp confirmed on (or off), the arm at rest.
+    """Takes one frame with the lamp confirmed on (or off), the arm at rest; a camera that goes away is waited for with
+    the lamp off.
 
-    Raises Halted, RigError lamp.not_confirmed, camera.timeout, and arm.move_failed when the arm moved meanwhile.
+    Raises Halted, RigError lamp.not_confirmed, camera.timeout, camera.unreachable, device.disconnected, and
+    arm.move_failed when the arm moved meanwhile.
     """
+    for _ in range(MOST_RETURNS):
+        try:
+            return _expose_once(rig, exposure_s, attempt, lit, stop)
+        except RigError:
+            if not rig.camera.is_gone:
+                raise
+            rig.camera.take_up(stop)
+    return _expose_once(rig, exposure_s, attempt, lit, stop)
+
+
+def _expose_once(rig: Rig, exposure_s: float, attempt: int, lit: bool, stop: StopToken) -> Exposed:
     if not lit:
         rig.lamp.set(False)
         return Exposed(rig.camera.expose(exposure_s, attempt, stop), rig.arm.reading)

@@ -7,7 +7,7 @@ never the other way round.
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from acquisition.models.base import FloatArray, Vector3
+from acquisition.models.camera import CameraCapabilities, CameraSettings, FaultKind
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import Halted
 
@@ -84,6 +85,21 @@ class Frame:
     pixels: npt.NDArray[np.uint16]
     exposure_s: float
     taken_at: float  # seconds since 1970, UTC
+    number: int | None = None  # its serial number since the camera was connected; none: the camera numbers none
+    settings: CameraSettings | None = None  # read back before it was triggered; none: the camera cannot tell
+    temperature_c: float | None = None
+
+
+@dataclass(frozen=True)
+class CameraFault:
+    """Something that went wrong with the camera, or that it is back."""
+
+    kind: FaultKind
+    detail: str
+    retaken: bool  # whether the frame is taken again
+
+
+FaultListener = Callable[[CameraFault], None]
 
 
 class Arm(Protocol):
@@ -154,15 +170,66 @@ class Lamp(Protocol):
         ...
 
 
-class Camera(Protocol):
-    """A camera with linear pixels."""
+class CameraDriver(Protocol):
+    """One kind of camera: one trigger, one frame. Whether that frame counts is judged in `frame_accounting` alone."""
 
-    def connect(self) -> None:
-        """Opens the camera. Raises RigError camera.unreachable within 3 s."""
+    def connect(self) -> CameraCapabilities:
+        """Opens the camera, anew if it is open, and makes all settings but the exposure time.
+
+        Raises RigError camera.unreachable within 3 s, config.invalid for settings that it refuses.
+        """
         ...
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
-        """Takes one frame. Raises RigError camera.timeout, Halted."""
+        """Sets the exposure time, reads the settings back, triggers, and returns the frame of that trigger.
+
+        `attempt` tells a simulated camera which noise to draw. Raises BadFrameError, RigError camera.timeout,
+        device.disconnected, camera.unreachable, config.invalid; Halted as soon as the token is set.
+        """
+        ...
+
+    def restart(self) -> None:
+        """Discards whatever is still under way after a frame that was not good. Raises RigError device.disconnected."""
+        ...
+
+    def close(self) -> None:
+        """Releases the camera; harmless when it is not open."""
+        ...
+
+
+class Camera(Protocol):
+    """A camera with linear pixels, whose frames are accounted for."""
+
+    @property
+    def capabilities(self) -> CameraCapabilities | None:
+        """What the camera said when it was last connected; none: it never was."""
+        ...
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether the camera did not answer at the last exposure."""
+        ...
+
+    def connect(self) -> None:
+        """Opens the camera. Raises RigError camera.unreachable within 3 s, config.invalid."""
+        ...
+
+    def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
+        """Takes one frame; a lost or bad one is taken again.
+
+        Raises RigError camera.timeout, device.disconnected, camera.unreachable; Halted.
+        """
+        ...
+
+    def take_up(self, stop: StopToken) -> None:
+        """Waits until a camera that is gone is back, and connects it.
+
+        Raises RigError camera.unreachable when it is not back in time, Halted.
+        """
+        ...
+
+    def listen(self, listener: FaultListener) -> None:
+        """Has every fault told to a listener, in the thread that exposes."""
         ...
 
     def close(self) -> None:

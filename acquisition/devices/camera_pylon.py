@@ -1,9 +1,10 @@
 """A Basler camera through the maker's own library: software trigger, everything automatic switched off.
 
 Each exposure starts and stops the grabbing of exactly one frame. That costs about a millisecond, and a frame that was
-given up on can never be taken for the next one. Whatever the camera could do to the pixels by itself (automatic
-exposure and gain, gamma, white balance) is switched off where the model has it, because photometric stereo needs them
-linear. The library is loaded only where a cell file asks for it.
+given up on can never be taken for the next one. A frame's number counts the acquisitions, plus its place in its own:
+one that is not the first of its acquisition shows as a gap. Whatever the camera could do to the pixels by itself
+(automatic exposure and gain, gamma, white balance) is switched off where the model has it, because photometric stereo
+needs them linear. The library is loaded only where a cell file asks for it.
 """
 
 import importlib
@@ -14,7 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from acquisition.devices import Frame, StopToken
-from acquisition.models.cell_config import PylonCameraConfig
+from acquisition.devices.frame_accounting import BadFrameError
+from acquisition.models.camera import CameraCapabilities, CameraSettings
+from acquisition.models.camera_config import PylonCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 POLL_MS = 50  # a stop token is seen within this
@@ -24,7 +27,7 @@ _FIXED = (("AcquisitionMode", "Continuous"), ("TriggerSelector", "FrameStart"), 
 
 
 class PylonCamera:
-    """One Basler camera; see the Protocol `Camera`. Raises RigError config.invalid without the extra `basler`."""
+    """One Basler camera; see the Protocol `CameraDriver`. Raises RigError config.invalid without the extra `basler`."""
 
     def __init__(self, config: PylonCameraConfig) -> None:
         self._config = config
@@ -34,8 +37,10 @@ class PylonCamera:
             detail = "The cell file names a Basler camera, and pypylon is missing: install the extra `basler`."
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
         self._camera: Any = None
+        self._acquisitions = 0
+        self._first_block: int | None = None  # the number that this model gives an acquisition's first frame
 
-    def connect(self) -> None:
+    def connect(self) -> CameraCapabilities:
         """Opens the camera and sets all but the exposure time.
 
         Raises RigError camera.unreachable when no camera has this serial number or another program holds it,
@@ -61,6 +66,7 @@ class PylonCamera:
             detail = f"The camera {self._config.serial} refuses what the cell file asks for: {error}"
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
         self._camera = camera
+        return _capabilities(camera, f"Basler {camera.GetDeviceInfo().GetModelName()} {self._config.serial}")
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
         """Takes one frame; `attempt` says nothing to a real camera.
@@ -80,6 +86,9 @@ class PylonCamera:
                 self.close()
                 raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The camera is gone: {error}") from error
             raise RigError(ErrorCode.CAMERA_TIMEOUT, f"The camera took no frame: {error}") from error
+
+    def restart(self) -> None:
+        """Nothing is under way: each exposure ends its own acquisition."""
 
     def close(self) -> None:
         """Releases the camera, so that others can open it."""
@@ -103,32 +112,86 @@ class PylonCamera:
         camera.TriggerSource.Value = "Software"
 
     def _expose(self, camera: Any, exposure_s: float, stop: StopToken) -> Frame:
-        time_us = camera.ExposureTime if _present(camera, "ExposureTime") else camera.ExposureTimeAbs
-        time_us.Value = exposure_s * 1e6
+        _exposure_node(camera).Value = exposure_s * 1e6
+        settings = _settings(camera)
+        self._acquisitions += 1
         camera.StartGrabbingMax(1)
         try:
             if not camera.WaitForFrameTriggerReady(int(READY_S * 1000), self._pylon.TimeoutHandling_Return):
                 raise RigError(ErrorCode.CAMERA_TIMEOUT, "The camera does not get ready for its trigger.")
             taken_at = time.time()
             camera.ExecuteSoftwareTrigger()
-            pixels = self._retrieve(camera, time.monotonic() + self._config.timeout_s + exposure_s, stop)
+            pixels, place = self._retrieve(camera, time.monotonic() + self._config.timeout_s + exposure_s, stop)
         finally:
             camera.StopGrabbing()
-        return Frame(pixels=pixels, exposure_s=float(time_us.Value) * 1e-6, taken_at=taken_at)
+        return Frame(pixels, settings.exposure_s, taken_at, self._acquisitions + place, settings, _temperature(camera))
 
-    def _retrieve(self, camera: Any, deadline: float, stop: StopToken) -> npt.NDArray[np.uint16]:
+    def _retrieve(self, camera: Any, deadline: float, stop: StopToken) -> tuple[npt.NDArray[np.uint16], int]:
+        """The frame and its place in its acquisition, from 0."""
         while not stop.is_set():
             result = camera.RetrieveResult(POLL_MS, self._pylon.TimeoutHandling_Return)
             if result.IsValid():
                 with result:
                     if not result.GrabSucceeded():
                         detail = f"The camera's frame is broken: {result.GetErrorDescription()}"
-                        raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
-                    return np.array(result.Array, dtype=np.uint16)
+                        raise BadFrameError("damaged", detail)
+                    block = int(result.GetBlockID())
+                    if self._first_block is None:
+                        self._first_block = block
+                    return np.array(result.Array, dtype=np.uint16), block - self._first_block
             if time.monotonic() > deadline:
                 detail = f"The camera sent no complete frame within {self._config.timeout_s:.0f} s after the exposure."
                 raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
         raise Halted
+
+
+def _capabilities(camera: Any, name: str) -> CameraCapabilities:
+    settings, exposure = _settings(camera), _exposure_node(camera)
+    digits = "".join(filter(str.isdigit, settings.pixel_format))
+    return CameraCapabilities(
+        name=name,
+        width=settings.width,
+        height=settings.height,
+        bits=int(digits or 8),
+        triggers=("software",),
+        min_exposure_s=float(exposure.Min) * 1e-6,
+        max_exposure_s=float(exposure.Max) * 1e-6,
+        black_level=settings.black_level is not None,
+        temperature=_temperature(camera) is not None,
+        frame_numbers=True,
+    )
+
+
+def _settings(camera: Any) -> CameraSettings:
+    """The settings as the camera reads them back."""
+    gain, black = (_number(camera, names) for names in (("Gain", "GainRaw"), ("BlackLevel", "BlackLevelRaw")))
+    other = [(name, str(getattr(camera, name).Value)) for name in (*_AUTOMATIC, "Gamma") if _readable(camera, name)]
+    return CameraSettings(
+        exposure_s=float(_exposure_node(camera).Value) * 1e-6,
+        pixel_format=str(camera.PixelFormat.Value),
+        width=int(camera.Width.Value),
+        height=int(camera.Height.Value),
+        gain=gain,
+        black_level=black,
+        other=tuple(other),
+    )
+
+
+def _temperature(camera: Any) -> float | None:
+    return _number(camera, ("DeviceTemperature", "TemperatureAbs"))
+
+
+def _number(camera: Any, names: tuple[str, ...]) -> float | None:
+    """The value of the first node that the model has; none: it has none."""
+    return next((float(getattr(camera, name).Value) for name in names if _readable(camera, name)), None)
+
+
+def _exposure_node(camera: Any) -> Any:
+    return camera.ExposureTime if _present(camera, "ExposureTime") else camera.ExposureTimeAbs
+
+
+def _readable(camera: Any, name: str) -> bool:
+    return bool(getattr(camera, name).IsReadable())
 
 
 def _present(camera: Any, name: str) -> bool:

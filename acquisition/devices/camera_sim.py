@@ -2,9 +2,10 @@
 
 A connection per request costs a fraction of a millisecond on loopback and leaves no state behind: a frame that was
 given up can never be taken for the next one. Request: one JSON line. Reply: one JSON line, then for a frame width ×
-height little-endian uint16 values, row 0 at the top.
+height little-endian uint16 values, row 0 at the top. Each request for a frame has a number, which the reply repeats.
 """
 
+import itertools
 import json
 import socket
 import time
@@ -14,7 +15,8 @@ from typing import Any, NoReturn, cast
 import numpy as np
 
 from acquisition.devices import Frame, StopToken
-from acquisition.models.cell_config import SimCameraConfig
+from acquisition.models.camera import CameraCapabilities, CameraSettings
+from acquisition.models.camera_config import SimCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 CONNECT_S = 1.0
@@ -30,15 +32,17 @@ class _Header:
     height: int
     exposure_s: float
     taken_at: float
+    number: int | None
 
 
 class SimCamera:
-    """A client of the simulated camera; see the Protocol `Camera`."""
+    """A client of the simulated camera; see the Protocol `CameraDriver`."""
 
     def __init__(self, config: SimCameraConfig) -> None:
         self._config = config
+        self._numbers = itertools.count()
 
-    def connect(self) -> None:
+    def connect(self) -> CameraCapabilities:
         """Asks who is there. Raises RigError camera.unreachable within 3 s."""
         never = StopToken()
         try:
@@ -46,7 +50,21 @@ class SimCamera:
                 line, _ = _read_line(connection, time.monotonic() + INFO_S, never)
         except OSError as error:
             self._raise_unreachable(error)
-        self._parse(line)
+        answer = self._parse(line)
+        try:
+            return CameraCapabilities(
+                name=f"simulated camera at {self._config.address}:{self._config.port}",
+                width=int(answer["width"]),
+                height=int(answer["height"]),
+                bits=int(answer["bits"]),
+                triggers=("software",),
+                min_exposure_s=float(answer["min_exposure_s"]),
+                max_exposure_s=float(answer["max_exposure_s"]),
+                frame_numbers=True,
+                chunk_exposure=True,
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise self._foreign(line) from error
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
         """Takes one frame.
@@ -60,7 +78,8 @@ class SimCamera:
             raise Halted
         deadline = time.monotonic() + limits.timeout_s + exposure_s
         try:
-            connection = self._request({"exposure_s": exposure_s, "attempt": attempt})
+            request = {"exposure_s": exposure_s, "attempt": attempt, "number": next(self._numbers)}
+            connection = self._request(request)
         except OSError as error:
             self._raise_unreachable(error)
         try:
@@ -74,7 +93,13 @@ class SimCamera:
         except OSError as error:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The link to the camera broke: {error}") from error
         pixels = np.frombuffer(data, dtype="<u2").astype(np.uint16).reshape(header.height, header.width)
-        return Frame(pixels=pixels, exposure_s=header.exposure_s, taken_at=header.taken_at)
+        settings = CameraSettings(
+            exposure_s=header.exposure_s, pixel_format="Mono16", width=header.width, height=header.height
+        )
+        return Frame(pixels, header.exposure_s, header.taken_at, header.number, settings)
+
+    def restart(self) -> None:
+        """Nothing is under way between requests."""
 
     def close(self) -> None:
         """Nothing is held between requests."""
@@ -102,9 +127,11 @@ class SimCamera:
 
     def _header(self, answer: dict[str, Any]) -> _Header:
         try:
+            number = answer.get("number")
             header = _Header(
-                int(answer["width"]), int(answer["height"]), float(answer["exposure_s"]), float(answer["taken_at"])
-            )
+                int(answer["width"]), int(answer["height"]), float(answer["exposure_s"]), float(answer["taken_at"]),
+                None if number is None else int(number),
+            )  # fmt: skip
             sound = (
                 answer["dtype"] == "<u2" and 0 < header.width <= _LONGEST_SIDE and 0 < header.height <= _LONGEST_SIDE
             )

@@ -8,15 +8,16 @@ import json
 import math
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from acquisition import geometry
 from acquisition.models import stl
 from acquisition.models.base import Joints, Value, Vector3
 from acquisition.models.calibration import Calibration
+from acquisition.models.camera_config import AnyCamera
 from acquisition.models.errors import ErrorCode, RigError
 
 
@@ -158,49 +159,6 @@ class LampConfig(Value):
     rise_s: float = Field(default=0.02, ge=0, description="Delay between the confirmed output and the exposure")
 
 
-class CameraConfig(Value):
-    """Settings of every camera."""
-
-    min_exposure_s: float = Field(default=1e-4, gt=0)
-    max_exposure_s: float = Field(default=1.0, gt=0)
-    timeout_s: float = Field(default=30.0, gt=0)
-
-    def require_exposure(self, exposure_s: float) -> None:
-        """Raises RigError request.invalid for an exposure time outside the limits."""
-        if not self.min_exposure_s <= exposure_s <= self.max_exposure_s:
-            raise RigError(
-                ErrorCode.REQUEST_INVALID,
-                f"Exposure {exposure_s} s is not within {self.min_exposure_s} to {self.max_exposure_s} s",
-            )
-
-
-class SimCameraConfig(CameraConfig):
-    """The simulated cell's camera, a TCP port at `address`."""
-
-    kind: Literal["sim"] = "sim"
-    address: str
-    port: int = Field(default=30100, gt=0, lt=65536)
-
-
-class PylonCameraConfig(CameraConfig):
-    """A Basler camera (GigE or USB3) by its serial number; needs the extra `basler`."""
-
-    kind: Literal["pylon"]
-    serial: str = Field(min_length=1)
-    pixel_format: Literal["Mono8", "Mono10", "Mono12", "Mono16"] = "Mono12"
-    gain: float | None = Field(default=None, ge=0, description="In dB or the model's unit; default: its minimum")
-
-
-def _camera_kind(camera: object) -> str:
-    kind = camera.get("kind", "sim") if isinstance(camera, dict) else getattr(camera, "kind", "sim")
-    return str(cast(object, kind))
-
-
-AnyCamera = Annotated[
-    Annotated[SimCameraConfig, Tag("sim")] | Annotated[PylonCameraConfig, Tag("pylon")], Discriminator(_camera_kind)
-]
-
-
 class KeepOut(Value):
     """A cylinder that encloses the object, standing on the origin of its frame, axis +z; not shrunk by any margin."""
 
@@ -305,7 +263,7 @@ class Clearances(Value):
 
 _LATER_FIELDS = (
     ("arm", "polyscope"), ("arm", "robot_api_port"), ("arm", "tool"), ("board", "payload_kg"),
-    ("board", "payload_center_m"), ("board",), ("lamp_targets",),
+    ("board", "payload_center_m"), ("board",), ("lamp_targets",), ("camera", "reconnect_s"),
 )  # fmt: skip
 """Fields that came after sessions had been recorded; each has a default that means what was before."""
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from acquisition.models.base import FloatArray, Joints, Matrix4, Value
+from acquisition.models.camera import CameraRecord
 from acquisition.models.light_plan import Light
 
 
@@ -66,6 +67,9 @@ class Shot(Value):
     arm_time_s: float | None = Field(default=None, description="The controller's own time at exposure, s")
     taken_at: float = Field(description="Seconds since 1970, UTC")
     quality: FrameQuality = Field(description="What the check of the frame found")
+    camera: CameraRecord | None = Field(
+        default=None, description="The camera's settings and the frame's number; null: the camera does not tell"
+    )
 
 
 class FrameSource(Protocol):

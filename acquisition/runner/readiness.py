@@ -4,20 +4,27 @@ Missing devices are reconnected periodically while nothing runs, so that the ser
 which is missing. `make_ready` is the explicit step before a session, which also compares the arm with the cell file.
 """
 
+import logging
 from collections.abc import Callable
 from typing import Any
 
+from acquisition.capture import camera_fit
 from acquisition.devices import ArmIdentity, Rig
 from acquisition.models.base import Vector3
+from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError, problem
+
+_log = logging.getLogger(__name__)
 
 
 class Readiness:
     """Connects the devices of a rig, in the runner's thread; the three attributes may be read by any."""
 
-    def __init__(self, rig: Rig, payload: Callable[[], tuple[float, Vector3]]) -> None:
-        """`payload`: mass, kg, and centre of gravity, m, of what is on the flange now."""
-        self._rig, self._payload = rig, payload
+    def __init__(
+        self, rig: Rig, payload: Callable[[], tuple[float, Vector3]], calibration: Callable[[], Calibration]
+    ) -> None:
+        """`payload`: mass, kg, and centre of gravity, m, of what is on the flange now; `calibration`: that in use."""
+        self._rig, self._payload, self._calibration = rig, payload, calibration
         self.identity: ArmIdentity | None = None
         self.camera_ready = False
         self.problems: list[dict[str, Any]] = [
@@ -27,7 +34,8 @@ class Readiness:
     def make_ready(self) -> ArmIdentity:
         """Connects what is not connected, takes control of the arm, and compares it with the cell file.
 
-        Raises RigError arm.unreachable, arm.in_use, arm.preflight (with `findings`), camera.unreachable and others.
+        Raises RigError arm.unreachable, arm.in_use, arm.preflight (with `findings`), camera.unreachable, config.invalid
+        for a camera that does not fit the calibration, and others.
         """
         try:
             self._rig.arm.carry(*self._payload())
@@ -42,7 +50,7 @@ class Readiness:
                     findings=[{"what": finding.what, "remedy": finding.remedy} for finding in findings],
                 )
             self._rig.lamp.connect()
-            self._rig.camera.connect()
+            self._connect_camera()
         except RigError as error:
             self.identity, self.camera_ready = None, False
             self.problems = [_as_problem(error)]
@@ -72,12 +80,20 @@ class Readiness:
             problems.append(_as_problem(error))
         try:
             if not self.camera_ready:
-                self._rig.camera.connect()
+                self._connect_camera()
                 self.camera_ready = True
         except RigError as error:
             problems.append(_as_problem(error))
         self.problems = problems
         return not problems
+
+    def _connect_camera(self) -> None:
+        """Raises RigError camera.unreachable, config.invalid for a camera that is not the calibration's."""
+        camera = self._rig.camera
+        camera.connect()
+        if camera.capabilities is not None:
+            for warning in camera_fit.require_fit(camera.capabilities, self._calibration(), self._rig.cell.camera):
+                _log.warning("%s", warning)
 
 
 def _as_problem(error: RigError) -> dict[str, Any]:

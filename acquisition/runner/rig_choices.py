@@ -12,7 +12,15 @@ from collections.abc import Callable
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import AnyRecipe, tool_of
 from acquisition.models.calibration_set import CELL_FILE, CalibrationSet
-from acquisition.models.cell_config import CellConfig, PylonCameraConfig, Tool
+from acquisition.models.camera_config import (
+    AravisCameraConfig,
+    FolderCameraConfig,
+    GphotoCameraConfig,
+    MicromanagerCameraConfig,
+    PylonCameraConfig,
+    SimCameraConfig,
+)
+from acquisition.models.cell_config import CellConfig, Tool
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store import Store
 from acquisition.waypoints import mounted_tool
@@ -24,7 +32,19 @@ CALIBRATION_CHOSEN, TOOL_STATED = "calibration.activated", "tool.mounted"
 def camera_name(cell: CellConfig) -> str:
     """The cell's camera for people: its kind, with the serial number where it has one."""
     camera = cell.camera
-    return f"pylon {camera.serial}" if isinstance(camera, PylonCameraConfig) else f"sim {camera.port}"
+    match camera:
+        case SimCameraConfig():
+            return f"sim {camera.port}"
+        case PylonCameraConfig():
+            return f"pylon {camera.serial}"
+        case AravisCameraConfig():
+            return f"aravis {camera.device}"
+        case GphotoCameraConfig():
+            return f"gphoto {camera.model}".strip()
+        case MicromanagerCameraConfig():
+            return f"micromanager {camera.adapter} {camera.device}"
+        case FolderCameraConfig():
+            return f"folder {camera.folder}"
 
 
 class RigChoices:

@@ -72,7 +72,9 @@ class Runner:
         self.choices = RigChoices(store, rig.cell, calibration, self._refuse_used, self._arm_name)
         self._compute, self._monitor = compute, monitor
         self._executor = StepExecutor(store, rig, self.choices, compute)
-        self._readiness = Readiness(rig, lambda: mounted_tool.payload(rig.cell, self.choices.tool))
+        self._readiness = Readiness(
+            rig, lambda: mounted_tool.payload(rig.cell, self.choices.tool), lambda: self.choices.calibration
+        )
         self._closing = threading.Event()
         self._estimator = ProgressEstimator(store, rig.cell)
         self._loop = SessionLoop(store, rig, self._executor, monitor, self._closing, self._estimator)

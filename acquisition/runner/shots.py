@@ -17,11 +17,12 @@ import numpy as np
 from acquisition import session
 from acquisition.capture import check, compare, expected, exposure, region, take
 from acquisition.capture.take import Exposed
-from acquisition.devices import Rig, StopToken
+from acquisition.devices import Frame, Rig, StopToken
 from acquisition.formats.frames import FolderFrames
 from acquisition.models.base import BoolArray, as_joints, as_matrix4
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import tool_of
+from acquisition.models.camera import CameraRecord
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.route import JointPath, Waypoint
@@ -278,8 +279,18 @@ class ShotCapture:
             arm_time_s=reading.timestamp,
             taken_at=exposed.frame.taken_at,
             quality=quality,
+            camera=_camera_record(exposed.frame),
         )
         self._store.journal.add_shot(record.session_id, shot)
+
+
+def _camera_record(frame: Frame) -> CameraRecord | None:
+    known = frame.settings
+    if known is None:
+        return None
+    return CameraRecord(
+        settings=known.fingerprint, exposure_s=known.exposure_s, number=frame.number, temperature_c=frame.temperature_c
+    )
 
 
 def predicted_image_file(folder: Path, pass_number: int, plan: int, light: int) -> Path:

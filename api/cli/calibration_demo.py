@@ -22,7 +22,8 @@ from rich.console import Console
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import AnyRecipe, BoardRecipe, LampRecipe
-from acquisition.models.cell_config import CellConfig, SimCameraConfig
+from acquisition.models.camera_config import SimCameraConfig
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.calibration_sets import CalibrationSets
 from acquisition.store.folder import write_value

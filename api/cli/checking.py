@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
+from acquisition.capture import camera_fit
 from acquisition.devices.ur import primary
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
@@ -45,7 +46,7 @@ def check(cell_file: Path, *, offline: bool, data: Path | None = None) -> bool:
     if not offline:
         passed.append(_passes(console, lambda: _arm(console, cell)))
         passed.append(_passes(console, lambda: _factory_calibration(console, cell)))
-        passed.append(_passes(console, lambda: _camera(console, cell)))
+        passed.append(_passes(console, lambda: _camera(console, cell, cell_file)))
     return all(passed)
 
 
@@ -118,13 +119,19 @@ def _arm(console: Console, cell: CellConfig) -> bool:
     return not findings
 
 
-def _camera(console: Console, cell: CellConfig) -> bool:
+def _camera(console: Console, cell: CellConfig, cell_file: Path) -> bool:
+    """Checks that the camera answers and is the calibration's."""
     camera = wiring.build_camera(cell.camera)
     try:
         camera.connect()
     finally:
         camera.close()
-    console.print(f"ok    camera of kind '{cell.camera.kind}' answers")
+    known = camera.capabilities
+    assert known is not None  # noqa: S101 - connecting has set it
+    calibration = cell_config.load_calibration(cell_file.parent / cell.calibration)
+    for warning in camera_fit.require_fit(known, calibration, cell.camera):
+        console.print(f"      {warning}")
+    console.print(f"ok    camera of kind '{cell.camera.kind}' answers: {known.name}")
     return True
 
 

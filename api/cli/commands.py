@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from api.cli import archive_commands, calibrate_commands
+from api.cli import archive_commands, calibrate_commands, camera_command
 from api.cli.error_exit import explain_errors
 from api.cli.object_options import Family, MeshFile, ObjectName, Reflects, SizeMm
 
@@ -230,6 +230,7 @@ def check(
         raise typer.Exit(1)
 
 
+app.command()(camera_command.camera)
 app.add_typer(calibrate_commands.app, name="calibrate")
 app.add_typer(archive_commands.app, name="archive")
 

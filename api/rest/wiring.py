@@ -4,22 +4,37 @@ Nothing is connected here. The runner connects the devices when it can, so that 
 absent, and reports which.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from anyio import CapacityLimiter
 
-from acquisition.devices import Camera, Rig
+from acquisition.devices import CameraDriver, CameraFault, Rig
+from acquisition.devices.camera_aravis import AravisCamera
+from acquisition.devices.camera_folder import FolderCamera
+from acquisition.devices.camera_gphoto import GphotoCamera
+from acquisition.devices.camera_micromanager import MicromanagerCamera
 from acquisition.devices.camera_pylon import PylonCamera
 from acquisition.devices.camera_sim import SimCamera
+from acquisition.devices.frame_accounting import AccountedCamera
 from acquisition.devices.process_priority import RealTime
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models import cell_config
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.cell_config import AnyCamera, CellConfig, SimCameraConfig
+from acquisition.models.camera_config import (
+    AnyCamera,
+    AravisCameraConfig,
+    FolderCameraConfig,
+    GphotoCameraConfig,
+    MicromanagerCameraConfig,
+    PylonCameraConfig,
+    SimCameraConfig,
+)
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode
 from acquisition.runner.compute import Compute
 from acquisition.runner.re_solve import ReSolveService
@@ -95,6 +110,12 @@ def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute)
         if latch is not None:
             runner.handle_fault(latch)
 
+    def camera_fault(fault: CameraFault) -> None:
+        holder = store.journal.holder()
+        body = {"kind": fault.kind, "detail": fault.detail, "retaken": fault.retaken}
+        store.journal.announce(None if holder is None else holder.id, "camera.fault", body)
+
+    rig.camera.listen(camera_fault)
     monitor = SafetyMonitor(rig.arm, safety_changed, _latched(store))
     runner = Runner(store, rig, calibration, compute, monitor)
     return Service(rig.cell, rig, store, runner, ReSolveService(store, compute), SessionQueue(store, runner))
@@ -103,7 +124,7 @@ def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute)
 def build_rig(cell: CellConfig) -> Rig:
     """Builds the devices of the cell file, not connected. Raises RigError config.invalid."""
     arm = build_arm(cell)
-    return Rig(arm, UrLamp(arm, cell.lamp), build_camera(cell.camera), cell)
+    return Rig(arm, UrLamp(arm, cell.lamp), build_camera(cell.camera, arm.pulse_output), cell)
 
 
 def build_arm(cell: CellConfig) -> UrArm:
@@ -120,9 +141,32 @@ def build_arm(cell: CellConfig) -> UrArm:
     return UrArm(cell.arm, cell.lamp.output, expected_pose, real_time=RealTime(SHARE))
 
 
-def build_camera(camera: AnyCamera) -> Camera:
-    """Builds the camera of a kind, not connected. Raises RigError config.invalid when its library is not installed."""
-    return SimCamera(camera) if isinstance(camera, SimCameraConfig) else PylonCamera(camera)
+def build_camera(camera: AnyCamera, pulse_output: Callable[[int], None] | None = None) -> AccountedCamera:
+    """Builds the camera of a kind, not connected. Without `pulse_output`, which pulses an output of the arm's
+    controller, it is triggered by software. Raises RigError config.invalid when its library is not installed.
+    """
+    return AccountedCamera(_driver(camera, pulse_output), camera)
+
+
+def _driver(camera: AnyCamera, pulse_output: Callable[[int], None] | None) -> CameraDriver:
+    match camera:
+        case SimCameraConfig():
+            return SimCamera(camera)
+        case PylonCameraConfig():
+            return PylonCamera(camera)
+        case AravisCameraConfig():
+            return AravisCamera(camera, _pulse(pulse_output, camera.trigger_output))
+        case MicromanagerCameraConfig():
+            return MicromanagerCamera(camera)
+        case GphotoCameraConfig():
+            return GphotoCamera(camera)
+        case FolderCameraConfig():
+            return FolderCamera(camera, _pulse(pulse_output, camera.trigger_output))
+
+
+def _pulse(pulse_output: Callable[[int], None] | None, output: int | None) -> Callable[[], None] | None:
+    """The pulse of one output; none: there is no arm, or the camera is not wired to it."""
+    return None if pulse_output is None or output is None else partial(pulse_output, output)
 
 
 def _latched(store: Store) -> Latch | None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.models.cell_config import SimCameraConfig
+from acquisition.models.camera_config import SimCameraConfig
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal
 from hardware_sim.camera import CameraServer

@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 
 from acquisition.devices import ArmIdentity, ArmReading, Finding, Frame, MotionLimits, RecoveryStep, Rig, StopToken
+from acquisition.devices.frame_accounting import AccountedCamera
 from acquisition.models import cell_config
 from acquisition.models.base import Vector3, as_joints
 from acquisition.models.calibration import Calibration
+from acquisition.models.camera import CameraCapabilities
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.models.jog import JogMotion
@@ -139,7 +141,13 @@ class QuickCamera:
         self._arm = arm
         self._sensor = calibration.sensor
 
-    def connect(self) -> None:
+    def connect(self) -> CameraCapabilities:
+        return CameraCapabilities(
+            name="quick", width=PIXELS, height=PIXELS, bits=self._sensor.bits, triggers=("software",),
+            min_exposure_s=1e-5, max_exposure_s=10.0,
+        )  # fmt: skip
+
+    def restart(self) -> None:
         pass
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
@@ -234,7 +242,7 @@ def quick_service(
     chosen = settings.read(cell=cell_file, data=folder / "data", host=host, port=0)
     secrets = {role: keys.add(keys.path_in(chosen.data), str(role), role) for role in Role if with_keys}
     arm = QuickArm(cell.arm.home)
-    rig = Rig(arm, QuickLamp(arm), QuickCamera(arm, calibration), cell)
+    rig = Rig(arm, QuickLamp(arm), AccountedCamera(QuickCamera(arm, calibration), cell.camera), cell)
     service = wiring.assemble(Store(chosen.data), rig, calibration, QuickCompute())
     listening: list[str] = []
     ready = threading.Event()

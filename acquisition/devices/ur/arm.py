@@ -271,6 +271,14 @@ class UrArm:
         if isinstance(reply, Failed):
             raise reply.error
 
+    def pulse_output(self, output: int) -> None:
+        """Raises and lowers an output, a camera's trigger; returns when both edges were read back."""
+        reply = self._request(protocol.PulseOutput(output), REQUEST_DEADLINE_S)
+        if isinstance(reply, Interrupted):
+            raise Halted
+        if isinstance(reply, Failed):
+            raise reply.error
+
     def close(self) -> None:
         """Ends the driver; the arm stands still, the lamp is off."""
         with self._pipe_lock:

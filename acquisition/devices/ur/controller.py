@@ -195,6 +195,26 @@ class Controller:
         self._lamp_confirmed = on
         return Done()
 
+    def pulse_output(self, output: int) -> Task:
+        """Raises an output until the controller's own data show it, and lowers it; low first, where it was left high.
+
+        Raises RigError camera.timeout when an edge is not read back.
+        """
+        _, receive = self._require_open()
+
+        def is_high() -> bool:
+            return bool(receive.getActualDigitalOutputBits() >> output & 1)
+
+        for level in (False, True, False) if is_high() else (True, False):
+            self._write_output(output, level)
+            deadline = time.monotonic() + CONFIRM_S
+            while is_high() != level:
+                if time.monotonic() > deadline:
+                    self._write_output(output, False)
+                    raise RigError(ErrorCode.CAMERA_TIMEOUT, f"Output {output}, the trigger, does not read back")
+                yield
+        return Done()
+
     def move(self, move: protocol.Move) -> Task:
         """One asynchronous moveJ after the other, then rest at the last goal; none at all unless the controller finds
         every goal within its safety limits."""
@@ -306,10 +326,12 @@ class Controller:
 
     def _write_lamp(self, on: bool) -> None:
         opened, _ = self._require_open()
+        self._lamp_confirmed = None
+        self._write_output(opened.lamp_output, on)
+
+    def _write_output(self, number: int, on: bool) -> None:
         if self._outputs is None:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, "The controller's outputs are not connected.")
-        self._lamp_confirmed = None
-        number = opened.lamp_output
         if number < 8:
             written = self._outputs.setStandardDigitalOut(number, on)
         elif number < 16:

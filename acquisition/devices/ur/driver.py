@@ -118,7 +118,7 @@ class Driver:
         self._interrupt()
 
     def _interrupt(self) -> None:
-        if isinstance(self._request, protocol.Move | protocol.SetLamp):
+        if isinstance(self._request, protocol.Move | protocol.SetLamp | protocol.PulseOutput):
             self._reply(Interrupted())
 
     def _advance(self) -> None:
@@ -174,6 +174,8 @@ class Driver:
                 return self._controller.move(request)
             case protocol.SetLamp():
                 return self._controller.set_lamp(request.on)
+            case protocol.PulseOutput():
+                return self._controller.pulse_output(request.output)
             case protocol.Inspect():
                 return self._controller.inspect()
             case protocol.Shutdown():

@@ -95,6 +95,13 @@ class SetLamp:
 
 
 @dataclass(frozen=True)
+class PulseOutput:
+    """Raise an output, wait until it is read back, and lower it: the trigger of a camera."""
+
+    output: int
+
+
+@dataclass(frozen=True)
 class Inspect:
     """Ask the controller what preflight compares with the cell file."""
 
@@ -104,7 +111,7 @@ class Shutdown:
     """Stop, switch the lamp off, end the process."""
 
 
-Request = Open | TakeControl | Move | SetLamp | Inspect | Shutdown
+Request = Open | TakeControl | Move | SetLamp | PulseOutput | Inspect | Shutdown
 
 
 @dataclass(frozen=True)

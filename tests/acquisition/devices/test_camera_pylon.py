@@ -10,7 +10,7 @@ import pytest
 
 from acquisition.devices import StopToken
 from acquisition.devices.camera_pylon import PylonCamera
-from acquisition.models.cell_config import PylonCameraConfig
+from acquisition.models.camera_config import PylonCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 EMULATED = PylonCameraConfig(kind="pylon", serial="0815-0000", pixel_format="Mono16", timeout_s=30.0)

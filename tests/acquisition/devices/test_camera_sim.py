@@ -16,7 +16,7 @@ import pytest
 from acquisition.devices import StopToken
 from acquisition.devices.camera_sim import SimCamera
 from acquisition.models import cell_config
-from acquisition.models.cell_config import SimCameraConfig
+from acquisition.models.camera_config import SimCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 from hardware_sim.camera import CameraServer
 from hardware_sim.shutter import CellState

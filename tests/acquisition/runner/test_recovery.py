@@ -111,8 +111,10 @@ def test_dark_frame_pauses_and_lost_frames_are_retaken(rig: Rig) -> None:
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
     reasons = [event.body["reason"] for event in rig.store.journal.events(0, 500, session_id, ("shot.retaken",))]
     assert any("no light" in reason for reason in reasons)
-    assert any("lost on its way" in reason for reason in reasons)
     assert any("saturated" in reason for reason in reasons)
+    faults = [event.body for event in rig.store.journal.events(0, 500, session_id, ("camera.fault",))]
+    assert [(fault["kind"], fault["retaken"]) for fault in faults] == [("lost", True)]
+    assert all(shot.camera is not None for shot in rig.store.journal.shots(session_id))
 
 
 def test_compute_killed_again_and_again_pauses_until_resumed(rig: Rig) -> None:

@@ -28,6 +28,10 @@ CAMERA = "127.0.15.1"
 SIDE = 64
 
 
+INFO = {"width": SIDE, "height": SIDE, "bits": 12, "min_exposure_s": 1e-4, "max_exposure_s": 1.0}
+"""What the camera says of itself."""
+
+
 class PlainCamera:
     """The camera port's protocol with a picture that is bright to the right, linear in exposure time."""
 
@@ -55,7 +59,7 @@ class PlainCamera:
                     connection.sendall(b'{"error": "the shutter sticks"}\n')
                     continue
                 if "exposure_s" not in request:
-                    connection.sendall(b'{"name": "plain"}\n')
+                    connection.sendall(json.dumps(INFO).encode() + b"\n")
                     continue
                 self.exposures.append(request["exposure_s"])
                 row = 64 + 20_000 * request["exposure_s"] * np.arange(SIDE) / SIDE

@@ -1,0 +1,48 @@
+"""Comparison of a connected camera with calibration and cell file, before anything moves."""
+
+from acquisition.models.calibration import Calibration
+from acquisition.models.camera import CameraCapabilities
+from acquisition.models.camera_config import CameraConfig
+from acquisition.models.errors import ErrorCode, RigError
+
+FEW_BITS = 8
+"""Bits of a value at which the quantisation of shaded pixels is coarser than any sensor's noise."""
+
+SHADED = 0.05
+"""Level, fraction of full scale, of the shaded pixel by which the loss of few bits is named."""
+
+
+def require_fit(camera: CameraCapabilities, calibration: Calibration, config: CameraConfig) -> list[str]:
+    """Warnings about what is allowed and costs accuracy.
+
+    Raises RigError config.invalid naming each thing in which the camera differs from the calibration or the cell file.
+    """
+    bits = calibration.sensor.bits
+    wrong = [
+        f"its frames have {camera.width} × {camera.height} pixels, the calibration's {calibration.width} × "
+        f"{calibration.height}: set the size that was calibrated, or calibrate again"
+        if (camera.width, camera.height) != (calibration.width, calibration.height)
+        else "",
+        f"its values have {camera.bits} bits, the calibration's {bits}: set another pixel format, or calibrate again"
+        if camera.bits != bits
+        else "",
+        f"its exposure times go from {camera.min_exposure_s:g} to {camera.max_exposure_s:g} s, the cell file's from "
+        f"{config.min_exposure_s:g} to {config.max_exposure_s:g} s: correct `min_exposure_s` and `max_exposure_s`"
+        if config.min_exposure_s < camera.min_exposure_s * (1 - 1e-6)
+        or config.max_exposure_s > camera.max_exposure_s * (1 + 1e-6)
+        else "",
+    ]
+    if any(wrong):
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{camera.name}: {'; '.join(filter(None, wrong))}")
+    return warnings(camera)
+
+
+def warnings(camera: CameraCapabilities) -> list[str]:
+    """What costs accuracy although it is allowed, for people."""
+    if camera.bits > FEW_BITS:
+        return []
+    step = 1 / (2**camera.bits - 1)
+    return [
+        f"{camera.name}: {camera.bits} bits only: steps of {step:.2%} of full scale, so that a pixel at {SHADED:.0%}"
+        f" of it is uncertain by {step / 12**0.5 / SHADED:.1%} (1 σ) from rounding alone, whatever the exposure"
+    ]

@@ -1,0 +1,71 @@
+"""What a camera can do, the settings that it reads back, and what is kept of them with each image.
+
+Only what a camera says of itself stands here. That a value was set does not mean that the camera has it: dials are
+bumped, tethering programs write, firmware rounds. So a frame counts under the settings that were read back before it.
+"""
+
+import hashlib
+import json
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from acquisition.models.base import Value
+
+TriggerKind = Literal["software", "hardware"]
+"""By a command over the camera's own link; by a level on its input, which an output of the arm's controller sets."""
+
+FaultKind = Literal["lost", "late", "doubled", "damaged", "settings", "gone", "returned"]
+"""No frame came; one of an earlier trigger came; the one before came again; incomplete or of another size; taken with
+other settings than asked for; the camera does not answer; it does again."""
+
+
+class CameraSettings(Value):
+    """Settings of a camera as it reads them back."""
+
+    exposure_s: float = Field(description="Exposure time, s")
+    pixel_format: str = Field(description="As the camera names it")
+    width: int = Field(description="Width of a frame, px")
+    height: int = Field(description="Height of a frame, px")
+    gain: float | None = Field(default=None, description="In the camera's own unit; none: it does not tell")
+    black_level: float | None = Field(default=None, description="In the camera's own unit; none: it does not tell")
+    trigger: TriggerKind = Field(default="software", description="What begins an exposure")
+    other: Annotated[tuple[tuple[str, str], ...], Field(strict=False)] = Field(
+        default=(), description="Further ones by name, such as ISO, aperture, or automatic functions that are off"
+    )
+
+    @property
+    def fingerprint(self) -> str:
+        """First 16 hexadecimal digits of the SHA-256 of all but the exposure time, which changes from image to image"""
+        values = self.model_dump(mode="json", exclude={"exposure_s"})
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+
+    def differences(self, other: "CameraSettings") -> list[str]:
+        """What differs in another one but the exposure time, for people."""
+        mine, its = (one.model_dump(exclude={"exposure_s", "other"}) | dict(one.other) for one in (self, other))
+        return [f"{name}: {mine.get(name)} → {its.get(name)}" for name in mine | its if mine.get(name) != its.get(name)]
+
+
+class CameraCapabilities(Value):
+    """What a camera says of itself when it is connected."""
+
+    name: str = Field(description="Maker, model and serial number, as far as it tells")
+    width: int = Field(gt=0, description="Width of a frame, px")
+    height: int = Field(gt=0, description="Height of a frame, px")
+    bits: int = Field(ge=1, le=16, description="Bits of a pixel's value")
+    triggers: Annotated[tuple[TriggerKind, ...], Field(strict=False)] = Field(description="How it can be triggered")
+    min_exposure_s: float = Field(ge=0, description="Shortest exposure time, s")
+    max_exposure_s: float = Field(gt=0, description="Longest exposure time, s")
+    black_level: bool = Field(default=False, description="Whether its black level can be read")
+    temperature: bool = Field(default=False, description="Whether it tells its temperature")
+    frame_numbers: bool = Field(default=False, description="Whether its frames carry serial numbers")
+    chunk_exposure: bool = Field(default=False, description="Whether a frame carries the exposure time it had")
+
+
+class CameraRecord(Value):
+    """What is kept of camera and settings with an image."""
+
+    settings: str = Field(description="Fingerprint of the settings read back, all but the exposure time")
+    exposure_s: float = Field(description="Exposure time as read back, s")
+    number: int | None = Field(default=None, description="The frame's serial number; none: the camera gives none")
+    temperature_c: float | None = Field(default=None, description="The sensor's temperature, °C; none: not told")

@@ -1,0 +1,145 @@
+"""The `[camera]` section of a cell file, one class for each kind of camera."""
+
+from typing import Annotated, Literal, cast
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from acquisition.models.base import Value
+from acquisition.models.camera import TriggerKind
+from acquisition.models.errors import ErrorCode, RigError
+
+
+class CameraConfig(Value):
+    """Settings of every camera."""
+
+    min_exposure_s: float = Field(default=1e-4, gt=0)
+    max_exposure_s: float = Field(default=1.0, gt=0)
+    timeout_s: float = Field(default=30.0, gt=0)
+    reconnect_s: float = Field(
+        default=60.0,
+        ge=0,
+        description="A camera that goes away is waited for so long before the session is interrupted",
+    )
+
+    def require_exposure(self, exposure_s: float) -> None:
+        """Raises RigError request.invalid for an exposure time outside the limits."""
+        if not self.min_exposure_s <= exposure_s <= self.max_exposure_s:
+            raise RigError(
+                ErrorCode.REQUEST_INVALID,
+                f"Exposure {exposure_s} s is not within {self.min_exposure_s} to {self.max_exposure_s} s",
+            )
+
+
+class SimCameraConfig(CameraConfig):
+    """The simulated cell's camera, a TCP port at `address`."""
+
+    kind: Literal["sim"] = "sim"
+    address: str
+    port: int = Field(default=30100, gt=0, lt=65536)
+
+
+class PylonCameraConfig(CameraConfig):
+    """A Basler camera (GigE or USB3) by its serial number; needs the extra `basler`."""
+
+    kind: Literal["pylon"]
+    serial: str = Field(min_length=1)
+    pixel_format: Literal["Mono8", "Mono10", "Mono12", "Mono16"] = "Mono12"
+    gain: float | None = Field(default=None, ge=0, description="In dB or the model's unit; default: its minimum")
+
+
+class AravisCameraConfig(CameraConfig):
+    """A GigE Vision or USB3 Vision camera of any maker, through Aravis of the system."""
+
+    kind: Literal["aravis"]
+    device: str = Field(min_length=1, description="Address, or the identifier that `arv-tool-0.8` lists")
+    pixel_format: Literal["Mono8", "Mono10", "Mono12", "Mono16"] = "Mono12"
+    bits: int | None = Field(
+        default=None, ge=8, le=16, description="Bits of a value where the pixel format's container has more"
+    )
+    width: int | None = Field(
+        default=None, gt=0, description="Of the region from the upper left; default: the camera's"
+    )
+    height: int | None = Field(default=None, gt=0, description="Likewise")
+    gain: float | None = Field(default=None, ge=0, description="In dB or the model's unit; default: its minimum")
+    trigger: TriggerKind = Field(
+        default="software", description="`hardware`: an output of the arm's controller is wired to the camera's input"
+    )
+    trigger_output: int | None = Field(default=None, ge=0, le=17, description="That output, numbered as the lamp's")
+    trigger_source: str = Field(default="Line0", description="The camera's name of that input")
+
+    @model_validator(mode="after")
+    def _names_its_output(self) -> "AravisCameraConfig":
+        """Refuses a hardware trigger without an output."""
+        if self.trigger == "hardware" and self.trigger_output is None:
+            raise ValueError("a hardware trigger needs `trigger_output`")
+        return self
+
+
+class FolderCameraConfig(CameraConfig):
+    """A folder into which a tethering program writes one file for each trigger."""
+
+    kind: Literal["folder"]
+    folder: str = Field(min_length=1)
+    pattern: str = Field(default="*.tif*", description="Names of its images, with `*` and `?`")
+    width: int = Field(gt=0, description="Width of an image, px")
+    height: int = Field(gt=0, description="Height of an image, px")
+    bits: int = Field(default=16, ge=8, le=16, description="Bits of a value")
+    trigger_command: str = Field(
+        default="", description="Program that releases the camera; `{exposure_s}` in it becomes the exposure time"
+    )
+    trigger_output: int | None = Field(
+        default=None, ge=0, le=17, description="Output of the arm's controller that releases it, numbered as the lamp's"
+    )
+    late_s: float = Field(default=2.0, ge=0, description="A file that is overdue is waited for so long and refused")
+
+    @model_validator(mode="after")
+    def _can_be_released(self) -> "FolderCameraConfig":
+        """Refuses a camera that nothing releases, and exposure times that nobody sets."""
+        if not self.trigger_command and self.trigger_output is None:
+            raise ValueError("state `trigger_command` or `trigger_output`: nothing else releases the camera")
+        if "{exposure_s}" not in self.trigger_command and self.min_exposure_s != self.max_exposure_s:
+            raise ValueError(
+                "nothing sets the exposure time: state that of the program as `min_exposure_s` and `max_exposure_s`"
+            )
+        return self
+
+
+class GphotoCameraConfig(CameraConfig):
+    """A DSLR or mirrorless camera on USB, through libgphoto2; RAW files; needs the extra `dslr`."""
+
+    kind: Literal["gphoto"]
+    model: str = Field(default="", description="As `gphoto2 --auto-detect` names it; default: the only one there is")
+    width: int = Field(gt=0, description="Width of an image, px; of a mosaic sensor half the RAW file's")
+    height: int = Field(gt=0, description="Height of an image, px; likewise")
+    bits: int = Field(default=14, ge=8, le=16, description="Bits of a RAW value")
+    settings: dict[str, str] = Field(
+        default_factory=dict, description="Further settings by libgphoto2's names, such as `iso` and `f-number`"
+    )
+
+
+class MicromanagerCameraConfig(CameraConfig):
+    """A camera through one of Micro-Manager's device adapters; needs the extra `micromanager`."""
+
+    kind: Literal["micromanager"]
+    adapters: str = Field(min_length=1, description="Folder of the adapters' libraries")
+    adapter: str = Field(min_length=1, description="Name of the adapter, such as `DemoCamera`")
+    device: str = Field(min_length=1, description="Name of the device in it, such as `DCam`")
+    properties: dict[str, str] = Field(
+        default_factory=dict, description="Properties of the device, set before each frame"
+    )
+
+
+def _camera_kind(camera: object) -> str:
+    kind = camera.get("kind", "sim") if isinstance(camera, dict) else getattr(camera, "kind", "sim")
+    return str(cast(object, kind))
+
+
+AnyCamera = Annotated[
+    Annotated[SimCameraConfig, Tag("sim")]
+    | Annotated[PylonCameraConfig, Tag("pylon")]
+    | Annotated[AravisCameraConfig, Tag("aravis")]
+    | Annotated[FolderCameraConfig, Tag("folder")]
+    | Annotated[GphotoCameraConfig, Tag("gphoto")]
+    | Annotated[MicromanagerCameraConfig, Tag("micromanager")],
+    Discriminator(_camera_kind),
+]
