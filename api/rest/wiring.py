@@ -35,7 +35,7 @@ from acquisition.models.camera_config import (
     SimCameraConfig,
 )
 from acquisition.models.cell_config import CellConfig
-from acquisition.models.errors import ErrorCode
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.runner.compute import Compute
 from acquisition.runner.re_solve import ReSolveService
 from acquisition.runner.runner import Runner
@@ -124,6 +124,9 @@ def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute)
 def build_rig(cell: CellConfig) -> Rig:
     """Builds the devices of the cell file, not connected. Raises RigError config.invalid."""
     arm = build_arm(cell)
+    if getattr(cell.camera, "trigger_output", None) == cell.lamp.output:
+        detail = f"Output {cell.lamp.output} switches the lamp: it cannot trigger the camera too"
+        raise RigError(ErrorCode.CONFIG_INVALID, detail)
     return Rig(arm, UrLamp(arm, cell.lamp), build_camera(cell.camera, arm.pulse_output), cell)
 
 

@@ -164,6 +164,20 @@ def test_lamp_set_other_output_raises_config_invalid(arm: UrArm) -> None:
     assert caught.value.code == ErrorCode.CONFIG_INVALID
 
 
+def test_pulse_output_rises_falls_and_names_a_stuck_line(arm: UrArm, control: ControlClient) -> None:
+    arm.pulse_output(3)
+    assert control.state()["digital_outputs"] == 0
+    assert control.state()["output_age_s"][3] < 60.0, "it has changed just now"
+    control.fault("output_stuck", output=3, level=False)
+    try:
+        with pytest.raises(RigError) as caught:
+            arm.pulse_output(3)
+        assert caught.value.code == ErrorCode.CAMERA_TIMEOUT
+    finally:
+        control.fault("output_stuck", output=3, level=None)
+    assert control.state()["digital_outputs"] == 0
+
+
 def test_halt_at_rest_changes_nothing(arm: UrArm, control: ControlClient) -> None:
     lamp = UrLamp(arm, CELL.lamp)
     lamp.set(True)
