@@ -5,14 +5,13 @@ which is missing. `make_ready` is the explicit step before a session, which also
 """
 
 import logging
-from collections.abc import Callable
 from typing import Any
 
 from acquisition.capture import camera_fit
 from acquisition.devices import ArmIdentity, Rig
-from acquisition.models.base import Vector3
-from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError, problem
+from acquisition.runner.rig_choices import RigChoices
+from acquisition.waypoints import mounted_tool
 
 _log = logging.getLogger(__name__)
 
@@ -20,11 +19,9 @@ _log = logging.getLogger(__name__)
 class Readiness:
     """Connects the devices of a rig, in the runner's thread; the three attributes may be read by any."""
 
-    def __init__(
-        self, rig: Rig, payload: Callable[[], tuple[float, Vector3]], calibration: Callable[[], Calibration]
-    ) -> None:
-        """`payload`: mass, kg, and centre of gravity, m, of what is on the flange now; `calibration`: that in use."""
-        self._rig, self._payload, self._calibration = rig, payload, calibration
+    def __init__(self, rig: Rig, choices: RigChoices) -> None:
+        """`choices` say what is on the flange, and which calibration is in use."""
+        self._rig, self._choices = rig, choices
         self.identity: ArmIdentity | None = None
         self.camera_ready = False
         self.problems: list[dict[str, Any]] = [
@@ -38,7 +35,7 @@ class Readiness:
         for a camera that does not fit the calibration, and others.
         """
         try:
-            self._rig.arm.carry(*self._payload())
+            self._rig.arm.carry(*mounted_tool.payload(self._rig.cell, self._choices.tool))
             identity = self._rig.arm.connect()
             if not self._rig.arm.reading.program_running:  # connecting has not taken control: this says why it cannot
                 self._rig.arm.prepare()
@@ -92,7 +89,9 @@ class Readiness:
         camera = self._rig.camera
         camera.connect()
         if camera.capabilities is not None:
-            for warning in camera_fit.require_fit(camera.capabilities, self._calibration(), self._rig.cell.camera):
+            for warning in camera_fit.require_fit(
+                camera.capabilities, self._choices.calibration, self._rig.cell.camera
+            ):
                 _log.warning("%s", warning)
 
 

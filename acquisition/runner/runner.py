@@ -38,7 +38,6 @@ from acquisition.runner.step_executor import StepExecutor
 from acquisition.runner.stop_record import StopRecord
 from acquisition.session import Actor, State, Trigger
 from acquisition.store import SessionRow, Store
-from acquisition.waypoints import mounted_tool
 
 _log = logging.getLogger(__name__)
 
@@ -72,9 +71,7 @@ class Runner:
         self.choices = RigChoices(store, rig.cell, calibration, self._refuse_used, self._arm_name)
         self._compute, self._monitor = compute, monitor
         self._executor = StepExecutor(store, rig, self.choices, compute)
-        self._readiness = Readiness(
-            rig, lambda: mounted_tool.payload(rig.cell, self.choices.tool), lambda: self.choices.calibration
-        )
+        self._readiness = Readiness(rig, self.choices)
         self._closing = threading.Event()
         self._estimator = ProgressEstimator(store, rig.cell)
         self._loop = SessionLoop(store, rig, self._executor, monitor, self._closing, self._estimator)

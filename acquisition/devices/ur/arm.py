@@ -265,16 +265,15 @@ class UrArm:
             raise RigError(
                 ErrorCode.CONFIG_INVALID, f"The arm was given lamp output {self._lamp_output}, not {output}."
             )
-        reply = self._request(protocol.SetLamp(on), REQUEST_DEADLINE_S)
-        if isinstance(reply, Interrupted) and on:
-            raise Halted
-        if isinstance(reply, Failed):
-            raise reply.error
+        self._switch(protocol.SetLamp(on), halts=on)
 
     def pulse_output(self, output: int) -> None:
         """Raises and lowers an output, a camera's trigger; returns when both edges were read back."""
-        reply = self._request(protocol.PulseOutput(output), REQUEST_DEADLINE_S)
-        if isinstance(reply, Interrupted):
+        self._switch(protocol.PulseOutput(output), halts=True)
+
+    def _switch(self, request: protocol.SetLamp | protocol.PulseOutput, *, halts: bool) -> None:
+        reply = self._request(request, REQUEST_DEADLINE_S)
+        if isinstance(reply, Interrupted) and halts:
             raise Halted
         if isinstance(reply, Failed):
             raise reply.error
