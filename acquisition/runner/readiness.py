@@ -9,6 +9,7 @@ from typing import Any
 
 from acquisition.capture import camera_fit
 from acquisition.devices import ArmIdentity, Rig
+from acquisition.models.base import Vector3
 from acquisition.models.errors import ErrorCode, RigError, problem
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.waypoints import mounted_tool
@@ -35,7 +36,7 @@ class Readiness:
         for a camera that does not fit the calibration, and others.
         """
         try:
-            self._rig.arm.carry(*mounted_tool.payload(self._rig.cell, self._choices.tool))
+            self._rig.arm.carry(*self._payload())
             identity = self._rig.arm.connect()
             if not self._rig.arm.reading.program_running:  # connecting has not taken control: this says why it cannot
                 self._rig.arm.prepare()
@@ -84,14 +85,16 @@ class Readiness:
         self.problems = problems
         return not problems
 
+    def _payload(self) -> tuple[float, Vector3]:
+        """Mass, kg, and centre of gravity, m, of what is on the flange now."""
+        return mounted_tool.payload(self._rig.cell, self._choices.tool)
+
     def _connect_camera(self) -> None:
         """Raises RigError camera.unreachable, config.invalid for a camera that is not the calibration's."""
-        camera = self._rig.camera
+        camera, calibration = self._rig.camera, self._choices.calibration
         camera.connect()
         if camera.capabilities is not None:
-            for warning in camera_fit.require_fit(
-                camera.capabilities, self._choices.calibration, self._rig.cell.camera
-            ):
+            for warning in camera_fit.require_fit(camera.capabilities, calibration, self._rig.cell.camera):
                 _log.warning("%s", warning)
 
 

@@ -268,7 +268,7 @@ class UrArm:
         self._switch(protocol.SetLamp(on), halts=on)
 
     def pulse_output(self, output: int) -> None:
-        """Raises and lowers an output, a camera's trigger; returns when both edges were read back."""
+        """Raises and lowers an output, a camera's trigger; returns when both were read back."""
         self._switch(protocol.PulseOutput(output), halts=True)
 
     def _switch(self, request: protocol.SetLamp | protocol.PulseOutput, *, halts: bool) -> None:
