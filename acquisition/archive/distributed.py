@@ -28,7 +28,9 @@ from acquisition.models.errors import ErrorCode, RigError
 
 CONNECT_S = 4.0
 """Time, s, for which a scheduler is waited for at the start."""
-PATIENCE_S = 120.0
+RECONNECT_S = 20.0
+"""Time-out, s, of each further attempt: a scheduler that restarts on a busy machine answers late."""
+PATIENCE_S = 900.0
 """Time, s, for which a scheduler that restarts is waited for in mid-work."""
 WINDOW = 500
 """Jobs that are submitted ahead: enough for hundreds of workers, little to submit again."""
@@ -180,10 +182,10 @@ def _give_up(job: SolveJob) -> SolveOutcome:
 
 
 def _connect(address: str, patience_s: float) -> Client:
-    deadline = time.monotonic() + patience_s
+    deadline, timeout_s = time.monotonic() + patience_s, min(patience_s, RECONNECT_S)
     while True:
         try:
-            return Client(address, timeout=CONNECT_S, set_as_default=False)
+            return Client(address, timeout=timeout_s, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             if time.monotonic() > deadline or isinstance(error, ValueError):
                 raise RigError(

@@ -1,9 +1,12 @@
 """Archives of small sessions."""
 
+import os
+import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import sqlalchemy as sa
 
 from acquisition.archive.archive import Archive
 from tests.acquisition.archive import session_copies
@@ -11,10 +14,23 @@ from tests.acquisition.archive import session_copies
 
 @pytest.fixture
 def archive(tmp_path: Path) -> Iterator[Archive]:
-    """An empty archive in a folder."""
-    opened = Archive(str(tmp_path / "archive"), create=True)
+    """An empty archive in a folder; its catalogue is SQLite's, or a new database of the server of the environment."""
+    opened = Archive(str(tmp_path / "archive"), new_database(), create=True)
     yield opened
     opened.close()
+
+
+def new_database() -> str | None:
+    """Creates a database on the server LIGHTPOSE_TEST_CATALOGUE; None: none is named."""
+    server = os.environ.get("LIGHTPOSE_TEST_CATALOGUE")
+    if server is None:
+        return None
+    name = f"test_{uuid.uuid4().hex}"
+    engine = sa.create_engine(server.replace("postgresql:", "postgresql+psycopg:"), isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+        connection.execute(sa.text(f"CREATE DATABASE {name}"))
+    engine.dispose()
+    return f"{server.rpartition('/')[0]}/{name}"
 
 
 @pytest.fixture
