@@ -26,6 +26,7 @@ MIGRATIONS = (
     "schema_004.sql",
     "schema_005.sql",
     "schema_006.sql",
+    "schema_007.sql",
 )
 
 

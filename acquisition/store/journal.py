@@ -28,14 +28,14 @@ from acquisition.session import (
     allowed_actions,
     next_state,
 )
-from acquisition.store.queue_table import QueueTable
+from acquisition.store.outbox_table import OutboxTable
 from acquisition.store.rows import Action, Artifact, SessionRow, session_from_row
 
 PLAN_REVIEWED, MOVE_SENT = "plan.reviewed", "arm.sent"
 """Types of events that a resumed session reads: approved plans, and the path of the last move."""
 
 
-class Journal(QueueTable):
+class Journal(OutboxTable):
     """Sessions and their work in the database of one data folder; any thread may call any method."""
 
     # ------------------------------------------------------------------------------------------------------- sessions

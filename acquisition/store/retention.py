@@ -1,9 +1,10 @@
 """Retention: deletion of old sessions.
 
 Ended sessions are deleted by age, and the newest of them are kept however old they are; sessions that were created and
-never started are deleted by age, unless they wait in the queue. A session that holds the rig
-is never deleted: its folder is the only copy of what was captured. The journal's entry is deleted first, in a
-transaction that checks the state again, so that the folder of a session in use is never removed.
+never started are deleted by age, unless they wait in the queue. A session that holds the rig is never deleted: its
+folder is the only copy of what was captured. Where completed sessions are handed on to an archive, one that it does not
+have whole is never deleted either. The journal's entry is deleted first, in a transaction that checks the state again,
+so that the folder of a session in use is never removed.
 """
 
 import shutil
@@ -45,10 +46,11 @@ def prune(data: Path, *, older_than_days: float, keep: int, now: float, dry_run:
         ended = [row for row in rows if row.state in ENDED and row.ended_at is not None]
         queued = {entry.session_id for entry in journal.queue_entries(0)}
         unused = [row for row in rows if row.state is State.CREATED and row.id not in queued]
+        needed = journal.not_yet_archived([row.id for row in rows])
         pruned: list[PrunedSession] = []
         for row in [*ended[keep:], *unused]:
             last_used_at = row.ended_at or row.created_at
-            if now - last_used_at < older_than_days * SECONDS_PER_DAY:
+            if row.id in needed or now - last_used_at < older_than_days * SECONDS_PER_DAY:
                 continue
             folder = data / "sessions" / row.id
             size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

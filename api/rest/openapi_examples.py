@@ -37,6 +37,7 @@ from api.rest.key_schemas import CallerResource, KeyResource, TicketResource
 from api.rest.keys import Role
 from api.rest.openapi_calibration_examples import CALIBRATION_VALUES
 from api.rest.openapi_scene_example import SCENE
+from api.rest.outbox import ArchiveResource
 from api.rest.preview_figures import PreviewFigures
 from api.rest.queue import QueueActionRequest, QueueEntryRequest, QueueEntryResource, QueueOrder, QueueResource
 from api.rest.rig_schemas import (
@@ -320,6 +321,13 @@ VALUES: tuple[BaseModel, ...] = (
         status=PROBLEMS[ErrorCode.RIG_BUSY].status,
         title=PROBLEMS[ErrorCode.RIG_BUSY].title,
         remedy=PROBLEMS[ErrorCode.RIG_BUSY].remedy,
+    ),
+    ArchiveResource(
+        address="s3://objects/archive",
+        archived=212,
+        waiting=1,
+        reason="archive.unreachable: s3://objects/archive: Could not connect to the endpoint URL",
+        reason_at=_CREATED_AT,
     ),
     QueueEntryRequest(object_name="denarius 12", recipe=Recipe(planned_lights=8)),
     _ENTRY,

@@ -34,6 +34,11 @@ class Settings(BaseSettings):
 
     trusted_proxies: Names = Field((), description="Addresses of proxies whose X-Forwarded-… counts, comma-separated")
 
+    archive: str | None = Field(
+        None, min_length=1, description="Where ended sessions are handed on to: folder or s3://…"
+    )
+    archive_catalogue: str | None = Field(None, min_length=1, description="Its catalogue; none: SQLite in the folder")
+
     tls_cert: Path | None = Field(None, description="Certificate (PEM, with intermediate ones), to serve HTTPS")
     tls_key: Path | None = Field(None, description="The certificate's private key (PEM), that not everybody may read")
 

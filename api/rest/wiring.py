@@ -5,12 +5,13 @@ absent, and reports which.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from anyio import CapacityLimiter
 
+from acquisition.archive.sender_process import SenderProcess
 from acquisition.devices import CameraDriver, CameraFault, Rig
 from acquisition.devices.camera_aravis import AravisCamera
 from acquisition.devices.camera_folder import FolderCamera
@@ -75,6 +76,7 @@ class Service:
     resolving: ReSolveService
     queue: SessionQueue
     limits: Limits = field(default_factory=Limits)
+    sender: SenderProcess | None = None
 
     @property
     def calibration(self) -> Calibration:
@@ -86,10 +88,14 @@ class Service:
         self.runner.open()
         self.resolving.open()
         self.queue.open()
+        if self.sender is not None:
+            self.sender.open()
 
     def close(self) -> None:
         """Halts the arm, ends the runner and closes the journal."""
         self.runner.begin_shutdown()
+        if self.sender is not None:
+            self.sender.close()
         self.queue.close()
         self.resolving.close()
         self.runner.close()
@@ -100,7 +106,12 @@ def build(settings: Settings) -> Service:
     """Builds the service of these settings. Raises RigError config.invalid, store.locked, store.corrupt."""
     cell = cell_config.load(settings.cell)
     calibration = cell_config.load_calibration(settings.cell.parent / cell.calibration)
-    return assemble(Store(settings.data), build_rig(cell), calibration, Compute())
+    sender = None
+    if settings.archive is not None:
+        sender = SenderProcess(settings.data.resolve(), settings.archive, settings.archive_catalogue)
+    service = assemble(Store(settings.data), build_rig(cell), calibration, Compute())
+    service.store.journal.set_archive(settings.archive)
+    return replace(service, sender=sender)
 
 
 def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute) -> Service:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from acquisition.models.errors import RigError
 from acquisition.models.recipe import Recipe
-from acquisition.session import Trigger
+from acquisition.session import Actor, Trigger
 from acquisition.store import Journal, retention
 from acquisition.store.queue_table import EntryState
 from api.cli.commands import app
@@ -151,3 +151,24 @@ def test_client_archive_downloads_session(own: Any, tmp_path: Path) -> None:
     with pytest.raises(ProblemError):
         own.client.archive("nope", tmp_path / "nothing.zip")
     assert [item.name for item in tmp_path.glob("*.zip")] == ["home.zip"]
+
+
+def test_archive_status_without_an_archive_is_empty(own: Any) -> None:
+    answer = own.http.get("/v1/archive").json()
+    assert (answer["address"], answer["archived"], answer["waiting"], answer["reason"]) == (None, 0, 0, None)
+
+
+def test_archive_status_counts_what_waits_and_why(own: Any) -> None:
+    journal = own.service.store.journal
+    journal.set_archive("/nowhere/archive")
+    session = own.client.create(Recipe())
+    journal.trigger(session.id, Trigger.START, "operator@test")
+    journal.trigger(session.id, Trigger.FINISH, Actor.RUNNER)
+    due = journal.due(0.0)
+    assert due is not None
+    journal.not_archived(due, "the disk is away", 60.0)
+
+    answer = own.http.get("/v1/archive").json()
+
+    assert (answer["address"], answer["archived"], answer["waiting"]) == ("/nowhere/archive", 0, 1)
+    assert answer["reason"] == "the disk is away"

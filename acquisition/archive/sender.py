@@ -1,0 +1,78 @@
+"""The process that hands ended sessions on to the archive: one after another, again and again until it has them.
+
+A process of its own with low priority: hashing and the network touch neither the service's event loop nor the arm's
+thread, and an archive that is away for days only makes the outbox longer. It ends when its standard input does, so with
+the service, and is never needed for anything that the service answers.
+"""
+
+import logging
+import os
+import sys
+import threading
+import time
+from pathlib import Path
+
+from acquisition.archive.archive import Archive
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.store.journal import Journal
+
+POLL_S = 2.0
+"""Period, s, of looking for sessions that have ended."""
+FIRST_WAIT_S, LONGEST_WAIT_S = 10.0, 3600.0
+"""Time, s, after which a push that failed is tried again: doubled each time, up to an hour."""
+NICENESS = 15
+
+_log = logging.getLogger(__name__)
+
+
+def wait_s(tries: int) -> float:
+    """Time, s, until the next try after `tries` failed ones."""
+    return min(FIRST_WAIT_S * 2.0**tries, LONGEST_WAIT_S)
+
+
+def send_next(journal: Journal, data: Path, address: str, catalogue: str | None) -> bool:
+    """Pushes the session that has waited longest; False: none is due, or the archive is away."""
+    due = journal.due(time.time())
+    if due is None:
+        return False
+    folder = data / "sessions" / due.session.id
+    try:
+        archive = Archive(address, catalogue, create=True)
+        try:
+            pushed = archive.push(folder, due.session.label, due.session.notes)
+        finally:
+            archive.close()
+    except RigError as error:
+        journal.not_archived(due, str(error), time.time() + wait_s(due.tries))
+        _log.warning("session %s is not archived yet: %s", due.session.id, error)
+        return (
+            error.code is ErrorCode.FOLDER_INVALID
+        )  # the next session may be sound; an archive that is away is so for all
+    except OSError as error:  # the session was deleted meanwhile, or its disk fails
+        journal.not_archived(due, f"{type(error).__name__}: {error}", time.time() + wait_s(due.tries))
+        return False
+    journal.archived(due, pushed.key)
+    _log.info("session %s is archived: %d of %d files were new", due.session.id, pushed.new_files, pushed.files)
+    return True
+
+
+def main(data: str, address: str, catalogue: str | None) -> None:
+    """Sends until standard input ends."""
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s archive %(message)s")
+    os.nice(NICENESS)
+    ended = threading.Event()
+
+    def await_end() -> None:
+        sys.stdin.buffer.read()
+        ended.set()
+
+    threading.Thread(target=await_end, daemon=True).start()
+    journal = Journal(Path(data) / "rig.db")
+    wait = POLL_S
+    while not ended.wait(wait):
+        wait = 0.0 if send_next(journal, Path(data), address, catalogue) else POLL_S
+    journal.close()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], sys.argv[3] if len(sys.argv) > 3 else None)

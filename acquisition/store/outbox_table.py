@@ -1,0 +1,103 @@
+"""The outbox: which completed sessions the archive has, up to which event, and why others wait.
+
+A session is due when it is complete and has an event that the archive has not seen: its end, a further result, a new
+label. Nothing is entered when a session ends, so the archive is nowhere in the path of a session; whoever sends asks
+for what is due.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from acquisition.store.queue_table import QueueTable
+from acquisition.store.rows import SessionRow, session_from_row
+
+ARCHIVED, ARCHIVE_FAILED = "session.archived", "session.archive_failed"
+"""Types of the events that tell of the archive itself, which make nothing due."""
+
+
+@dataclass(frozen=True)
+class Due:
+    """A session to be pushed, its newest event, and how often that was tried in vain."""
+
+    session: SessionRow
+    event_id: int
+    tries: int
+
+
+@dataclass(frozen=True)
+class OutboxStatus:
+    """The archive's address (none: there is none), numbers of sessions, and the newest reason why one waits."""
+
+    address: str | None
+    archived: int
+    waiting: int
+    reason: str | None
+    reason_at: float | None
+
+
+class OutboxTable(QueueTable):
+    """Reads and changes the outbox; any thread or process may call any method."""
+
+    def set_archive(self, address: str | None) -> None:
+        """States the archive that sessions are handed on to (none: to none); a new one gets all sessions."""
+        with self._transaction() as connection:
+            row = connection.execute("SELECT address FROM archive").fetchone()
+            if (None if row is None else row["address"]) == address:
+                return
+            connection.execute("DELETE FROM archive")
+            connection.execute("DELETE FROM outbox")
+            if address is not None:
+                connection.execute("INSERT INTO archive VALUES (1, ?)", (address,))
+
+    def due(self, now: float) -> Due | None:
+        """The session that has waited longest and may be tried at `now`, s since 1970; None: none may."""
+        row = self._one(
+            "SELECT session.*, event_id, tries FROM awaiting_archive JOIN session ON session.id = session_id"
+            " WHERE next_try_at <= ? ORDER BY session.ended_at LIMIT 1",
+            now,
+        )
+        return None if row is None else Due(session_from_row(row), int(row["event_id"]), int(row["tries"]))
+
+    def archived(self, due: Due, key: str) -> None:
+        """Records that the archive has a session with everything up to `due.event_id`."""
+        self._put(due, "archived", key, 0, 0.0, None)
+
+    def not_archived(self, due: Due, reason: str, next_try_at: float) -> None:
+        """Records why a session could not be pushed, and when to try again, s since 1970."""
+        self._put(due, "waiting", None, due.tries + 1, next_try_at, reason)
+
+    def outbox_status(self) -> OutboxStatus:
+        """How far the archive has come."""
+        address = self._one("SELECT address FROM archive")
+        waiting = self._one("SELECT count(*) AS count FROM awaiting_archive")
+        archived = self._one("SELECT count(*) AS count FROM outbox WHERE state = 'archived'")
+        reason = self._one(
+            "SELECT reason, changed_at FROM outbox WHERE state = 'waiting' ORDER BY changed_at DESC LIMIT 1"
+        )
+        return OutboxStatus(
+            address=None if address is None else str(address["address"]),
+            archived=0 if archived is None else int(archived["count"]),
+            waiting=0 if waiting is None or address is None else int(waiting["count"]),
+            reason=None if reason is None else str(reason["reason"]),
+            reason_at=None if reason is None else float(reason["changed_at"]),
+        )
+
+    def not_yet_archived(self, session_ids: Sequence[str]) -> set[str]:
+        """Those of the sessions that the archive, where there is one, does not have with all that happened to them."""
+        if self._one("SELECT address FROM archive") is None:
+            return set()
+        rows = self._all("SELECT session_id FROM awaiting_archive")
+        return {str(row["session_id"]) for row in rows} & set(session_ids)
+
+    def _put(self, due: Due, state: str, key: str | None, tries: int, next_try_at: float, reason: str | None) -> None:
+        with self._transaction() as connection:
+            known = connection.execute("SELECT 1 FROM session WHERE id = ?", (due.session.id,)).fetchone()
+            if known is None:  # deleted meanwhile
+                return
+            connection.execute(
+                "INSERT OR REPLACE INTO outbox VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                (due.session.id, state, due.event_id, key, tries, next_try_at, reason, time.time()),
+            )
+            body = {"key": key} if reason is None else {"reason": reason, "next_try_at": next_try_at}
+            self._event(connection, due.session.id, ARCHIVED if reason is None else ARCHIVE_FAILED, body)

@@ -1,0 +1,34 @@
+"""Route of the archive that ended sessions are handed on to: how far it has come, and what is in the way."""
+
+from datetime import datetime
+
+from fastapi import APIRouter
+from pydantic import Field
+
+from api.rest.dependencies import ServiceOf
+from api.rest.schemas import Resource, as_datetime
+
+router = APIRouter(tags=["sessions"])
+
+
+class ArchiveResource(Resource):
+    """The archive of this service's ended sessions."""
+
+    address: str | None = Field(description="Where it is; null: sessions are handed on to none")
+    archived: int = Field(ge=0, description="Number of sessions that it has")
+    waiting: int = Field(ge=0, description="Number of ended sessions that it does not have yet, or not all of")
+    reason: str | None = Field(description="Why one of these waits, the newest reason; null: none was tried in vain")
+    reason_at: datetime | None = Field(description="When that was")
+
+
+@router.get("/v1/archive")
+def archive_status(service: ServiceOf) -> ArchiveResource:
+    """Where ended sessions are handed on to, and how many wait."""
+    status = service.store.journal.outbox_status()
+    return ArchiveResource(
+        address=status.address,
+        archived=status.archived,
+        waiting=status.waiting,
+        reason=status.reason,
+        reason_at=None if status.reason_at is None else as_datetime(status.reason_at),
+    )

@@ -1,0 +1,205 @@
+"""The outbox: completed sessions are pushed by themselves, again when something was added; nothing goes before that."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.archive import sender
+from acquisition.archive.archive import Archive
+from acquisition.archive.contents import ContentStore
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.recipe import Recipe
+from acquisition.session import State
+from acquisition.store import retention
+from acquisition.store.journal import Journal
+from tests.acquisition.archive import session_copies
+
+CELL = (session_copies.ORIGINAL / "cell.json").read_text()
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Iterator[Journal]:
+    """The journal of a data folder whose archive is the folder `archive` beside it."""
+    (tmp_path / "data").mkdir()
+    opened = Journal(tmp_path / "data" / "rig.db")
+    opened.set_archive(str(tmp_path / "archive"))
+    yield opened
+    opened.close()
+
+
+def completed(tmp_path: Path, journal: Journal, label: str = "vase", state: State = State.COMPLETED) -> str:
+    """A session that has ended, with its folder."""
+    row, _ = journal.create_session(Recipe(label=label), CELL, "fingerprint")
+    with journal._transaction() as connection:
+        connection.execute(
+            "UPDATE session SET state = ?, started_at = ?, ended_at = ? WHERE id = ?",
+            (state, 1.0, 1.0 + row.number, row.id),
+        )
+        journal._event(connection, row.id, "session.completed", {})
+    session_copies.make(tmp_path / "data" / "sessions" / row.id, seed=row.number, label=label)
+    return row.id
+
+
+def send_all(tmp_path: Path, journal: Journal) -> int:
+    count = 0
+    while sender.send_next(journal, tmp_path / "data", str(tmp_path / "archive"), None):
+        count += 1
+    return count
+
+
+def archive_rows(tmp_path: Path) -> list[tuple[str, str]]:
+    archive = Archive(str(tmp_path / "archive"))
+    rows = [(row.session_id, row.object) for row in archive.catalogue.sessions()]
+    archive.close()
+    return rows
+
+
+def test_completed_session_is_pushed_once(tmp_path: Path, journal: Journal):
+    session_id = completed(tmp_path, journal)
+    completed(tmp_path, journal, state=State.STOPPED)
+    assert journal.outbox_status().waiting == 1
+    assert (send_all(tmp_path, journal), send_all(tmp_path, journal)) == (1, 0)
+    assert archive_rows(tmp_path) == [(session_id, "vase")]
+    status = journal.outbox_status()
+    assert (status.archived, status.waiting, status.reason) == (1, 0, None)
+
+
+def test_session_with_a_new_label_is_pushed_again(tmp_path: Path, journal: Journal):
+    session_id = completed(tmp_path, journal)
+    send_all(tmp_path, journal)
+    journal.describe_session(session_id, "amphora", None, "a person")
+    assert send_all(tmp_path, journal) == 1
+    assert archive_rows(tmp_path) == [(session_id, "amphora")]
+
+
+def test_archive_that_is_away_leaves_the_session_waiting(tmp_path: Path, journal: Journal):
+    session_id = completed(tmp_path, journal)
+    (tmp_path / "archive").write_text("a file: no folder can be made here")
+    assert send_all(tmp_path, journal) == 0
+    status = journal.outbox_status()
+    assert (status.archived, status.waiting) == (0, 1)
+    assert status.reason is not None
+    due = journal.due(time.time() + 3600)
+    assert due is not None
+    assert (due.session.id, due.tries) == (session_id, 1)
+    assert journal.due(time.time()) is None  # not before its time
+
+
+def test_damaged_session_does_not_hold_up_the_next(tmp_path: Path, journal: Journal):
+    damaged, sound = completed(tmp_path, journal, "damaged"), completed(tmp_path, journal, "sound")
+    (tmp_path / "data" / "sessions" / damaged / "passes/0/shots/1.tiff").write_bytes(b"")
+    send_all(tmp_path, journal)
+    assert archive_rows(tmp_path) == [(sound, "sound")]
+    assert "shots/1.tiff" in str(journal.outbox_status().reason)
+
+
+def test_waits_grow_to_an_hour():
+    waits = [sender.wait_s(tries) for tries in range(20)]
+    assert waits == sorted(waits)
+    assert (waits[0], waits[-1]) == (sender.FIRST_WAIT_S, sender.LONGEST_WAIT_S)
+
+
+def test_prune_keeps_what_the_archive_does_not_have(tmp_path: Path, journal: Journal):
+    first, second = completed(tmp_path, journal, "first"), completed(tmp_path, journal, "second")
+
+    def prune() -> list[str]:
+        removed = retention.prune(tmp_path / "data", older_than_days=1, keep=0, now=time.time(), dry_run=False)
+        return [item.session_id for item in removed]
+
+    assert prune() == []
+    assert sender.send_next(journal, tmp_path / "data", str(tmp_path / "archive"), None)
+    assert prune() == [first]
+    send_all(tmp_path, journal)
+    journal.describe_session(second, "renamed", None, "a person")
+    assert prune() == []
+    send_all(tmp_path, journal)
+    assert prune() == [second]
+    assert sorted(label for _, label in archive_rows(tmp_path)) == ["first", "renamed"]
+
+
+def test_another_archive_gets_all_sessions(tmp_path: Path, journal: Journal):
+    completed(tmp_path, journal)
+    send_all(tmp_path, journal)
+    journal.set_archive(str(tmp_path / "archive"))
+    assert journal.outbox_status().waiting == 0
+    journal.set_archive(str(tmp_path / "other"))
+    assert journal.outbox_status().waiting == 1
+
+
+def test_sender_process_pushes_and_ends_with_its_input(tmp_path: Path, journal: Journal):
+    session_id = completed(tmp_path, journal)
+    command = [sys.executable, "-m", "acquisition.archive.sender", str(tmp_path / "data"), str(tmp_path / "archive")]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE)
+    try:
+        deadline = time.monotonic() + 120
+        while journal.outbox_status().waiting and time.monotonic() < deadline:
+            time.sleep(0.1)
+    finally:
+        process.communicate(timeout=120)
+    assert process.returncode == 0
+    assert archive_rows(tmp_path) == [(session_id, "vase")]
+    types = [event.type for event in journal.events(0, session_id=session_id)]
+    assert types[-1] == "session.archived"
+
+
+class DyingStore:
+    """Makes the content store fail at a random one of its next writes, before or after it has written."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, seed: int) -> None:
+        self._choose, self._left, self._before = np.random.default_rng(seed), 0, False
+        self.deaths = 0
+        for name in ("put", "write"):
+            patch.setattr(ContentStore, name, self._dying(getattr(ContentStore, name)))
+
+    def draw(self) -> None:
+        self._left, self._before = int(self._choose.integers(1, 60)), bool(self._choose.integers(2))
+
+    def _dying(self, method: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            self._left -= 1
+            if self._left == 0 and self._before:
+                self._die()
+            result = method(*arguments)
+            if self._left == 0:
+                self._die()
+            return result
+
+        return call
+
+    def _die(self) -> None:
+        self.deaths += 1
+        raise RigError(ErrorCode.ARCHIVE_UNREACHABLE, "the store died")
+
+
+@pytest.mark.long
+def test_store_that_dies_200_times_loses_nothing(tmp_path: Path, journal: Journal, monkeypatch: pytest.MonkeyPatch):
+    """What an entry names is there after each death, and nothing local may be removed before the archive has it."""
+    store, sessions = DyingStore(monkeypatch, seed=1), list[str]()
+    monkeypatch.setattr(sender, "wait_s", lambda tries: 0.0)
+    archive = None
+    while store.deaths < 200:
+        if journal.outbox_status().waiting == 0:
+            sessions.append(completed(tmp_path, journal, f"object {len(sessions)}"))
+        store.draw()
+        sender.send_next(journal, tmp_path / "data", str(tmp_path / "archive"), None)
+        waiting = journal.outbox_status().waiting
+        removable = retention.prune(tmp_path / "data", older_than_days=0, keep=0, now=time.time(), dry_run=True)
+        assert (sessions[-1] in [item.session_id for item in removable]) == (waiting == 0)
+        if (tmp_path / "archive" / "archive.json").is_file():
+            archive = archive or Archive(str(tmp_path / "archive"))
+            assert archive.verify() == []
+    assert archive is not None
+    monkeypatch.undo()
+    while sender.send_next(journal, tmp_path / "data", str(tmp_path / "archive"), None):
+        pass
+    print(f"\n{store.deaths} deaths over {len(sessions)} sessions")
+    assert journal.outbox_status().waiting == 0
+    assert archive.verify() == []
+    assert sorted(row.session_id for row in archive.catalogue.sessions()) == sorted(sessions)
+    archive.close()
