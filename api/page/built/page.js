@@ -260,7 +260,10 @@ ${this.chosen?this.steps(this.chosen):k}
 <calibration-sets></calibration-sets>
 </section>
 <h2>${a("calibration.in_use")}</h2>
-${_.rig?rr(_.rig):k}
+${_.rig?u`<section class="card" aria-labelledby="checks">
+<h3 id="checks">${a("check.title")}</h3>
+${rr(_.rig)}
+</section>`:k}
 <calibration-values></calibration-values>`}running(){let e=_.holder;return!e||e.recipe.kind==="capture"?k:u`<p class="notice">
 <a id="running-calibration" href=${`#/sessions/${e.id}`}>${a("wizard.running")}</a>
 </p>`}kindChoice(){return u`<fieldset class="card presets" id="kinds">

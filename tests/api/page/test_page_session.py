@@ -124,7 +124,7 @@ def test_page_session_from_sign_in_to_download(
     sigma = page.locator("#sigma-forecast")
     sigma.wait_for()
     page.locator("#sigma-picture").wait_for()
-    lights = page.locator("plan-review tbody tr")
+    lights = page.get_by_role("group", name="Lights").locator("tbody tr")
     expect(lights).to_have_count(2)
     expect(lights.first).to_contain_text(re.compile(r"σ would be [\d.]+% larger without it"))
     planned, before = sigma.inner_text(), page.locator("#sigma-picture").get_attribute("src")

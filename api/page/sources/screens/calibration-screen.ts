@@ -79,7 +79,14 @@ export class CalibrationScreen extends PageElement {
         <calibration-sets></calibration-sets>
       </section>
       <h2>${t("calibration.in_use")}</h2>
-      ${live.rig ? calibrationChecks(live.rig) : nothing}
+      ${
+        live.rig
+          ? html`<section class="card" aria-labelledby="checks">
+              <h3 id="checks">${t("check.title")}</h3>
+              ${calibrationChecks(live.rig)}
+            </section>`
+          : nothing
+      }
       <calibration-values></calibration-values>`;
   }
 
