@@ -41,7 +41,7 @@ KEPT_FORECASTS = 8
 """Forecasts that are kept, so that figures and picture of the same lights are computed once."""
 
 KEPT_DRY_RUNS = 32
-"""Lights with their prior forecasts, and routes, that are kept; each takes some 100 kB."""
+"""Lights with their prior forecasts, and routes, that are kept; an answer takes up to 10 kB."""
 
 SAME_START_RAD = 1e-3
 """Grid of the arm's place, rad, within which a dry run's route is the same: a resting arm's reading varies by less."""

@@ -56,7 +56,6 @@ RECOVERY_WITHIN_S = 60.0
 
 T = TypeVar("T")
 
-
 ANSWERED_BY_RESUMING = (ErrorCode.PLAN_TO_REVIEW, ErrorCode.CALIBRATION_PLACE_TARGET)
 """What a session waits for that a person answers by resuming it: the plan is good, the target is in place."""
 

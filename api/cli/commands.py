@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from api.cli import archive_commands, calibrate_commands, camera_command
+from api.cli import archive_commands, calibrate_commands, camera_command, folder_commands
 from api.cli.error_exit import explain_errors
 from api.cli.object_options import Family, MeshFile, ObjectName, Reflects, SizeMm
 
@@ -304,94 +304,7 @@ def prune(
     print(f"{'would remove' if dry_run else 'removed'} {len(removed)} sessions, {megabytes:.1f} MB")
 
 
-class Solver(StrEnum):
-    """How a folder is solved."""
-
-    AUTO = "auto"
-    LEAST_SQUARES = "ls"
-    WEIGHTED = "weighted"
-    ROBUST = "robust"
-    GLOSSY = "glossy"
-
-
-@app.command("solve")
-def solve_folder(
-    folder: Annotated[
-        Path, typer.Argument(help="DiLiGenT-style, .lp with images, near light (lights.json), or a session's folder")
-    ],
-    solver: Annotated[Solver, typer.Option(help="auto chooses by the residuals and says why")] = Solver.AUTO,
-    near: Annotated[bool, typer.Option("--near", help="Require the near-light model")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for maps and report, written atomically")] = None,
-    exports: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--export",
-            help="With --out, also: normals_directx.png, maps.exr, mesh.ply, lights.lp and lights.dome (lights without "
-            "their images), diligent (with them), integration, or all; may be repeated",
-        ),
-    ] = None,
-    sphere: Annotated[
-        str | None, typer.Option(help="cx,cy,r: a sphere in the image, px, that errors are graded against")
-    ] = None,
-    keep_steps: Annotated[
-        bool, typer.Option("--keep-steps", help="Allow depth discontinuities where neighbouring normals disagree")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
-) -> None:
-    """Solves a folder of images to normals with an uncertainty for each pixel; grades them where truth is known."""
-    from api.cli import solving
-
-    outcome = explain_errors(
-        lambda: solving.run(solving.solve_request(folder, solver.value, near, out, sphere, exports or [], keep_steps))
-    )
-    if as_json:
-        print(json.dumps(outcome), flush=True)
-
-
-@app.command("plan")
-def plan_folder(
-    folder: Annotated[Path, typer.Argument(help="Any folder that `solve` reads; its images are the pilot's")],
-    count: Annotated[int, typer.Option(help="Number of further lights")],
-    candidates: Annotated[
-        Path | None,
-        typer.Option(help="Where lights can be: three numbers on each line, in the folder's own frame and unit"),
-    ] = None,
-    radius_mm: Annotated[
-        float | None, typer.Option(help="Radius of a free dome; default: the pilot's mean distance from the object")
-    ] = None,
-    max_slant_deg: Annotated[
-        float | None,
-        typer.Option(help="Greatest slant from the view axis; default: 70 on a free dome, none of given candidates"),
-    ] = None,
-    pilot: Annotated[
-        str | None,
-        typer.Option(help="Use only these images, such as 0,7,31,90, counted from 0; the others are the candidates"),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="File for the JSON object")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
-) -> None:
-    """Plans further lights for a folder of images, for any dome, ring or robot; moves nothing."""
-    from api.cli import planning
-
-    outcome = explain_errors(
-        lambda: planning.run(planning.plan_request(folder, count, candidates, radius_mm, max_slant_deg, pilot, out))
-    )
-    if as_json:
-        print(json.dumps(outcome), flush=True)
-
-
-@app.command()
-def replay(
-    folder: Annotated[Path, typer.Argument(help="A session's folder")],
-    result: Annotated[int | None, typer.Option(min=0, help="Which result to compare with; default: the last")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
-) -> None:
-    """Solves a session's images again and compares with its stored result; writes nothing."""
-    from api.cli import solving
-
-    outcome = explain_errors(lambda: solving.replay(folder, result))
-    if as_json:
-        print(json.dumps(outcome), flush=True)
+app.add_typer(folder_commands.app)
 
 
 @app.command()

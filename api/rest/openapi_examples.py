@@ -22,7 +22,6 @@ from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.models.time_left import TimeLeft, TimePart
 from acquisition.session import ARM_STATE, Stage, State
-from acquisition.store.queue_table import EntryState, QueueState
 from api.rest import images
 from api.rest.calibration import (
     CalibrationChoice,
@@ -36,10 +35,9 @@ from api.rest.joint_readings import JointReadingResource
 from api.rest.key_schemas import CallerResource, KeyResource, TicketResource
 from api.rest.keys import Role
 from api.rest.openapi_calibration_examples import CALIBRATION_VALUES
+from api.rest.openapi_queue_examples import QUEUE_VALUES
 from api.rest.openapi_scene_example import SCENE
-from api.rest.outbox import ArchiveResource
 from api.rest.preview_figures import PreviewFigures
-from api.rest.queue import QueueActionRequest, QueueEntryRequest, QueueEntryResource, QueueOrder, QueueResource
 from api.rest.rig_schemas import (
     ArmResource,
     CalibrationResource,
@@ -208,18 +206,6 @@ _SHOT = Shot(
     taken_at=(_CREATED_AT + timedelta(seconds=12)).timestamp(),
     quality=FrameQuality(saturated=0.0, bright_level=0.81, accepted=True),
 )
-_ENTRY = QueueEntryResource(
-    id=3,
-    object_name="denarius 12",
-    recipe=Recipe(planned_lights=8),
-    unattended=False,
-    state=EntryState.WAITING,
-    session_id=None,
-    added_by="lab@127.0.0.1",
-    added=_CREATED_AT,
-    ended=None,
-    links={"self": "/v1/queue/entries/3", "queue": "/v1/queue"},
-)
 _ACTION = ActionResource(action="start", actor="lab@127.0.0.1", outcome="running", at=_CREATED_AT)
 
 _SET = CalibrationSetResource(
@@ -322,31 +308,7 @@ VALUES: tuple[BaseModel, ...] = (
         title=PROBLEMS[ErrorCode.RIG_BUSY].title,
         remedy=PROBLEMS[ErrorCode.RIG_BUSY].remedy,
     ),
-    ArchiveResource(
-        address="s3://objects/archive",
-        archived=212,
-        waiting=1,
-        reason="archive.unreachable: s3://objects/archive: Could not connect to the endpoint URL",
-        reason_at=_CREATED_AT,
-    ),
-    QueueEntryRequest(object_name="denarius 12", recipe=Recipe(planned_lights=8)),
-    _ENTRY,
-    QueueOrder(entries=[3, 2]),
-    QueueActionRequest(action="resume"),
-    QueueResource(
-        state=QueueState.STOPPED,
-        reason=Problem.of(
-            ErrorCode.QUEUE_OBJECT_TO_PLACE,
-            "The next session is of 'denarius 12' (entry 3)",
-            {"entry": 3, "object_name": "denarius 12"},
-            "/v1/queue",
-        ),
-        changed_by="service",
-        changed=_CREATED_AT,
-        next_object="denarius 12",
-        entries=[_ENTRY],
-        links={"self": "/v1/queue", "actions": "/v1/queue/actions"},
-    ),
+    *QUEUE_VALUES,
     RegionResource(pixels=52_113, links={"self": f"{_SESSION_PATH}/region.png", "session": _SESSION_PATH}),
     ResolveAccepted(number=2, links={"result": f"{_SESSION_PATH}/results/2", "session": _SESSION_PATH}),
     _RESULT,
