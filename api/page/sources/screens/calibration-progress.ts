@@ -22,7 +22,7 @@ const STAGES = ["plan", "waypoints", "capture", "estimate"] as const;
 /** What an accuracy on order is compared with. */
 const FOUND: Record<string, string> = { target_px: "projection_sigma_px", target_mm: "position_sigma_mm" };
 /** Files of an estimate that hold no residuals. */
-const OTHER_FILES = new Set(["summary.json", "calibration.json", "corners.json", "manifest.json"]);
+const OTHER_FILES = new Set(["basis.json", "summary.json", "calibration.json", "corners.json", "manifest.json"]);
 /** Facts of an image that are no figure to be read. */
 const HIDDEN = new Set(["image", "sha256", "why_not", "lamp"]);
 
@@ -219,12 +219,18 @@ async function viewsOf(address: string): Promise<PlannedViews | null> {
   }
 }
 
-/** Each image's part in an estimate, from whichever of its files tells it. */
+/** Each image's part in an estimate, from the first of its files that tells it; the camera's own is the last to ask. */
 async function residualsOf({ artefacts }: Estimate): Promise<Residual[]> {
   const files = artefacts.filter(({ name }) => name.endsWith(".json") && !OTHER_FILES.has(name));
-  const file = files.find(({ name }) => name !== "camera.json") ?? files[0];
-  if (!file) return [];
-  const { views, images, exposures } = await get<Residuals>(file.href);
-  const times = exposures?.map(({ exposure_s, ...rest }) => ({ image: `${number(1e3 * exposure_s, 2)} ms`, ...rest }));
-  return views ?? times ?? images ?? [];
+  files.sort((one, other) => Number(one.name === "camera.json") - Number(other.name === "camera.json"));
+  for (const { href } of files) {
+    const { views, images, exposures } = await get<Residuals>(href);
+    const times = exposures?.map(({ exposure_s, ...rest }) => ({
+      image: `${number(1e3 * exposure_s, 2)} ms`,
+      ...rest,
+    }));
+    const found = views ?? times ?? images;
+    if (found) return found;
+  }
+  return [];
 }
