@@ -211,7 +211,8 @@ class QuickCompute(Compute):
         return JointPath(path=[as_joints(joints)], speeds=[1.0], seconds=LEG_S)
 
     def _solve_normals(self, observations: Any, *arguments: Any) -> ResultSummary:
-        folder: Path = arguments[-1]
+        folder: Path
+        *_, folder, _check = arguments
         folder.mkdir(parents=True)
         (folder / "normals.png").write_bytes(b"normals")
         return ResultSummary(
