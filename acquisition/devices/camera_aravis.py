@@ -142,6 +142,8 @@ class AravisCamera:
 
     def _set_up(self, camera: Any) -> None:
         config, device = self._config, camera.get_device()
+        # Without it Aravis writes what is out of range, and each camera makes of it what it likes.
+        device.set_range_check_policy(self._aravis.RangeCheckPolicy.ENABLE)
         for name in _AUTOMATIC:
             if device.is_feature_available(name):
                 device.set_string_feature_value(name, "Off")
