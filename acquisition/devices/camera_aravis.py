@@ -133,8 +133,12 @@ class AravisCamera:
         """Ends the acquisition and gives control of the camera back."""
         camera, self._camera, self._stream = self._camera, None, None
         if camera is not None:
+            device = camera.get_device()
             try:
                 camera.stop_acquisition()
+                # The object may live on in an error's traceback, and would keep the control.
+                if isinstance(device, self._aravis.GvDevice):
+                    device.leave_control()
             except self._error:
                 return  # it is gone, and its acquisition with it
 
