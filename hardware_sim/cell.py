@@ -30,7 +30,9 @@ from hardware_sim.object_spec import ObjectSpec
 from hardware_sim.status import StatusLines
 from hardware_sim.world import ProfileName
 
-READY_WITHIN_S = 120.0
+READY_WITHIN_S = 600.0
+"""Controller and world are ready in ten seconds, and in over two minutes where twenty programs share two cores."""
+
 STATUS_EVERY_S = 0.05
 
 
