@@ -58,7 +58,7 @@ def test_hand_eye_by_command_killed_resumed_and_checked(tmp_path: Path) -> None:
             assert done.estimate.position_sigma_mm is not None
             assert done.estimate.position_sigma_mm < 0.5
             shots = [(e.body["pass"], e.body["number"]) for e in client.past_events(session_id)
-                     if e.type == "shot.captured"]  # fmt: skip
+                     if e.type == "shot.captured" and e.body["kind"] == "light"]  # fmt: skip
             assert len(shots) == len(set(shots)) == 20
             assert announced <= set(shots)
             report = tmp_path / "data/calibrations" / session_id / "report.html"
