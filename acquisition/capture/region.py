@@ -16,6 +16,9 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 
 _CIRCLE_POINTS = 96
+TILE_EDGE_PX, MIN_TILE_PIXELS = 2, 25
+"""Pixels at the grey tile's edge that do not count, and how many have to be left."""
+
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
@@ -78,11 +81,31 @@ def middle_depth_m(cell: CellConfig, calibration: Calibration) -> float:
     return float(geometry.transform(geometry.inverse(np.array(calibration.base_from_camera)), center)[2])
 
 
-def table_depth_m(cell: CellConfig, calibration: Calibration) -> Float32Array:
-    """Depth (H, W), m, of the table plane along the camera's z by ray–plane intersection; infinite where missed."""
+def grey_tile(cell: CellConfig, calibration: Calibration) -> BoolArray | None:
+    """Mask (H, W) of the grey tile's pixels without those at its edge, which the lens blurs; none: the cell has none.
+
+    Raises RigError config.invalid where fewer than MIN_TILE_PIXELS of them are in the image.
+    """
+    if cell.grey_tile is None:
+        return None
+    image = np.zeros((calibration.height, calibration.width), np.uint8)
+    cv2.fillPoly(image, [np.round(np.array(cell.grey_tile.outline_px) * 8).astype(np.int32)], (1,), shift=3)
+    image = cv2.erode(image, np.ones((2 * TILE_EDGE_PX + 1,) * 2, np.uint8), borderValue=0)
+    if np.count_nonzero(image) < MIN_TILE_PIXELS:
+        raise RigError(
+            ErrorCode.CONFIG_INVALID,
+            f"grey_tile.outline_px leaves {np.count_nonzero(image)} pixels of the image, and {MIN_TILE_PIXELS} are "
+            f"needed: columns 0 to {calibration.width - 1}, rows 0 to {calibration.height - 1}",
+        )
+    return image.astype(np.bool_)
+
+
+def table_depth_m(cell: CellConfig, calibration: Calibration, above_m: float = 0.0) -> Float32Array:
+    """Depth (H, W), m, of the table plane, or of one `above_m` it, along the camera's z by ray–plane intersection;
+    infinite where missed."""
     camera_from_base = geometry.inverse(np.array(calibration.base_from_camera))
-    point = geometry.transform(camera_from_base, cell.table.point_m)
-    normal = geometry.rotate(camera_from_base, cell.table.normal)
+    normal = geometry.rotate(camera_from_base, np.array(cell.table.normal) / np.linalg.norm(cell.table.normal))
+    point = geometry.transform(camera_from_base, cell.table.point_m) + above_m * normal
     rows, columns = np.mgrid[0 : calibration.height, 0 : calibration.width].astype(float)
     ray = cv2.undistortPoints(
         np.stack([columns, rows], axis=-1).reshape(-1, 1, 2),

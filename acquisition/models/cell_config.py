@@ -106,6 +106,16 @@ class LampTargetsConfig(Value):
     albedo_sigma: float = Field(default=0.01, ge=0, le=0.5, description="1 σ of that, as a fraction")
 
 
+class GreyTileConfig(Value):
+    """An even, matt tile that lies flat on the table in the picture, beside the object and out of its shadows: it tells
+    how bright the lamp was in each image."""
+
+    outline_px: list[tuple[float, float]] = Field(
+        min_length=3, max_length=32, description="Its corners in the image, in their order: column and row"
+    )
+    height_m: float = Field(default=0.003, ge=0, le=0.2, description="Height of its face over the table")
+
+
 class ArmConfig(Value):
     """The arm, its tool and its limits."""
 
@@ -263,7 +273,7 @@ class Clearances(Value):
 
 _LATER_FIELDS = (
     ("arm", "polyscope"), ("arm", "robot_api_port"), ("arm", "tool"), ("board", "payload_kg"),
-    ("board", "payload_center_m"), ("board",), ("lamp_targets",), ("camera", "reconnect_s"),
+    ("board", "payload_center_m"), ("board",), ("lamp_targets",), ("grey_tile",), ("camera", "reconnect_s"),
 )  # fmt: skip
 """Fields that came after sessions had been recorded; each has a default that means what was before."""
 
@@ -287,6 +297,9 @@ class CellConfig(Value):
     )
     lamp_targets: LampTargetsConfig | None = Field(
         default=None, description="Sphere and plane of calibration sessions of the lamp; none: there are none"
+    )
+    grey_tile: GreyTileConfig | None = Field(
+        default=None, description="A tile in the picture that gives each image's intensity; none: there is none"
     )
 
     @property

@@ -121,16 +121,19 @@ def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
 
 
 def read(
-    observations: Observations, calibration: Calibration, rows: slice, columns: slice
-) -> ImageStack | StoredImages:
+    observations: Observations, calibration: Calibration, rows: slice, columns: slice,
+    log_intensity: FloatArray | None = None,
+) -> ImageStack | StoredImages:  # fmt: skip
     """Dark-frame subtraction, normalisation and flat field of all lit images within a window of rows and columns.
 
+    `log_intensity` (F,): how much brighter than calibrated each image's lamp was, where that is known; divided out.
     The sensor's noise is stated for pixels in the image's centre: it differs by the lens's few per cent elsewhere.
 
     Raises RigError normals.infeasible when a frame's size is not the calibration's or a lamp-off frame is missing.
     """
     shots, lights = zip(*lit_shots(observations), strict=True)
     darks = {shot.exposure_s: _lamp_off_shot(observations, shot) for shot in shots}
+    factors = np.exp(np.zeros(len(shots)) if log_intensity is None else log_intensity)
     for shot in (*shots, *darks.values()):
         _refuse_other_size(shot, calibration)
 
@@ -150,13 +153,15 @@ def read(
             clipped[index] = photometry.saturated(frame, calibration.sensor)
         if sensitivity is not None:
             values /= sensitivity
+        if log_intensity is not None:
+            values /= factors.astype(np.float32)[:, None, None]
         return values, clipped
 
     black = calibration.sensor.black_level_dn
     ambient = {seconds: _window_mean(observations, dark, rows, columns) - black for seconds, dark in darks.items()}
     seconds = [shot.exposure_s for shot in shots]
     photons, floor = photometry.sensor_noise(calibration, seconds, [ambient[one] for one in seconds])
-    return held_if_small(StoredImages(block, lights, rows, columns, photons, floor))
+    return held_if_small(StoredImages(block, lights, rows, columns, photons / factors, floor / factors**2))
 
 
 def common_lamp_errors(observations: Observations, calibration: Calibration) -> FloatArray | None:

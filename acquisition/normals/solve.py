@@ -24,6 +24,8 @@ from acquisition.normals import (
     session_images,
     silhouette,
 )
+from acquisition.normals import grey_tile as grey_tiles
+from acquisition.normals.grey_tile import GreyTile
 from acquisition.normals.image_set import direction_spread
 from acquisition.normals.model_trial import Problem
 from acquisition.normals.pixel_solve import Scene
@@ -46,25 +48,40 @@ def solve(
     initial_depth_m: float | Float32Array,
     region: BoolArray | None = None,
     table_depth_m: Float32Array | None = None,
+    grey_tile: GreyTile | None = None,
 ) -> NormalMap:
     """Solves the images of a session by near-light photometric stereo; the sensor's noise is estimated from them first.
 
     `initial_depth_m` is the object's rough depth along OpenCV's z (a number or an (H, W) map; 30 mm off is fine);
     `region` (H, W) is where the object can be, none: the whole image; `table_depth_m` (H, W) is the depth of the table
     it stands on, none: it stands on nothing that reflects light. Gain and read noise are estimated from repeated and
-    lamp-off frames where there are enough, else they are the calibration's. Raises RigError normals.infeasible when
+    lamp-off frames where there are enough, else they are the calibration's. `grey_tile` gives each image's intensity,
+    with its σ in place of the calibration's; none: there is none. Raises RigError normals.infeasible when
     fewer than three lights are usable, the lights are parallel or in one plane, or nothing is lit.
     """
     rows, columns = _window(region, calibration.height, calibration.width)
     sensor = sensor_estimate.estimate(observations, calibration, rows, columns)
-    images = session_images.read(observations, sensor.calibration, rows, columns)
+    known = sensor.calibration
+    shown = None if grey_tile is None else grey_tiles.measure(observations, known, grey_tile)
+    log_intensity = None
+    if shown is not None:
+        log_intensity, known = shown.log_intensity, known.model_copy(update={"intensity_sigma": shown.sigma})
+    images = session_images.read(observations, known, rows, columns, log_intensity)
     normal_map = solve_stack(
-        images, sensor.calibration, settings, initial_depth_m=initial_depth_m, region=region,
+        images, known, settings, initial_depth_m=initial_depth_m, region=region,
         table_depth_m=table_depth_m, common_lamp_errors_m=session_images.common_lamp_errors(observations, calibration),
     )  # fmt: skip
-    return replace(
+    normal_map = replace(
         normal_map, noise=normal_map.noise | sensor.figures, notes=normal_map.notes | {"sensor": sensor.note}
     )
+    if shown is not None:
+        normal_map = replace(
+            normal_map,
+            intensity_factors=normal_map.intensity_factors * np.exp(shown.log_intensity),
+            noise=normal_map.noise | shown.figures,
+        )
+    finding = None if grey_tile is None else grey_tiles.unusable() if shown is None else shown.finding
+    return normal_map if finding is None else replace(normal_map, findings=(*normal_map.findings, finding))
 
 
 def solve_stack(

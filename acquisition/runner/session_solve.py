@@ -1,11 +1,15 @@
 """The near-light solve of a session's images in its cell, which service and command line share."""
 
+import numpy as np
+
+from acquisition import geometry, lamp_pose
 from acquisition.capture import region
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.normals import solve
+from acquisition.normals.grey_tile import GreyTile
 
 
 def solve_in_cell(
@@ -23,4 +27,15 @@ def solve_in_cell(
         initial_depth_m=region.middle_depth_m(cell, calibration),
         region=region.keep_out(cell, calibration),
         table_depth_m=region.table_depth_m(cell, calibration),
+        grey_tile=_grey_tile(cell, calibration),
     )
+
+
+def _grey_tile(cell: CellConfig, calibration: Calibration) -> GreyTile | None:
+    """The cell's tile as the camera sees it; none: it has none. Raises RigError config.invalid."""
+    mask = region.grey_tile(cell, calibration)
+    if mask is None or cell.grey_tile is None:
+        return None
+    up = np.array(cell.table.normal) / np.linalg.norm(cell.table.normal)
+    normal = geometry.rotate(geometry.inverse(lamp_pose.base_from_view(calibration)), up)
+    return GreyTile(mask, region.table_depth_m(cell, calibration, cell.grey_tile.height_m), normal)

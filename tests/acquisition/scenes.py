@@ -150,8 +150,10 @@ def capture(
     position_sigma_m: float = 0.001,
     exposure_s: float | None = None,
     noisy: bool = True,
+    brightness: Sequence[float] | None = None,
 ) -> Observations:
-    """Simulates one image per light, with errors unknown to the solver, and the lamp-off frames."""
+    """Simulates one image per light, with errors unknown to the solver, and the lamp-off frames; `brightness` is the
+    lamp's in each image over the calibrated one."""
     rng = np.random.default_rng(seed)
     known = true.calibration
     frames = Frames()
@@ -180,6 +182,8 @@ def capture(
     for number, light in enumerate(lights):
         moved = np.array(light.position) + rng.normal(0, position_sigma_m, 3)
         signal = lit(true, Light(position=tuple(moved), axis=light.axis)) * (1 + rng.normal(0, intensity_sigma))
+        if brightness is not None:
+            signal = signal * brightness[number]
         seconds = exposure_s or float(f"{0.8 / (known.lamp_intensity * np.percentile(signal[true.mask], 99.5)):.4g}")
         shots.append(shot(f"{number}.tiff", signal, seconds, number, light))
         if seconds not in darks:
