@@ -155,7 +155,21 @@ class FrameSetting:
     lit: bool
 
 
-class ResponseRecipe(CalibrationRecipe):
+class OnePassRecipe(CalibrationRecipe):
+    """All images in one pass: none is chosen by an estimate from those before it."""
+
+    @property
+    def first_images(self) -> int:
+        """All."""
+        return self.max_images
+
+    @property
+    def passes_most(self) -> int:
+        """One."""
+        return 1
+
+
+class ResponseRecipe(OnePassRecipe):
     """The camera's response (black level, gain, noise, full well, linearity) at one light with the arm at rest."""
 
     tool: ClassVar[Tool] = "lamp"
@@ -166,16 +180,6 @@ class ResponseRecipe(CalibrationRecipe):
         default=49, ge=25, le=101, description="Images: one, and four for each exposure time, of which two without lamp"
     )
     exposure: Exposure = Field(default=Exposure(target=0.7), description="Exposure by which the others are set")
-
-    @property
-    def first_images(self) -> int:
-        """All: the exposure times follow from the first image."""
-        return self.max_images
-
-    @property
-    def passes_most(self) -> int:
-        """One."""
-        return 1
 
     @property
     def frames(self) -> tuple[FrameSetting, ...]:
@@ -193,7 +197,7 @@ LONGEST_SHARE = 1.5
 for their full well to be seen."""
 
 
-class CheckRecipe(CalibrationRecipe):
+class CheckRecipe(OnePassRecipe):
     """Few images that tell whether the calibration in use is still true; it changes nothing."""
 
     tool: ClassVar[Tool] = "board"
@@ -222,16 +226,6 @@ class CheckRecipe(CalibrationRecipe):
     def lit_by(self) -> Literal["room", "lamp"]:
         """What lights the target."""
         return "lamp" if self.lit else "room"
-
-    @property
-    def first_images(self) -> int:
-        """All."""
-        return self.max_images
-
-    @property
-    def passes_most(self) -> int:
-        """One."""
-        return 1
 
 
 TAGS = ("capture-recipe", "board-recipe", "lamp-recipe", "response-recipe", "check-recipe")

@@ -13,6 +13,7 @@ from acquisition.devices.camera_aravis import AravisCamera
 from acquisition.devices.frame_accounting import AccountedCamera
 from acquisition.models.camera_config import AravisCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
+from tests.acquisition.devices.camera_return import expose_when_back
 from tests.acquisition.devices.gige import CONFIG, Gige, gige_camera, labelled, needs_aravis
 
 NEVER = StopToken()
@@ -123,13 +124,7 @@ def test_aravis_thousand_frames_with_faults_none_lost(gige: Gige) -> None:
             off.start()
             resets += 1
         exposure_s = 1e-5 * (10 + number)
-        while True:
-            try:
-                frame = camera.expose(exposure_s, 0, NEVER)
-                break
-            except RigError:
-                assert camera.is_gone
-                camera.take_up(NEVER)
+        frame = expose_when_back(camera, exposure_s)
         if off.ident is not None:
             off.join()
         assert np.array_equal(frame.pixels, labelled(None, exposure_s, 0)), number

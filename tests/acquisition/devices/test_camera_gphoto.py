@@ -16,6 +16,7 @@ from acquisition.devices.frame_accounting import RETAKES, AccountedCamera
 from acquisition.devices.image_file import IncompleteFileError
 from acquisition.models.camera_config import GphotoCameraConfig
 from acquisition.models.errors import ErrorCode, RigError
+from tests.acquisition.devices.camera_return import expose_when_back
 from tests.acquisition.devices.raw_file import dng
 
 # The library looks for the virtual camera when it is first imported: that must not be here.
@@ -167,13 +168,7 @@ def test_gphoto_thousand_frames_with_faults_none_lost(camera: AccountedCamera, v
             case 1:
                 device(camera).trigger_capture()
                 virtual.show(100 + number)
-        while True:
-            try:
-                frame = camera.expose(FIFTIETH, 0, NEVER)
-                break
-            except RigError:
-                assert camera.is_gone
-                camera.take_up(NEVER)
+        frame = expose_when_back(camera, FIFTIETH)
         assert (frame.pixels[0] == 100 + number).all(), number
     print(dict(camera.counts))
     assert camera.counts["good"] == 1000

@@ -11,6 +11,7 @@ from acquisition.devices.camera_micromanager import LABEL, MicromanagerCamera
 from acquisition.devices.frame_accounting import AccountedCamera
 from acquisition.models.camera_config import MicromanagerCameraConfig
 from acquisition.models.errors import ErrorCode, RigError
+from tests.acquisition.devices.camera_return import expose_when_back
 
 if not all(map(importlib.util.find_spec, ("pymmcore", "mm_test_adapters"))):
     pytest.skip("needs the extra micromanager and mm-test-adapters", allow_module_level=True)
@@ -92,13 +93,7 @@ def test_micromanager_thousand_frames_none_lost(camera: AccountedCamera) -> None
             core(camera).unloadAllDevices()
             resets += 1
         exposure_s = 1e-4 * (1 + number % 50)
-        while True:
-            try:
-                frame = camera.expose(exposure_s, 0, NEVER)
-                break
-            except RigError:
-                assert camera.is_gone
-                camera.take_up(NEVER)
+        frame = expose_when_back(camera, exposure_s)
         assert frame.exposure_s == pytest.approx(exposure_s)
     print(dict(camera.counts))
     assert camera.counts["good"] == 1000

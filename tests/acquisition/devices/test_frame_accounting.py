@@ -22,6 +22,7 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 from hardware_sim import nominal
 from hardware_sim.camera import CameraServer
 from hardware_sim.shutter import CellState
+from tests.acquisition.devices.camera_return import expose_when_back
 
 CONFIG = SimCameraConfig(address="127.0.3.20", min_exposure_s=1e-6, timeout_s=60.0, reconnect_s=60.0)
 CALIBRATION = nominal.calibration(8)
@@ -185,12 +186,7 @@ def test_thousand_frames_with_faults_none_lost(camera: AccountedCamera, server: 
                 ordered[kind] = ordered.get(kind, 0) + 1
                 order(kind)
             exposure_s = 1e-6 * (10 + number)
-            try:
-                frame = camera.expose(exposure_s, 0, NEVER)
-            except RigError:
-                assert camera.is_gone
-                camera.take_up(NEVER)
-                frame = camera.expose(exposure_s, 0, NEVER)
+            frame = expose_when_back(camera, exposure_s)
             assert np.all(frame.pixels == 10 + number)
     assert camera.counts["good"] == 1000
     told = {kind: sum(fault.kind == kind for fault in heard(camera)) for kind in ordered}
