@@ -16,6 +16,7 @@ from prometheus_client.core import (
 )
 from prometheus_client.registry import Collector
 
+from acquisition.devices.frame_accounting import AccountedCamera
 from acquisition.devices.ur.arm import UrArm
 from acquisition.session import State
 from api.rest import stored_files
@@ -67,12 +68,25 @@ class _RigCollector(Collector):
         yield spent
         yield GaugeMetricFamily("lightpose_arm_connected", "The arm answers", value=status.reading.connected)
         yield GaugeMetricFamily("lightpose_camera_ready", "The camera answers", value=status.camera_ready)
+        yield from self._frames()
         yield GaugeMetricFamily("lightpose_may_start", "A session may start", value=status.may_start)
         yield GaugeMetricFamily(
             "lightpose_safety_latched", "A safety fault waits for a person", value=status.latched is not None
         )
         yield from self._lateness()
         yield GaugeMetricFamily("lightpose_free_bytes", "Free space of the data folder", value=self._service.store.free)
+
+    def _frames(self) -> Iterator[Metric]:
+        camera = self._service.rig.camera
+        if isinstance(camera, AccountedCamera):
+            frames = CounterMetricFamily(
+                "lightpose_camera_frames",
+                "Frames since the service began: good, retaken, and the faults by kind",
+                labels=["outcome"],
+            )
+            for outcome, count in sorted({"good": 0, "retaken": 0, **camera.counts}.items()):
+                frames.add_metric([outcome], count)
+            yield frames
 
     def _lateness(self) -> Iterator[Metric]:
         arm = self._service.rig.arm

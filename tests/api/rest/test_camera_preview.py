@@ -227,6 +227,17 @@ def test_preview_many_viewers_share_one_exposure(
         assert len(camera.exposures) <= (time.monotonic() - begun) / 0.2 + 2
 
 
+def test_metrics_count_frames_of_preview(
+    camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
+) -> None:
+    with start(address=CAMERA) as service:
+        assert 'lightpose_camera_frames_total{outcome="good"} 0.0' in service.http.get("/metrics").text
+        service.http.get("/v1/rig/preview.jpg").raise_for_status()
+        metrics = service.http.get("/metrics").text
+    assert f'lightpose_camera_frames_total{{outcome="good"}} {len(camera.exposures)}.0' in metrics
+    assert 'lightpose_camera_frames_total{outcome="retaken"} 0.0' in metrics
+
+
 def test_preview_stalled_viewer_drops_images_and_delays_nobody(
     camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
 ) -> None:
