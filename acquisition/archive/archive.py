@@ -98,10 +98,10 @@ class Archive:
         naming the file that is damaged, archive.unreachable.
         """
         entry, results = reading.read(folder, label, notes)
-        new_files = self._put(folder, entry.files)
+        new_files = self.put_files(folder, entry.files)
         self.contents.write(session_name(entry.key), entry.model_dump_json(indent=2).encode())
         for result in results:
-            new_files += self._put(folder, result.files)
+            new_files += self.put_files(folder, result.files)
             self.put_result(result)
         new = self.catalogue.add(entry, results)
         files = len(entry.files) + sum(len(result.files) for result in results)
@@ -114,9 +114,6 @@ class Archive:
 
     def put_files(self, folder: Path, files: dict[str, FileEntry]) -> int:
         """Stores files below a folder; returns how many were new."""
-        return self._put(folder, files)
-
-    def _put(self, folder: Path, files: dict[str, FileEntry]) -> int:
         return sum(self.contents.put(folder / name, file.sha256) for name, file in files.items())
 
     # ----------------------------------------------------------------------------------------------------------- out
@@ -170,18 +167,24 @@ class Archive:
         needed: dict[str, list[str]] = {}
         paths: dict[str, str] = {}
         faults: list[Fault] = []
+        sessions: list[SessionEntry] = []
+        results: dict[str, list[ResultEntry]] = {}
         for name, entry in self.entries():
             if isinstance(entry, Fault):
                 faults.append(entry)
                 continue
+            if name != (session_name(entry.key) if isinstance(entry, SessionEntry) else entry.name):
+                faults.append(Fault(name, "damaged", (name,)))
+                continue
             if isinstance(entry, SessionEntry):
-                if name != session_name(entry.key):
-                    faults.append(Fault(name, "damaged", (name,)))
-                    continue
-                self.catalogue.add(entry, self.results(entry.key))
+                sessions.append(entry)
+            else:
+                results.setdefault(entry.session, []).append(entry)
             for path, file in entry.files.items():
                 needed.setdefault(file.sha256, []).append(name)
                 paths.setdefault(file.sha256, path)
+        for session in sessions:
+            self.catalogue.add(session, sorted(results.get(session.key, []), key=lambda result: result.solved_at))
         for done, (digest, names) in enumerate(sorted(needed.items())):
             progress(done, len(needed))
             what = self.contents.check(digest)

@@ -186,10 +186,6 @@ class Catalogue:
 
         return self.repeatedly(work)
 
-    def record(self, entry: ResultEntry) -> None:
-        """Enters a finished result."""
-        self.repeatedly(lambda connection: _record(connection, self.insert(result), entry))
-
     def sessions(
         self, where: sa.ColumnElement[bool] | None = None, limit: int | None = None, offset: int = 0
     ) -> list[SessionRow]:
@@ -200,6 +196,11 @@ class Catalogue:
         query = query.limit(limit).offset(offset)
         rows = self.repeatedly(lambda connection: connection.execute(query).mappings().all())
         return [SessionRow(**row) for row in rows]
+
+    def selected_keys(self, where: sa.ColumnElement[bool]) -> list[str]:
+        """Keys of the sessions that a condition selects, newest capture first."""
+        query = sa.select(session.c.key).where(where).order_by(sa.desc(session.c.captured_at), session.c.key)
+        return list(self.repeatedly(lambda connection: connection.scalars(query).all()))
 
     def session_keys(self, prefix: str, limit: int = 3) -> list[str]:
         """Keys of the sessions whose key or id begins with `prefix`."""

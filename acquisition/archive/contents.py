@@ -23,8 +23,9 @@ OBJECTS = "objects"
 BLOCK_BYTES = 4 << 20
 ATOMIC_PROTOCOLS = frozenset({"s3", "gcs", "abfs", "memory"})
 """File systems of fsspec in which a file that is being written cannot be read yet."""
-CONNECT_TIMEOUT_S = 2
-"""Time-out, s, of a connection to an object store; two attempts stay below five seconds."""
+CONNECT_TIMEOUT_S, ATTEMPTS = 1.5, 2
+"""Time-out, s, of a connection to an object store, and how often it is tried: with the start of the program below five
+seconds."""
 READ_TIMEOUT_S = 60
 
 
@@ -38,7 +39,10 @@ class ContentStore:
         if address.startswith(("s3://", "s3a://")):
             timeouts = {"connect_timeout": CONNECT_TIMEOUT_S, "read_timeout": READ_TIMEOUT_S}
             # Files appear and vanish by other processes, so nothing is remembered of the listing.
-            options = {"config_kwargs": timeouts | {"retries": {"max_attempts": 2}}, "use_listings_cache": False}
+            options = {
+                "config_kwargs": timeouts | {"retries": {"total_max_attempts": ATTEMPTS}},
+                "use_listings_cache": False,
+            }
         try:
             self._files, self._root = fsspec.url_to_fs(address, **options)
         except (ValueError, ImportError, OSError) as error:
@@ -51,10 +55,6 @@ class ContentStore:
     def folder(self) -> Path | None:
         """The archive as a folder of this machine; None: it is elsewhere."""
         return Path(self._root) if isinstance(self._files, LocalFileSystem) else None
-
-    def has(self, digest: str) -> bool:
-        """Whether there is a file of this SHA-256, sound or not."""
-        return self.size(_object(digest)) is not None
 
     def put(self, file: Path, digest: str) -> bool:
         """Stores a file of this SHA-256 and reads it back; returns whether it was new.

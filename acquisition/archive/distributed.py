@@ -5,6 +5,7 @@ from a future alone: what was solved stands in the catalogue, and a job whose fu
 it finds its solve done, claimed by another, or free. Two callers divide the work between them in the same way.
 """
 
+import asyncio
 import os
 import time
 import uuid
@@ -17,19 +18,21 @@ from importlib.metadata import version
 import sqlalchemy as sa
 from distributed import Client, Future, LocalCluster
 from distributed.client import FutureCancelledError
+from distributed.comm import connect
 from distributed.scheduler import KilledWorker
 
 from acquisition.archive import claims, solving
 from acquisition.archive.archive import Archive
-from acquisition.archive.catalogue import result
+from acquisition.archive.catalogue import result, session
 from acquisition.archive.entries import SolveIdentity
 from acquisition.archive.solving import SolveJob, SolveOutcome
 from acquisition.models.errors import ErrorCode, RigError
 
-CONNECT_S = 4.0
-"""Time, s, for which a scheduler is waited for at the start."""
+CONNECT_S = 3.0
+"""Time, s, for which a scheduler is waited for at the start: with the start of the program below five seconds."""
 RECONNECT_S = 20.0
 """Time-out, s, of each further attempt: a scheduler that restarts on a busy machine answers late."""
+RETRY_CONNECT_S = 1.0
 PATIENCE_S = 900.0
 """Time, s, for which a scheduler that restarts is waited for in mid-work."""
 WINDOW = 500
@@ -182,16 +185,25 @@ def _give_up(job: SolveJob) -> SolveOutcome:
 
 
 def _connect(address: str, patience_s: float) -> Client:
-    deadline, timeout_s = time.monotonic() + patience_s, min(patience_s, RECONNECT_S)
+    deadline, left_s = time.monotonic() + patience_s, patience_s
     while True:
         try:
-            return Client(address, timeout=timeout_s, set_as_default=False)
+            asyncio.run(_shake_hands(address, min(left_s, RECONNECT_S)))
+            return Client(address, timeout=min(left_s, RECONNECT_S), set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
-            if time.monotonic() > deadline or isinstance(error, ValueError):
+            left_s = deadline - time.monotonic() - RETRY_CONNECT_S
+            if left_s <= 0 or isinstance(error, ValueError):
                 raise RigError(
                     ErrorCode.ARCHIVE_NO_SCHEDULER, f"no Dask scheduler answers at {address}", address=address
                 ) from error
-            time.sleep(1)
+            time.sleep(RETRY_CONNECT_S)
+
+
+async def _shake_hands(address: str, timeout_s: float) -> None:
+    """Tries the connection: Dask's own time-outs leave its handshake out, in which a server that is none is silent."""
+    async with asyncio.timeout(timeout_s):
+        comm = await connect(address, timeout_s)
+        await comm.close()
 
 
 def _done(archive: Archive, solver: str, settings: str) -> set[str]:
@@ -204,22 +216,19 @@ def _done(archive: Archive, solver: str, settings: str) -> set[str]:
 
 def _report(archive: Archive, sessions: Sequence[str], solver: str, settings: str, call: str) -> SolveReport:
     """The report of one call, as the catalogue has it."""
-    query = sa.select(
-        result.c.session,
-        result.c.state,
-        result.c.call,
-        result.c.moved_mean_deg,
-        result.c.moved_over_sigma,
-        result.c.error,
-    ).where(result.c.solver == solver, result.c.settings == settings)
+    columns = ("session", "state", "call", "moved_mean_deg", "moved_over_sigma", "error")
+    query = (
+        sa.select(session.c.object, *(result.c[name] for name in columns))
+        .join(session, session.c.key == result.c.session)
+        .where(result.c.solver == solver, result.c.settings == settings)
+    )
     wanted = set(sessions)
     rows = archive.catalogue.repeatedly(lambda connection: connection.execute(query).all())
     rows = [row for row in rows if row.session in wanted]
     mine = [row for row in rows if row.call == call and row.state == "done"]
     failures = {row.session: str(row.error) for row in rows if row.state == "failed"}
-    names = {row.key: row.object for row in archive.catalogue.sessions()} if mine else {}
     moved = [
-        Moved(row.session, names.get(row.session, ""), row.moved_mean_deg, row.moved_over_sigma)
+        Moved(row.session, row.object, row.moved_mean_deg, row.moved_over_sigma)
         for row in mine
         if row.moved_mean_deg is not None
     ]

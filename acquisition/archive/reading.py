@@ -37,12 +37,6 @@ def read(folder: Path, label: str | None = None, notes: str | None = None) -> tu
     return entry, list(results.values())
 
 
-def result_folder(folder: Path, result: ResultEntry) -> Path:
-    """The folder of a session's own result, by the paths of its files."""
-    first = next(iter(result.files))
-    return folder / RESULTS / first.split("/")[1]
-
-
 def _facts(folder: Path, stated: dict[str, Any], label: str | None, notes: str | None) -> SessionFacts:
     try:
         recipe = calibration_recipe.read(text(folder / session_folder.RECIPE))

@@ -39,6 +39,13 @@ CatalogueAddress = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object as the last line")]
 
 
+def _archiving():
+    """The commands' work; imported inside `explain_errors`, because the extra `archive` may be missing."""
+    from api.cli import archiving
+
+    return archiving
+
+
 def _print(outcome: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print(json.dumps(outcome), flush=True)
@@ -52,9 +59,7 @@ def push(
     as_json: AsJson = False,
 ) -> None:
     """Stores sessions' folders, each file hashed and read back; what is there already is not stored again."""
-    from api.cli import archiving
-
-    outcome = explain_errors(lambda: archiving.push(address, catalogue, folders))
+    outcome = explain_errors(lambda: _archiving().push(address, catalogue, folders))
     _print(outcome, as_json)
     if outcome["refused"]:
         raise typer.Exit(1)
@@ -69,25 +74,19 @@ def list_sessions(
     as_json: AsJson = False,
 ) -> None:
     """Lists sessions with object, cell, solver and mean σ."""
-    from api.cli import archiving
-
-    _print(explain_errors(lambda: archiving.list_sessions(address, catalogue, where, limit)), as_json)
+    _print(explain_errors(lambda: _archiving().list_sessions(address, catalogue, where, limit)), as_json)
 
 
 @app.command()
 def show(address: Address, session: Name, catalogue: CatalogueAddress = None, as_json: AsJson = False) -> None:
     """Shows one session: what the catalogue says, its results, its files."""
-    from api.cli import archiving
-
-    _print(explain_errors(lambda: archiving.show(address, catalogue, session)), as_json)
+    _print(explain_errors(lambda: _archiving().show(address, catalogue, session)), as_json)
 
 
 @app.command()
 def verify(address: Address, catalogue: CatalogueAddress = None, as_json: AsJson = False) -> None:
     """Hashes every file; names what is missing or damaged (exit status 1) and enters in the catalogue what it lacks."""
-    from api.cli import archiving
-
-    outcome = explain_errors(lambda: archiving.verify(address, catalogue))
+    outcome = explain_errors(lambda: _archiving().verify(address, catalogue))
     _print(outcome, as_json)
     if outcome["faults"]:
         raise typer.Exit(1)
@@ -109,10 +108,12 @@ def solve(
     as_json: AsJson = False,
 ) -> None:
     """Solves sessions by this version, each once, whoever asks; results stand beside the older ones."""
-    from api.cli import archiving
 
-    request = archiving.SolveRequest(address, catalogue, where, scheduler, local, settings, report)
-    outcome = explain_errors(lambda: archiving.solve(request))
+    def work() -> dict[str, Any]:
+        archiving = _archiving()
+        return archiving.solve(archiving.SolveRequest(address, catalogue, where, scheduler, local, settings, report))
+
+    outcome = explain_errors(work)
     _print(outcome, as_json)
     if outcome["failed"]:
         raise typer.Exit(1)
@@ -132,6 +133,4 @@ def export_session(
     catalogue: CatalogueAddress = None,
 ) -> None:
     """Writes one session with its results into a new folder."""
-    from api.cli import archiving
-
-    print(explain_errors(lambda: archiving.export(address, catalogue, session, form.value, out)))
+    print(explain_errors(lambda: _archiving().export(address, catalogue, session, form.value, out)))

@@ -126,9 +126,12 @@ def solve(request: SolveRequest) -> dict[str, Any]:
     captures = where.COLUMNS["kind"] == "capture"
     wanted = captures if request.where is None else captures & where.parse(request.where)
     identity = SolveIdentity(settings=_settings(request.settings))
+    if request.report is not None:
+        with _writing(request.report):
+            request.report.open("a").close()  # before hours of work and not after them
     console = _console()
     with _opened(request.address, request.catalogue) as archive, _bar(console) as bar:
-        keys = [row.key for row in archive.catalogue.sessions(wanted)]
+        keys = archive.catalogue.selected_keys(wanted)
         task = bar.add_task("solving", total=len(keys))
         report = distributed.solve(
             archive, keys, identity, scheduler=request.scheduler, workers=request.local,
@@ -136,7 +139,8 @@ def solve(request: SolveRequest) -> dict[str, Any]:
         )  # fmt: skip
     _show_report(console, report)
     if request.report is not None:
-        request.report.write_text(archive_report.page(report), encoding="utf-8")
+        with _writing(request.report):
+            request.report.write_text(archive_report.page(report), encoding="utf-8")
     return {**asdict(report), "sessions": len(keys), "settings": identity.hash}
 
 
@@ -176,6 +180,14 @@ def _settings(file: Path | None) -> SolveSettings:
         return SolveSettings.model_validate_json(file.read_bytes())
     except (OSError, ValidationError) as error:
         raise RigError(ErrorCode.REQUEST_INVALID, f"--settings {file}: {str(error).partition(chr(10))[0]}") from error
+
+
+@contextmanager
+def _writing(report: Path) -> Generator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"--report {report}: {error.strerror}") from error
 
 
 def _show_report(console: Console, report: SolveReport) -> None:

@@ -137,6 +137,15 @@ def test_verify_unreadable_entry_names_it(archive: Archive, session_folder: Make
     assert fault.file == f"sessions/{first}/session.json"
 
 
+def test_verify_unreadable_result_names_it_and_enters_the_others(archive: Archive, session_folder: MakeSession):
+    key = archive.push(session_folder()).key
+    damaged, sound = archive.contents.names(f"sessions/{key}/results")
+    archive.contents.write(damaged, b"{}")
+    (fault,) = archive.verify()
+    assert (fault.file, fault.what) == (damaged, "damaged")
+    assert archive.contents.read(sound) is not None
+
+
 def test_verify_enters_sessions_of_a_lost_catalogue(archive: Archive, session_folder: MakeSession):
     archive.push(session_folder())
     (before,) = archive.catalogue.sessions()
