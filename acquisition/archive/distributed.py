@@ -25,7 +25,7 @@ from acquisition.archive import claims, solving
 from acquisition.archive.archive import Archive
 from acquisition.archive.catalogue import result, session
 from acquisition.archive.entries import SolveIdentity
-from acquisition.archive.solving import SolveJob, SolveOutcome
+from acquisition.archive.solving import DEFAULT_TILING, SolveJob, SolveOutcome, Tiling
 from acquisition.models.errors import ErrorCode, RigError
 
 CONNECT_S = 3.0
@@ -72,18 +72,20 @@ def solve(
     *,
     scheduler: str | None,
     workers: int,
+    tiling: Tiling = DEFAULT_TILING,
     progress: Callable[[int], None] = lambda done: None,
 ) -> SolveReport:
     """Solves sessions (keys) with the settings of `identity`, by the workers of a scheduler or by as many of its own.
 
-    `progress` is told the number of sessions that are through. Raises RigError archive.no_scheduler when none answers
-    within `CONNECT_S`, or one that restarts does not come back within `PATIENCE_S`.
+    Captures as large as `tiling` says are divided between the workers. `progress` is told the number of sessions that
+    are through. Raises RigError archive.no_scheduler when none answers within `CONNECT_S`, or one that restarts does
+    not come back within `PATIENCE_S`.
     """
     call = uuid.uuid4().hex
     solver = version("lightpose")
     done = _done(archive, solver, identity.hash)
     jobs = [
-        SolveJob(archive.address, archive.catalogue_address, key, identity, solver, call)
+        SolveJob(archive.address, archive.catalogue_address, key, identity, solver, call, tiling)
         for key in sessions
         if key not in done
     ]

@@ -9,7 +9,8 @@ import functools
 import tempfile
 import time
 import uuid
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
@@ -23,6 +24,7 @@ from acquisition.archive import claims
 from acquisition.archive.archive import Archive
 from acquisition.archive.claims import Claim, SolveKey
 from acquisition.archive.entries import FileEntry, ResultEntry, SolveIdentity, result_name
+from acquisition.archive.tiling import ArchivedFrames, by_tiles
 from acquisition.formats import export
 from acquisition.formats.folders import session_folder
 from acquisition.models.errors import ErrorCode, RigError
@@ -37,6 +39,20 @@ TRANSIENT = (ErrorCode.ARCHIVE_UNREACHABLE, ErrorCode.STORE_DISK_FULL)
 
 
 @dataclass(frozen=True)
+class Tiling:
+    """From how many values (pixels × lights) on a capture is solved in tiles, and about how many pixels each has.
+
+    The result does not depend on it. Below, sessions side by side keep workers as busy, without maps on the network.
+    """
+
+    from_values: int = 1 << 30
+    pixels: int = 1 << 20
+
+
+DEFAULT_TILING = Tiling()
+
+
+@dataclass(frozen=True)
 class SolveJob:
     """A solve that is wanted: where the archive is, of which session, how, by which version and in which call."""
 
@@ -46,6 +62,7 @@ class SolveJob:
     identity: SolveIdentity
     solver: str
     call: str
+    tiling: Tiling = DEFAULT_TILING
 
     @property
     def key(self) -> SolveKey:
@@ -109,11 +126,20 @@ def _solve(archive: Archive, job: SolveJob, scratch: Path) -> tuple[ResultEntry,
     """Fetches, solves, stores and compares; returns the result's entry and by how much it moved."""
     session = archive.session(job.session)
     folder = scratch / "session"
-    archive.fetch(session.files, folder)
+    facts = session.facts
+    tiled = facts.lights * facts.width * facts.height >= job.tiling.from_values
+    # Where tiles are solved elsewhere, frames are fetched there, when they are read.
+    frames = {name: file for name, file in session.files.items() if tiled and fnmatch(name, "passes/*.tiff")}
+    archive.fetch({name: file for name, file in session.files.items() if name not in frames}, folder)
     capture = session_folder.read(folder)
     last = job.identity.last_pass
     images = capture.observations(max(shot.key.pass_number for shot in capture.shots) if last is None else last)
-    normal_map = solve_in_cell(images, capture.cell, capture.calibration, job.identity.settings)
+    if tiled:
+        images = replace(images, frames=ArchivedFrames(job.address, job.session, frames))
+    normal_map = solve_in_cell(
+        images, capture.cell, capture.calibration, job.identity.settings,
+        block_map=by_tiles(job.tiling.pixels) if tiled else map,
+    )  # fmt: skip
     name = f"{job.solver}-{job.identity.hash}"
     export.write(normal_map, scratch / "results" / name)
     files = {

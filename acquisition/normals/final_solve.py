@@ -3,12 +3,13 @@
 The mean of the weak prior is the viewing axis, not the neighbours' normals, which are wrong beside walls and in holes.
 Blocks of rows are solved one after another and put into maps of the whole frame. A pixel depends on its neighbours only
 by which of them are in shadow, once for each time that light is subtracted, so a block solved with as many rows around
-it comes out as all rows together would. A pixel with fewer than two usable lights gets no normal; one with two gets
-one that the prior decides along one direction, and a σ that says so. At the end uncertain pixels are smoothed towards
-their neighbours, the normals are made those of an integrable surface, and pixels that are still uncertain are smoothed
-again, since their neighbours are surer by then.
+it comes out as all rows together would. So blocks may be solved anywhere (`BlockMap`), by default here in turn. A pixel
+with fewer than two usable lights gets no normal; one with two gets one that the prior decides along one direction, and
+a σ that says so. At the end uncertain pixels are smoothed towards their neighbours, the normals are made those of an
+integrable surface, and pixels that are still uncertain are smoothed again, since their neighbours are surer by then.
 """
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,7 +59,16 @@ class PixelSolution:
 
 
 @dataclass(frozen=True)
-class _BlockResult:
+class Block:
+    """Rows of the window that are solved at once, and the numbers (K,) of those of its pixels whose Fisher information
+    is wanted."""
+
+    rows: slice
+    chosen: np.ndarray
+
+
+@dataclass(frozen=True)
+class BlockResult:
     """The solution of a block's own pixels: maps by name (N, ...), flags (F, N), sums of all and of indirect light, and
     Fisher information (K, 4, 4) of the pixels with the numbers `sampled` (K,)."""
 
@@ -68,6 +78,35 @@ class _BlockResult:
     indirect: float
     sampled: np.ndarray
     matrices: FloatArray
+
+
+@dataclass(frozen=True)
+class BlockSolver:
+    """Solves blocks, given what all pixels share; picklable. `masked` begins at the row `top` of the window, and holds
+    `margin` rows on either side of the blocks, where the window has them."""
+
+    masked: MaskedImages
+    level: PyramidLevel
+    state: AlternationResult
+    scene: Scene
+    margin: int
+    top: int = 0
+
+    def within(self, rows: slice) -> "BlockSolver":
+        """The same for blocks within some rows of the window: it holds no more than these need."""
+        first = max(rows.start - self.top - self.margin, 0)
+        last = min(rows.stop - self.top + self.margin, self.masked.mask.shape[0])
+        level = replace(self.level, parts=(), table=None)  # of the estimates that are made already
+        return replace(self, masked=self.masked.part(slice(first, last)), level=level, top=self.top + first)
+
+    def __call__(self, block: Block) -> BlockResult:
+        """Solves a block."""
+        own = slice(block.rows.start - self.top, block.rows.stop - self.top)
+        return _solve_block(self, own, block.chosen)
+
+
+BlockMap = Callable[[BlockSolver, Sequence[Block]], Iterable[BlockResult]]
+"""Applies a solver to blocks and gives the results in their order, as `map` does."""
 
 
 def noise_sample(count: int) -> np.ndarray:
@@ -97,12 +136,12 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
 
 def solve(
     masked: MaskedImages, level: PyramidLevel, state: AlternationResult, scene: Scene, size: tuple[int, int],
-    *, unsound: bool = False,
+    *, unsound: bool = False, block_map: BlockMap = map,
 ) -> NormalMap:  # fmt: skip
     """Solves all object pixels block by block, regularises and integrates; maps of the whole frame (H, W) of `size`.
 
     `state` is that of the level's coarse pixels; `scene` has lamps and noise as estimated; `unsound`: something is
-    wrong with the capture that the model does not contain.
+    wrong with the capture that the model does not contain; `block_map` solves the blocks.
     """
     images, shape = masked.images, masked.mask.shape
     window = (images.rows, images.columns)
@@ -113,24 +152,21 @@ def solve(
     samples = _stratified_sample(int(np.count_nonzero(masked.mask)))
     numbers: list[np.ndarray] = []
     matrices: list[FloatArray] = []
-    before, light, indirect = 0, 0.0, 0.0
+    light, indirect = 0.0, 0.0
     margin = 1 if _direct_diffuse(state) else 3
     margin += 0 if scene.terms is None else term_solve.rounds(scene.terms) * margin
-    for rows in masked.blocks():
+    blocks = _blocks(masked, samples)
+    solved = block_map(BlockSolver(masked, level, state, scene, margin), blocks)
+    for rows, block in zip((block.rows for block in blocks), solved, strict=True):
         mask = masked.mask[rows]
-        after = before + int(np.count_nonzero(mask))
-        chosen = samples[np.searchsorted(samples, before) : np.searchsorted(samples, after)] - before
-        if after > before:
-            block = _solve_block(masked, rows, margin, level, state, scene, chosen)
-            for name, view in views.items():
-                view[rows][mask] = block.maps[name]
-            for image, values in zip(flags, block.flags, strict=True):
-                image[window][rows][mask] = values
-            light, indirect = light + block.light, indirect + block.indirect
-            memory_mapped.release(flags)
-            numbers.append(np.flatnonzero(mask)[block.sampled] + rows.start * shape[1])
-            matrices.append(block.matrices)
-        before = after
+        for name, view in views.items():
+            view[rows][mask] = block.maps[name]
+        for image, values in zip(flags, block.flags, strict=True):
+            image[window][rows][mask] = values
+        light, indirect = light + block.light, indirect + block.indirect
+        memory_mapped.release(flags)
+        numbers.append(np.flatnonzero(mask)[block.sampled] + rows.start * shape[1])
+        matrices.append(block.matrices)
     del views
     posterior_deg = maps["sigma_deg"][window].copy()
     _regularise(maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray)
@@ -218,14 +254,26 @@ def _integration_inputs(shape: tuple[int, int], *, discontinuous: bool) -> dict[
     return maps | ({"continuity_weight": np.ones(shape, np.float32)} if discontinuous else {})
 
 
-def _solve_block(
-    masked: MaskedImages, rows: slice, margin: int, level: PyramidLevel, state: AlternationResult, scene: Scene,
-    chosen: np.ndarray,
-) -> _BlockResult:  # fmt: skip
-    """Solves a block of rows with `margin` rows on either side; `chosen` (K,) of its pixels give their information."""
+def _blocks(masked: MaskedImages, samples: np.ndarray) -> list[Block]:
+    """The blocks with object pixels; `samples` (K,), sorted, are the numbers of the pixels of all that are chosen."""
+    found: list[Block] = []
+    before = 0
+    for rows in masked.blocks():
+        after = before + int(np.count_nonzero(masked.mask[rows]))
+        if after > before:
+            chosen = samples[np.searchsorted(samples, before) : np.searchsorted(samples, after)] - before
+            found.append(Block(rows, chosen))
+        before = after
+    return found
+
+
+def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockResult:
+    """Solves a block of rows of the solver's images with its margin on either side; `chosen` (K,) of its pixels give
+    their information."""
+    masked, scene, margin = solver.masked, solver.scene, solver.margin
     read = slice(max(rows.start - margin, 0), min(rows.stop + margin, masked.mask.shape[0]))
     pixels = masked.pixels(read)
-    local = state.resampled(lambda values: level.interpolate(values, pixels, read.start))
+    local = solver.state.resampled(lambda values: solver.level.interpolate(values, pixels, solver.top + read.start))
     solution = _solve_pixels(pixels, local, scene)
     estimate, ray_direction = solution.estimate, photometry.ray_directions(pixels.ray)
     first = int(np.count_nonzero(masked.mask[read.start : rows.start]))
@@ -249,10 +297,10 @@ def _solve_block(
         "variance": estimate.variance,
         "start": local.depth_m,
         "continuity_weight": local.continuity_weight,
-        "lights": np.minimum(used, 255),
+        "lights": np.minimum(used, 255).astype(np.uint8),
     }
     sampled = chosen[solved[own][chosen]]
-    return _BlockResult(
+    return BlockResult(
         maps={name: values[own] for name, values in maps.items()},
         flags=measurement_flags.classify(estimate, solution.measured, radiance, pixels.clipped, scene.noise)[:, own],
         light=float(np.sum(light[own], dtype=np.float64)),

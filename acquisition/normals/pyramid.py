@@ -15,7 +15,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.normals import resampling, silhouette
 from acquisition.normals.interreflection import Table
 from acquisition.normals.pixel_solve import Pixels
-from acquisition.normals.session_images import Images
+from acquisition.normals.session_images import ImageRows, Images
 
 BLOCK_VALUES = 1 << 22
 """Values of all images in a block; the final solve takes about ninety bytes for each."""
@@ -38,6 +38,10 @@ class MaskedImages:
         rows = max(MIN_BLOCK_ROWS, BLOCK_VALUES // (len(self.images.lights) * width))
         step = -(-rows // multiple) * multiple
         return (slice(start, min(start + step, height)) for start in range(0, height, step))
+
+    def part(self, rows: slice) -> "MaskedImages":
+        """The rows of a window as a window of their own."""
+        return MaskedImages(ImageRows(self.images, rows), self.mask[rows], self.ray[:, rows])
 
     def pixels(self, rows: slice) -> Pixels:
         """Reads the object's pixels in a block of rows."""

@@ -93,6 +93,44 @@ class StoredImages:
     floor: FloatArray
 
 
+@dataclass(frozen=True)
+class ImageRows:
+    """Some rows of a window (`part`, counted from its first) as `Images`; they are read through the whole window's."""
+
+    images: Images
+    part: slice
+
+    @property
+    def lights(self) -> tuple[Light, ...]:
+        """The light of each image (F)."""
+        return self.images.lights
+
+    @property
+    def rows(self) -> slice:
+        """The part's rows in the frame."""
+        first = self.images.rows.start
+        return slice(first + self.part.start, first + self.part.stop)
+
+    @property
+    def columns(self) -> slice:
+        """The window's columns in the frame."""
+        return self.images.columns
+
+    @property
+    def shot(self) -> FloatArray:
+        """Shot noise of each image (F,)."""
+        return self.images.shot
+
+    @property
+    def floor(self) -> FloatArray:
+        """Noise floor of each image (F,)."""
+        return self.images.floor
+
+    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+        """Reads the rows [start, stop), counted from the part's first."""
+        return self.images.read(self.part.start + start, self.part.start + stop)
+
+
 def held_if_small(images: StoredImages) -> ImageStack | StoredImages:
     """Reads images up to MAX_HELD_BYTES into memory; larger ones stay in their files."""
     count, height, width = len(images.lights), _length(images.rows), _length(images.columns)

@@ -25,6 +25,7 @@ from acquisition.normals import (
     silhouette,
 )
 from acquisition.normals import grey_tile as grey_tiles
+from acquisition.normals.final_solve import BlockMap
 from acquisition.normals.grey_tile import GreyTile
 from acquisition.normals.image_set import direction_spread
 from acquisition.normals.model_trial import Problem
@@ -49,6 +50,7 @@ def solve(
     region: BoolArray | None = None,
     table_depth_m: Float32Array | None = None,
     grey_tile: GreyTile | None = None,
+    block_map: BlockMap = map,
 ) -> NormalMap:
     """Solves the images of a session by near-light photometric stereo; the sensor's noise is estimated from them first.
 
@@ -56,7 +58,8 @@ def solve(
     `region` (H, W) is where the object can be, none: the whole image; `table_depth_m` (H, W) is the depth of the table
     it stands on, none: it stands on nothing that reflects light. Gain and read noise are estimated from repeated and
     lamp-off frames where there are enough, else they are the calibration's. `grey_tile` gives each image's intensity,
-    with its σ in place of the calibration's; none: there is none. Raises RigError normals.infeasible when
+    with its σ in place of the calibration's; none: there is none. `block_map` solves the blocks of the final solve, by
+    default one after another in this process. Raises RigError normals.infeasible when
     fewer than three lights are usable, the lights are parallel or in one plane, or nothing is lit.
     """
     rows, columns = _window(region, calibration.height, calibration.width)
@@ -70,6 +73,7 @@ def solve(
     normal_map = solve_stack(
         images, known, settings, initial_depth_m=initial_depth_m, region=region,
         table_depth_m=table_depth_m, common_lamp_errors_m=session_images.common_lamp_errors(observations, calibration),
+        block_map=block_map,
     )  # fmt: skip
     normal_map = replace(
         normal_map, noise=normal_map.noise | sensor.figures, notes=normal_map.notes | {"sensor": sensor.note}
@@ -94,6 +98,7 @@ def solve_stack(
     table_depth_m: Float32Array | None = None,
     object_mask: BoolArray | None = None,
     common_lamp_errors_m: FloatArray | None = None,
+    block_map: BlockMap = map,
 ) -> NormalMap:
     """Solves images of any source within their window by near-light photometric stereo.
 
@@ -131,7 +136,9 @@ def solve_stack(
     solution, findings = model_selection.select(Problem(masked, level, start, nominal))
     chosen = solution.problem
     unsound = any(not finding.corrected for finding in findings)
-    normal_map = final_solve.solve(chosen.masked, chosen.level, solution.state, solution.scene, size, unsound=unsound)
+    normal_map = final_solve.solve(
+        chosen.masked, chosen.level, solution.state, solution.scene, size, unsound=unsound, block_map=block_map
+    )
     return replace(
         normal_map,
         intensity_factors=normal_map.intensity_factors * chosen.factors,

@@ -9,16 +9,21 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.normals import solve
+from acquisition.normals.final_solve import BlockMap
 from acquisition.normals.grey_tile import GreyTile
 
 
 def solve_in_cell(
-    observations: Observations, cell: CellConfig, calibration: Calibration, settings: SolveSettings
+    observations: Observations,
+    cell: CellConfig,
+    calibration: Calibration,
+    settings: SolveSettings,
+    block_map: BlockMap = map,
 ) -> NormalMap:
     """Solves near-light photometric stereo with what the cell file says of the scene.
 
     The object is inside the keep-out cylinder, whose centre is the initial depth, and stands on the cell's table.
-    Raises RigError normals.infeasible.
+    `block_map` solves the blocks of the final solve. Raises RigError normals.infeasible.
     """
     return solve(
         observations,
@@ -28,6 +33,7 @@ def solve_in_cell(
         region=region.keep_out(cell, calibration),
         table_depth_m=region.table_depth_m(cell, calibration),
         grey_tile=_grey_tile(cell, calibration),
+        block_map=block_map,
     )
 
 
