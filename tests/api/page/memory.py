@@ -6,12 +6,14 @@ shared worker that holds the event stream, and the service's resident memory. `o
 the code that V8 compiles: it compiles more of it, and better, the longer a page runs, up to all that there is. What the
 page keeps a limited number of (events, sessions) is filled up before the first sample, so that only what grows without
 end can make a slope. It is fitted by least squares; its standard error is enlarged for the correlation of neighbouring
-samples (Santer et al., 2000: n (1 − r)/(1 + r) independent ones).
+samples (Santer et al., 2000: n (1 − r)/(1 + r) independent ones). What has grown most is told by constructor, so that a
+slope leads to its cause.
 """
 
 import json
 import statistics
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
@@ -47,6 +49,13 @@ SCREEN_MS = 700
 
 SCREENS = ("start", "preview", "sessions", "queue", "rig", "calibration")
 PARTS = ("", "/plan", "/result")
+TOLD = 12
+"""Constructors whose growth is told."""
+
+EXCLUDED = frozenset({"code", "native"})
+NAMED = frozenset({"object", "closure", "array", "hidden", "object shape"})
+"""Kinds of a heap snapshot's nodes that are not counted, and those that are told apart by name."""
+
 JUDGED = ("objects_mb", "worker_mb", "nodes", "listeners")
 """Figures that must not grow."""
 
@@ -137,8 +146,11 @@ def heap_of(page: Page) -> dict[str, float]:
     return metrics
 
 
-def objects_mb(page: Page) -> float:
-    """Size of all that a page's heap holds but compiled code and what the browser itself keeps, MB."""
+def sizes_by_constructor(page: Page) -> Counter[str]:
+    """Bytes of all that a page's heap holds but compiled code and what the browser itself keeps.
+
+    Objects and closures count by their constructor's or function's name, strings and the like by what they are.
+    """
     session = page.context.new_cdp_session(page)
     parts: list[str] = []
 
@@ -151,9 +163,14 @@ def objects_mb(page: Page) -> float:
     snapshot = json.loads("".join(parts))
     meta = snapshot["snapshot"]["meta"]
     nodes = np.array(snapshot["nodes"]).reshape(-1, len(meta["node_fields"]))
-    kind, size = (nodes[:, meta["node_fields"].index(name)] for name in ("type", "self_size"))
-    excluded = [meta["node_types"][0].index(name) for name in ("code", "native")]
-    return float(size[~np.isin(kind, excluded)].sum() / 1e6)
+    kinds: list[str] = meta["node_types"][0]
+    sizes: Counter[str] = Counter()
+    columns = (meta["node_fields"].index(name) for name in ("type", "name", "self_size"))
+    for kind, name, size in nodes[:, list(columns)].tolist():
+        if kinds[kind] not in EXCLUDED:
+            named = kinds[kind] in NAMED
+            sizes[f"{kinds[kind]} {snapshot['strings'][name]}" if named else kinds[kind]] += size
+    return sizes
 
 
 def resident_mb(process: int) -> float:
@@ -200,6 +217,7 @@ def measure_memory(
     names = [field.name for field in fields(Sample)]
     print(*names, "sessions", sep="\t", flush=True)
     samples: list[Sample] = []
+    sizes: list[Counter[str]] = []
     sessions = KEPT_SESSIONS
     begun = time.monotonic()
     while not samples or samples[-1].minute < minutes:
@@ -212,10 +230,11 @@ def measure_memory(
         tour(page, service.url, shown)
         page.wait_for_timeout(max(2_000.0, 1e3 * (due - time.monotonic())))
         metrics = heap_of(page)
+        sizes.append(sizes_by_constructor(page))
         sample = Sample(
             minute=(time.monotonic() - begun) / 60,
             heap_mb=metrics["JSHeapUsedSize"] / 1e6,
-            objects_mb=objects_mb(page),
+            objects_mb=sizes[-1].total() / 1e6,
             worker_mb=worker.mb(),
             nodes=metrics["Nodes"],
             listeners=metrics["JSEventListeners"],
@@ -223,7 +242,20 @@ def measure_memory(
         )
         samples.append(sample)
         print(*(f"{value:.2f}" for value in astuple(sample)), sessions, sep="\t", flush=True)
+    tell_growth(sizes)
     report(samples)
+
+
+def tell_growth(sizes: list[Counter[str]]) -> None:
+    """Prints what has grown most from the first to the last third of the samples, by constructor, in kB on average."""
+    third = max(1, len(sizes) // 3)
+    growth: Counter[str] = Counter()
+    for taken, sign in ((sizes[-third:], 1), (sizes[:third], -1)):
+        for one in taken:
+            for name, size in one.items():
+                growth[name] += sign * size
+    for name, size in growth.most_common(TOLD):
+        print(f"{size / third / 1e3:+.2f} kB {name}")
 
 
 def report(samples: list[Sample]) -> None:
