@@ -42,6 +42,10 @@ const ABSENT = {
   "PMREMGenerator.js": "export class PMREMGenerator { fromEquirectangular() {} fromCubemap() {} dispose() {} }",
 };
 
+/** Methods that the view does not call, nor the renderer for it: three.js written to and read from JSON, rays from the
+ * pointer. They are found by three.js's own layout: a method begins and ends one tab from the edge. */
+const UNCALLED = /\n\t(?:toJSON|fromJSON|raycast|_computeIntersections)\([^\n]*\) \{\n[\s\S]*?\n\t\}(?=\n)/g;
+
 export const threeReduction = {
   name: "three-reduction",
   setup(build) {
@@ -51,6 +55,12 @@ export const threeReduction = {
       contents: ABSENT[basename(path)],
       resolveDir: dirname(path),
     }));
+    build.onLoad(
+      { filter: /three\/src\/(core|materials|math|objects|scenes|textures|cameras|lights|geometries)\/\w+\.js$/ },
+      async ({ path }) => ({
+        contents: (await readFile(path, "utf8")).replace(UNCALLED, ""),
+      }),
+    );
     const kept = reachable();
     build.onLoad({ filter: /\.glsl\.js$/ }, async ({ path }) => {
       const name = basename(path, ".glsl.js");

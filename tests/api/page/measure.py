@@ -123,7 +123,7 @@ def main() -> None:
         Client(service.url) as client,
         sync_playwright() as playwright,
     ):
-        client.wait_ready(60)
+        client.wait_ready(READY_WITHIN_S)
         browser = chromium.launch(playwright)
         if minutes is None:
             measure(browser, service.url, client)

@@ -117,7 +117,12 @@ export class SessionProgress extends PageElement {
       ${events
         .slice(-SHOWN_EVENTS)
         .reverse()
-        .map((event) => html`<li data-event=${event.id}><time>${clock(event.at)}</time> ${this.said(event)}</li>`)}
+        .map(
+          (event) =>
+            html`<li data-event=${event.id} class=${warns(event) ? "warns" : ""}>
+              <time>${clock(event.at)}</time> ${this.said(event)}
+            </li>`,
+        )}
     </ol>`;
   }
 
@@ -129,8 +134,17 @@ export class SessionProgress extends PageElement {
       const what = { dark: t("progress.dark"), reference: t("progress.repeat") }[String(body["kind"])];
       return `${t("event.shot.captured")}: ${what ?? imageName(session, Number(body["light_number"]))}`;
     }
+    if (type === "camera.fault") {
+      const again = body["retaken"] ? `, ${t("camera.retaken")}` : "";
+      return `${t("event.camera.fault")}: ${tOr(`camera.${String(body["kind"])}`, "")}${again} (${String(body["detail"])})`;
+    }
     const calibrates = session.recipe.kind !== "capture" && tOr(`event.calibration.${type}`, "");
     const reason = body["reason"] ?? body["detail"] ?? body["outcome"];
     return `${calibrates || tOr(`event.${type}`, type)}${reason ? `: ${String(reason)}` : ""}`;
   }
+}
+
+/** Whether an event tells of a fault of the camera, not that it is back. */
+function warns({ type, body }: JournalEvent): boolean {
+  return type === "camera.fault" && body["kind"] !== "returned";
 }
