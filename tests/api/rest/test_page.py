@@ -5,10 +5,11 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
+from acquisition.models.camera import FaultKind
 from api.rest import page
 
 ROOT = Path(__file__).parents[3]
@@ -53,6 +54,12 @@ def test_page_bundle_is_small() -> None:
 
     assert sum(len(file.content) for file in loaded) <= LARGEST_BYTES
     assert sum(len(file.compressed) for file in loaded) <= LARGEST_COMPRESSED_BYTES
+
+
+def test_page_has_words_for_each_fault_of_camera() -> None:
+    words = WORD.findall((SOURCES / "words" / "en.ts").read_text("utf-8"))
+
+    assert {f"camera.{kind}" for kind in get_args(FaultKind)} <= set(words)
 
 
 def test_page_words_are_the_same_in_both_languages() -> None:
