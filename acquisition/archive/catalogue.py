@@ -191,7 +191,7 @@ class Catalogue:
     ) -> list[SessionRow]:
         """The sessions that a condition (`where.parse`) selects, newest capture first."""
         columns = [session.c[name] for name in SessionRow.__dataclass_fields__]
-        query = sa.select(*columns).order_by(sa.desc(session.c.captured_at), session.c.key)
+        query = sa.select(*columns).order_by(sa.desc(session.c.captured_at).nulls_last(), session.c.key)
         query = query if where is None else query.where(where)
         query = query.limit(limit).offset(offset)
         rows = self.repeatedly(lambda connection: connection.execute(query).mappings().all())

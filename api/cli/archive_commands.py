@@ -3,6 +3,7 @@
 import json
 from enum import StrEnum
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any
 
 import typer
@@ -39,7 +40,7 @@ CatalogueAddress = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object as the last line")]
 
 
-def _archiving():
+def _archiving() -> ModuleType:
     """The commands' work; imported inside `explain_errors`, because the extra `archive` may be missing."""
     from api.cli import archiving
 
@@ -134,3 +135,24 @@ def export_session(
 ) -> None:
     """Writes one session with its results into a new folder."""
     print(explain_errors(lambda: _archiving().export(address, catalogue, session, form.value, out)))
+
+
+@app.command()
+def serve(
+    address: Address,
+    catalogue: CatalogueAddress = None,
+    host: Annotated[
+        str | None, typer.Option(help="Default: LIGHTPOSE_HOST, else 127.0.0.1; others only with keys")
+    ] = None,
+    port: Annotated[int | None, typer.Option(help="0: any free port; default: LIGHTPOSE_PORT, else 8010")] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the keys (`keys add --data`); default: LIGHTPOSE_DATA, else data"),
+    ] = None,
+) -> None:
+    """Serves the archive's page, which only reads: /archive."""
+    from api.cli import archive_serving
+
+    given = {"archive_catalogue": catalogue, "host": host, "port": port, "data": data}
+    wanted = {name: value for name, value in given.items() if value is not None}
+    explain_errors(lambda: archive_serving.serve(address, wanted))

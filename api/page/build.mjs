@@ -1,12 +1,14 @@
-// Builds the operator's page: `node build.mjs` writes built/, `node build.mjs --check` compares with what stands there.
+// Builds the pages of operator and archive into built/ and built-archive/: `node build.mjs`; with `--check` compares with
+// what stands there.
 import { build } from "esbuild";
 import { threeReduction } from "./three-reduction.mjs";
 import { mkdirSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
-import { dirname, join } from "node:path";
+import { basename, dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const target = join(here, "built");
+const archiveTarget = join(here, "built-archive");
 
 /** Takes the indentation off the sources, most of which stands in templates, where a line break alone says the same. */
 const unindented = {
@@ -44,22 +46,41 @@ const worker = await build({
   format: "iife",
   plugins: [unindented],
 });
-const outputs = [...page.outputFiles, ...worker.outputFiles];
-const files = new Map(outputs.map((file) => [file.path.slice(target.length + 1), file.contents]));
-const styles = await build({
-  entryPoints: [join(here, "sources/page.css")],
-  bundle: true,
-  minify: true,
-  outdir: target,
-  write: false,
+// The archive's page is a bundle of its own: it is read without a cell, and STOP shall not wait for it.
+const archive = await build({
+  ...usual,
+  entryPoints: { archive: join(here, "sources/archive/archive-page.ts") },
+  format: "esm",
+  outdir: archiveTarget,
+  plugins: [unindented],
 });
-for (const file of styles.outputFiles) files.set(file.path.slice(target.length + 1), file.contents);
-for (const name of ["index.html", "icon.svg"]) files.set(name, readFileSync(join(here, "sources", name)));
-files.set("licences.txt", Buffer.from(licences()));
+const bundles = new Map([
+  [target, await bundle([page, worker], "page.css", "index.html", ["lit", "three", "uplot"])],
+  [archiveTarget, await bundle([archive], "archive.css", "archive.html", ["lit", "uplot"])],
+]);
+
+/** The files of a bundle by name: scripts, style sheet, page, icon, licences. */
+async function bundle(built, sheet, index, libraries) {
+  const styles = await build({
+    entryPoints: [join(here, "sources", sheet)],
+    bundle: true,
+    minify: true,
+    outdir: target,
+    write: false,
+  });
+  const files = new Map();
+  for (const { path, contents } of [...built, styles].flatMap((one) => one.outputFiles))
+    files.set(basename(path), contents);
+  files.set("index.html", readFileSync(join(here, "sources", index)));
+  files.set("icon.svg", readFileSync(join(here, "sources", "icon.svg")));
+  files.set("licences.txt", Buffer.from(licences(libraries)));
+  return files;
+}
 
 /** The licence texts of the bundled libraries. */
-function licences() {
-  return ["lit", "lit-element", "lit-html", "@lit/reactive-element", "three", "uplot"]
+function licences(libraries) {
+  return libraries
+    .flatMap((name) => (name === "lit" ? ["lit", "lit-element", "lit-html", "@lit/reactive-element"] : [name]))
     .map((name) => {
       const folder = join(here, "node_modules", name);
       const text = readFileSync(
@@ -74,19 +95,25 @@ function licences() {
     .join("\n\n");
 }
 
-if (process.argv.includes("--check")) {
-  const stale = [...files].filter(([name, content]) => !isSame(join(target, name), content)).map(([name]) => name);
-  const extra = readdirSync(target).filter((name) => !files.has(name));
-  if (stale.length || extra.length) {
-    console.error(`api/page/built is not what the sources give: ${[...stale, ...extra].join(", ")}. Run: make page`);
-    process.exit(1);
+const stale = [];
+for (const [folder, files] of bundles) {
+  if (process.argv.includes("--check")) {
+    const known = readdirSync(folder);
+    stale.push(...[...files].filter(([name, content]) => !isSame(join(folder, name), content)).map(([name]) => name));
+    stale.push(...known.filter((name) => !files.has(name)));
+    continue;
   }
-  console.log("api/page/built is what the sources give");
-} else {
-  mkdirSync(target, { recursive: true });
-  for (const [name, content] of files) writeFileSync(join(target, name), content);
-  for (const [name, content] of files) console.log(`${name.padEnd(20)} ${content.length.toLocaleString("en")} bytes`);
+  mkdirSync(folder, { recursive: true });
+  for (const [name, content] of files) {
+    writeFileSync(join(folder, name), content);
+    console.log(`${basename(folder).padEnd(14)} ${name.padEnd(20)} ${content.length.toLocaleString("en")} bytes`);
+  }
 }
+if (stale.length) {
+  console.error(`what stands in api/page is not what the sources give: ${stale.join(", ")}. Run: make page`);
+  process.exit(1);
+}
+if (process.argv.includes("--check")) console.log("both bundles are what the sources give");
 
 function isSame(path, content) {
   try {

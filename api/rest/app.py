@@ -27,6 +27,7 @@ from api.rest import (
     images,
     jog,
     metrics,
+    middleware,
     openapi_document,
     outbox,
     page,
@@ -41,29 +42,14 @@ from api.rest import (
     target_views,
     tickets,
 )
-from api.rest.answer_headers import (
-    EXPOSED,
-    AllowedMethods,
-    AnswerHeaders,
-    HeadAsGet,
-    Preflights,
-    RefusedRanges,
-    security_headers,
-)
-from api.rest.authentication import Authentication
 from api.rest.camera_preview import CameraPreview
-from api.rest.compression import Compressed
-from api.rest.conditional import ConditionalGet
 from api.rest.drawings import KEPT_DRAWINGS
 from api.rest.events import EventFeed
 from api.rest.joint_readings import JointReadings
 from api.rest.keys import KeyRing
-from api.rest.logs import RequestLogMiddleware
 from api.rest.open_streams import OpenStreams
-from api.rest.request_checks import KnownPages, RequestChecks
 from api.rest.scene import CellScene
 from api.rest.settings import Settings
-from api.rest.trusted_proxies import ForwardedCaller, TrustedProxies
 from api.rest.wiring import Service
 
 
@@ -84,6 +70,8 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
         finally:
             await anyio.to_thread.run_sync(feed.close)
             await anyio.to_thread.run_sync(keys.close)
+            if settings.archive is not None:
+                app.state.archive.close()
             await anyio.to_thread.run_sync(service.close)
 
     app = _with_routes(lifespan)
@@ -91,35 +79,22 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     app.state.feed = EventFeed(service.store.journal, JointReadings(service.rig.arm))
     app.state.camera_preview = CameraPreview(service)
     app.state.scene, app.state.drawings = CellScene(service), Memo[bytes](KEPT_DRAWINGS)
-    app.state.keys = keys
-    app.state.capacity, app.state.proxies = capacity.present(), TrustedProxies(settings.trusted_proxies)
-    app.state.security_headers = security_headers(foreign_pages=bool(settings.allowed_origins))
+    app.state.keys, app.state.capacity = keys, capacity.present()
     app.state.streams = OpenStreams(keys, app.state.capacity)
-    app.add_middleware(RefusedRanges)
-    app.add_middleware(ConditionalGet)
-    app.add_middleware(Compressed)
-    app.add_middleware(HeadAsGet)
-    app.add_middleware(AllowedMethods, routes=app.routes)
-    app.state.pages, app.state.authentication = KnownPages(settings), Authentication(keys)
-    app.add_middleware(
-        RequestChecks,
-        pages=app.state.pages,
-        authentication=app.state.authentication,
-        most_requests=app.state.capacity.requests,
-    )
-    app.add_middleware(RequestLogMiddleware)
-    # Outside the request checks, so that an allowed page can read a refusal, and its preflight needs no key.
-    if settings.allowed_origins:
-        app.add_middleware(
-            Preflights,
-            allow_origins=list(settings.allowed_origins),
-            allow_methods=["*"],
-            allow_headers=["*"],
-            expose_headers=EXPOSED,
-        )
-    app.add_middleware(ForwardedCaller, proxies=app.state.proxies)
-    app.add_middleware(AnswerHeaders, defaults=app.state.security_headers)
+    if settings.archive is not None:
+        _add_archive(app, settings.archive, settings.archive_catalogue)
+    middleware.add(app, settings, keys)
     return app
+
+
+def _add_archive(app: FastAPI, address: str, catalogue: str | None) -> None:
+    """Adds the archive for reading, which is described by its own server: most services have none."""
+    from api.rest.archive_page import routes  # noqa: PLC0415 - needs the extra `archive`
+    from api.rest.archive_page.reading import ReadArchive  # noqa: PLC0415
+
+    app.state.archive = ReadArchive(address, catalogue)
+    for router in (routes.router, routes.pages):
+        app.include_router(router, include_in_schema=False)
 
 
 def description() -> dict[str, Any]:

@@ -16,11 +16,11 @@ from starlette.types import Scope
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest.keys import Caller, KeyRing, Role
 
-PUBLIC_PATHS = ("/health/", "/problems/", "/page/", "/docs/")
+PUBLIC_PATHS = ("/health/", "/problems/", "/page/", "/archive/page/", "/docs/")
 """Path prefixes that need no key: health probes, the pages that explain problems, and the files of the operator's page,
-and of the page that tries the API, which ask for the key themselves."""
+the archive's, and the one that tries the API, which ask for the key themselves."""
 
-PUBLIC_PAGES = frozenset({"/", "/docs", "/openapi.json"})
+PUBLIC_PAGES = frozenset({"/", "/archive", "/docs", "/openapi.json"})
 """Addresses of these pages, and of the description, which is the same for every cell."""
 
 STOP_PATH = "/v1/rig/stop"

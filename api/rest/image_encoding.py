@@ -45,6 +45,11 @@ def thumbnail(pixels: Pixels, sensor: SensorModel, width: int) -> bytes:
     return _jpeg(_lookup_table(sensor, 1.0)[pixels], width / pixels.shape[1])
 
 
+def small(picture: npt.NDArray[np.uint8], width: int) -> bytes:
+    """Encodes a picture (H, W) or (H, W, 3) of 8 bits as a JPEG of `width` px at most."""
+    return _jpeg(picture, width / picture.shape[1])
+
+
 def read_frame(path: Path) -> Pixels:
     """Reads a stored frame (H, W). Raises RigError store.corrupt when the file is missing or damaged."""
     try:
@@ -60,9 +65,9 @@ def _lookup_table(sensor: SensorModel, gain: float) -> npt.NDArray[np.uint8]:
 
 
 def _jpeg(picture: npt.NDArray[np.uint8], scale: float) -> bytes:
-    """A picture (H, W) as JPEG, shrunk by `scale` if that is below 1."""
+    """A picture (H, W) or (H, W, 3) as JPEG, shrunk by `scale` if that is below 1."""
     if scale < 1:
-        height, width = picture.shape
+        height, width = picture.shape[:2]
         size = (max(round(width * scale), 1), max(round(height * scale), 1))
         picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
     return _encoded(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

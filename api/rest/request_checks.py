@@ -15,7 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest import problems
 from api.rest.authentication import SAFE_METHODS, STOP_PATH, Authentication
-from api.rest.settings import Settings, is_loopback
+from api.rest.settings import ServerSettings, is_loopback
 
 MAX_BODY_BYTES = 262_144
 """Largest body, bytes; a recipe of 80 lights is below 10 kB."""
@@ -36,7 +36,7 @@ STREAM_PATHS = frozenset({"/v1/events", "/v1/rig/preview.mjpeg"})
 class KnownPages:
     """The hosts by which the service may be called and the web pages that may call it."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: ServerSettings) -> None:
         self._hosts = {settings.host.lower(), *settings.allowed_hosts}
         self._origins = set(settings.allowed_origins)
 

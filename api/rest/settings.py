@@ -6,7 +6,7 @@ the machine, so that the same cell file can be used on every machine.
 
 import ipaddress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -18,13 +18,12 @@ from api.rest.trusted_proxies import TrustedProxies
 Names = Annotated[tuple[str, ...], NoDecode]
 
 
-class Settings(BaseSettings):
-    """Settings from the environment; keyword arguments take precedence."""
+class ServerSettings(BaseSettings):
+    """What every server of this package is told: where it listens, and who may call."""
 
     model_config = SettingsConfigDict(env_prefix="LIGHTPOSE_", frozen=True, extra="forbid")
 
-    cell: Path = Field(description="The cell file")
-    data: Path = Field(Path("data"), description="Folder of journal and sessions")
+    data: Path = Field(Path("data"), description="Folder of journal and sessions, and of the keys")
     host: str = Field("127.0.0.1", min_length=1)
     port: int = Field(8000, ge=0, le=65535, description="0: any free port")
     log: LogFormat = Field("text", description="`json`: one object a line")
@@ -33,11 +32,6 @@ class Settings(BaseSettings):
     allowed_origins: Names = Field((), description="Web pages that may call, as scheme://host:port, comma-separated")
 
     trusted_proxies: Names = Field((), description="Addresses of proxies whose X-Forwarded-… counts, comma-separated")
-
-    archive: str | None = Field(
-        None, min_length=1, description="Where ended sessions are handed on to: folder or s3://…"
-    )
-    archive_catalogue: str | None = Field(None, min_length=1, description="Its catalogue; none: SQLite in the folder")
 
     tls_cert: Path | None = Field(None, description="Certificate (PEM, with intermediate ones), to serve HTTPS")
     tls_key: Path | None = Field(None, description="The certificate's private key (PEM), that not everybody may read")
@@ -56,10 +50,28 @@ class Settings(BaseSettings):
         return value
 
 
+class Settings(ServerSettings):
+    """Settings of the service from the environment; keyword arguments take precedence."""
+
+    cell: Path = Field(description="The cell file")
+    archive: str | None = Field(
+        None, min_length=1, description="Where ended sessions are handed on to: folder or s3://…"
+    )
+    archive_catalogue: str | None = Field(None, min_length=1, description="Its catalogue; none: SQLite in the folder")
+
+
+SettingsT = TypeVar("SettingsT", bound=ServerSettings)
+
+
 def read(**values: Any) -> Settings:
     """Reads the settings of this process. Raises RigError config.invalid naming each bad variable."""
+    return read_as(Settings, **values)
+
+
+def read_as(kind: type[SettingsT], **values: Any) -> SettingsT:
+    """Reads settings of a kind. Raises RigError config.invalid naming each bad variable."""
     try:
-        return Settings(**values)
+        return kind(**values)
     except ValidationError as error:
         fields = "; ".join(
             f"LIGHTPOSE_{'_'.join(map(str, item['loc'])).upper()}: {item['msg']}" for item in error.errors()
@@ -67,13 +79,13 @@ def read(**values: Any) -> Settings:
         raise RigError(ErrorCode.CONFIG_INVALID, fields) from error
 
 
-def refuse_open_bind(host: str, keys: bool) -> None:
-    """Refuses a host other than loopback without keys. Raises RigError config.invalid."""
+def refuse_open_bind(host: str, keys: bool, what: str = "moves the arm", role: str = "operator") -> None:
+    """Refuses a host other than loopback without keys; `what` anybody could do then. Raises RigError config.invalid."""
     if not keys and not is_loopback(host):
         raise RigError(
             ErrorCode.CONFIG_INVALID,
-            f"The service does not listen on {host!r} without keys: whoever reaches it moves the arm. Make one with "
-            "`lightpose keys add NAME --role operator`, or listen on 127.0.0.1 and reach it from elsewhere by an SSH "
+            f"The service does not listen on {host!r} without keys: whoever reaches it {what}. Make one with "
+            f"`lightpose keys add NAME --role {role}`, or listen on 127.0.0.1 and reach it from elsewhere by an SSH "
             "tunnel (ssh -L 8000:127.0.0.1:8000 …).",
             host=host,
         )

@@ -23,6 +23,12 @@ Arguments = TypeVarTuple("Arguments")
 
 async def in_turn(limiter: CapacityLimiter, work: Callable[[*Arguments], Answer], *arguments: *Arguments) -> Answer:
     """Runs `work` in a thread as soon as the limiter admits it. Raises RigError service.overloaded."""
+    refuse_crowd(limiter)
+    return await anyio.to_thread.run_sync(work, *arguments, limiter=limiter)
+
+
+def refuse_crowd(limiter: CapacityLimiter) -> None:
+    """Refuses a request for whose kind enough wait already. Raises RigError service.overloaded."""
     if limiter.statistics().tasks_waiting >= MOST_WAITING:
         raise RigError(
             ErrorCode.SERVICE_OVERLOADED,
@@ -30,4 +36,3 @@ async def in_turn(limiter: CapacityLimiter, work: Callable[[*Arguments], Answer]
             limit=MOST_WAITING,
             retry_after_s=RETRY_AFTER_S,
         )
-    return await anyio.to_thread.run_sync(work, *arguments, limiter=limiter)

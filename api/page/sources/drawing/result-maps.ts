@@ -5,7 +5,6 @@
  * hear a press on STOP: values and profiles are read from the full maps, pixel by pixel.
  */
 import { fetchBlob } from "../connection/pictures";
-import type { Result } from "../connection/schemas";
 import { coloured, grey, quantiles } from "./colour-scale";
 import { readFloatTiff, type FloatMap } from "./float-tiff";
 
@@ -14,6 +13,11 @@ export type MapName = (typeof MAP_NAMES)[number];
 
 /** Most pixels of a map that is drawn: some tens of milliseconds of computing. */
 const DRAWN_PIXELS = 1_100_000;
+
+/** Where a result's maps are: below the address `self`. */
+export interface MapSource {
+  links: Record<string, string>;
+}
 
 /** A map as a picture, with the ends of its scale. */
 export interface MapPicture {
@@ -27,7 +31,7 @@ export class ResultMaps {
   private readonly pictures = new Map<string, Promise<ImageData>>();
   private mask: Promise<FloatMap> | null = null;
 
-  constructor(readonly result: Result) {}
+  constructor(readonly result: MapSource) {}
 
   /** A float map by name, every pixel. */
   values(name: MapName): Promise<FloatMap> {

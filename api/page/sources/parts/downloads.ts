@@ -1,6 +1,7 @@
 /** Files of the API that the browser itself opens or saves: with a ticket in the address where keys are in use. */
 import { live } from "../connection/live";
 import { openable } from "../connection/requests";
+import { save } from "./save";
 
 export async function openInTab(address: string): Promise<void> {
   try {
@@ -16,12 +17,4 @@ export async function download(address: string, name: string): Promise<void> {
   } catch (error) {
     live.fail(error);
   }
-}
-
-/** Saves what stands at an address under a name. */
-export function save(address: string, name: string): void {
-  const link = document.createElement("a");
-  link.href = address;
-  link.download = name;
-  link.click();
 }

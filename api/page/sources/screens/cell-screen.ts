@@ -7,7 +7,7 @@ import { all, get } from "../connection/requests";
 import { scene, type Scene } from "../connection/scene";
 import type { Page, Pass, PassSummary, Session } from "../connection/schemas";
 import type { CellView, Layer, MarkedLight, Palette } from "../drawing/cell-view";
-import { save } from "../parts/downloads";
+import { save } from "../parts/save";
 import { PageElement } from "../parts/element";
 import { saidOf } from "../parts/problem";
 import { t, type Word } from "../words/language";

@@ -1,17 +1,16 @@
 /** One result's maps: choose one, read values, draw a profile line in mm, or move a light over the surface. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
-import { scene } from "../connection/scene";
-import type { Result } from "../connection/schemas";
+import { scene, type Scene } from "../connection/scene";
 import { grey, quantiles } from "../drawing/colour-scale";
 import "../drawing/curve-plot";
 import { profileOf, type Profile } from "../drawing/height-profile";
 import type { Point } from "../drawing/region-drawing";
 import { Relighting, type Surface } from "../drawing/relighting";
-import { MAP_NAMES, ResultMaps, type MapName, type MapPicture } from "../drawing/result-maps";
-import { save } from "../parts/downloads";
+import { MAP_NAMES, ResultMaps, type MapName, type MapPicture, type MapSource } from "../drawing/result-maps";
 import { PageElement } from "../parts/element";
 import { saidOf } from "../parts/problem";
+import { save } from "../parts/save";
 import { number, t, type Word } from "../words/language";
 
 type Shown = MapName | "relit";
@@ -31,7 +30,9 @@ const UNITS: Record<MapName, readonly [number, string, number]> = {
 
 @customElement("map-viewer")
 export class MapViewer extends PageElement {
-  @property({ attribute: false }) result!: Result;
+  @property({ attribute: false }) result!: MapSource;
+  /** The camera of the images; by default the rig's. */
+  @property({ attribute: false }) camera: () => Promise<Scene["camera"]> = async () => (await scene()).camera;
   @state() private shown: Shown = "normals";
   @state() private picture: MapPicture | null = null;
   @state() private failed: unknown = null;
@@ -265,7 +266,7 @@ export class MapViewer extends PageElement {
   private async draw(): Promise<void> {
     const [line, maps] = [this.line, this.maps!];
     if (!line) return;
-    const [depth, { camera }] = await Promise.all([maps.values("depth"), scene()]);
+    const [depth, camera] = await Promise.all([maps.values("depth"), this.camera()]);
     if (line !== this.line) return;
     const scale = depth.width / this.picture!.image.width;
     const scaled = ([u, v]: Point): Point => [Math.round(u * scale), Math.round(v * scale)];

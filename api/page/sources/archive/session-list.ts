@@ -1,0 +1,104 @@
+/** The list: searched by words or by a condition, page by page. */
+import { html, nothing } from "lit";
+import { customElement, state } from "lit/decorators.js";
+import { get } from "../connection/requests";
+import type { Page } from "../connection/schemas";
+import "../parts/api-picture";
+import { PageElement } from "../parts/element";
+import { listTable } from "../parts/list-table";
+import { saidOf } from "../parts/problem";
+import { a } from "../words/archive";
+import { degrees, t, when } from "../words/language";
+import type { ArchivedSession } from "./schemas";
+
+const COLUMNS = ["picture", "object", "captured", "cell", "lights", "solver", "sigma"] as const;
+/** Time without a further key after which the archive is asked, ms. */
+const PAUSE_MS = 250;
+
+@customElement("session-list")
+export class SessionList extends PageElement {
+  @state() private items: ArchivedSession[] = [];
+  @state() private next: string | null = null;
+  @state() private failed: unknown = null;
+  @state() private loading = true;
+  private search = "";
+  private condition = "";
+  private pause = 0;
+
+  override connectedCallback(): void {
+    super.connectedCallback();
+    void this.load();
+  }
+
+  private get address(): string {
+    const query = new URLSearchParams({ limit: "50" });
+    if (this.search) query.set("search", this.search);
+    if (this.condition) query.set("where", this.condition);
+    return `/archive/v1/sessions?${query.toString()}`;
+  }
+
+  private async load(address = this.address, more = false): Promise<void> {
+    this.loading = true;
+    try {
+      const page = await get<Page<ArchivedSession>>(address);
+      if (!more && address !== this.address) return; // the search has changed meanwhile
+      this.items = more ? [...this.items, ...page.items] : page.items;
+      this.next = page.next;
+      this.failed = null;
+    } catch (error) {
+      this.failed = error;
+    }
+    this.loading = false;
+  }
+
+  override render() {
+    return html`<h1>${a("sessions")}</h1>
+      <form class="search" role="search" @submit=${this.submit}>
+        <label>${a("search")}<input type="search" name="search" @input=${this.type} /></label>
+        <label class="wide"
+          >${a("condition")}<input name="where" spellcheck="false" placeholder="sigma > 1 and solver < '0.2'" />
+        </label>
+        <button>${a("find")}</button>
+      </form>
+      ${this.failed ? saidOf(this.failed) : nothing}
+      <div aria-busy=${String(this.loading)}>
+        ${listTable(
+          a("sessions"),
+          COLUMNS.map((column) => a(column)),
+          this.items.map((session) => this.row(session)),
+        )}
+      </div>
+      ${this.items.length === 0 && !this.loading && !this.failed ? html`<p>${a("none")}</p>` : nothing}
+      ${
+        this.next
+          ? html`<button type="button" @click=${() => void this.load(this.next!, true)}>${t("sessions.more")}</button>`
+          : nothing
+      }`;
+  }
+
+  private row(session: ArchivedSession) {
+    return html`<tr data-session=${session.session_id}>
+      <td>
+        <api-picture .address=${`${session.links.picture}?width=120`} .alternative=${a("picture")}></api-picture>
+      </td>
+      <td><a href=${`#/${session.key}`}>${session.object || session.session_id}</a></td>
+      <td>${when(session.captured)}</td>
+      <td>${session.cell}</td>
+      <td>${session.lights}</td>
+      <td>${session.solver ?? "–"}</td>
+      <td>${degrees(session.sigma_deg)}</td>
+    </tr>`;
+  }
+
+  private readonly type = (event: Event): void => {
+    this.search = (event.target as HTMLInputElement).value;
+    clearTimeout(this.pause);
+    this.pause = window.setTimeout(() => void this.load(), PAUSE_MS);
+  };
+
+  private readonly submit = (event: Event): void => {
+    event.preventDefault();
+    this.condition = String(new FormData(event.target as HTMLFormElement).get("where") ?? "").trim();
+    void this.load();
+  };
+}

@@ -1,0 +1,68 @@
+"""Exports of archived sessions on demand, as a zip file: written by a process of its own, then streamed and removed.
+
+A bag's files are hashed and Relight's images are rendered, which takes seconds to minutes of a core: in another process
+of low priority that holds up neither this one's answers nor a cell. One export at a time is made.
+"""
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal
+
+import anyio.to_process
+from zipstream import ZIP_STORED, ZipStream
+
+from acquisition.archive import exports
+from acquisition.archive.archive import Archive
+from acquisition.devices import process_priority
+from acquisition.models.errors import ErrorCode, RigError
+from api.rest.archive_page.reading import SCRATCH, ReadArchive
+from api.rest.turns import refuse_crowd
+
+Form = Literal["folder", "bagit", "relight"]
+
+
+class Export:
+    """An exported session as the bytes of a zip file; its folder lives as long as this."""
+
+    def __init__(self, folder: "tempfile.TemporaryDirectory[str]", name: str) -> None:
+        self._folder = folder
+        self._packed = ZipStream(compress_type=ZIP_STORED, sized=True)
+        self._packed.add_path(Path(folder.name) / name, name)
+        self.bytes = len(self._packed)
+
+    def __iter__(self) -> Iterator[bytes]:
+        try:
+            yield from self._packed
+        finally:
+            self._folder.cleanup()
+
+
+async def export(archive: ReadArchive, key: str, form: Form, name: str) -> Export:
+    """Exports a session into the folder `name` of a zip file.
+
+    Raises RigError as `exports.write`, service.overloaded, store.disk_full.
+    """
+    refuse_crowd(archive.exporting)
+    folder = tempfile.TemporaryDirectory(prefix=SCRATCH)
+    out = str(Path(folder.name) / name)
+    try:
+        await anyio.to_process.run_sync(
+            _write, archive.address, archive.catalogue_address, key, form, out,
+            cancellable=True, limiter=archive.exporting,
+        )  # fmt: skip
+        return Export(folder, name)
+    except BaseException:
+        folder.cleanup()
+        raise
+
+
+def _write(address: str, catalogue: str | None, key: str, form: Form, out: str) -> None:
+    process_priority.set_niceness(process_priority.BACKGROUND)
+    archive = Archive(address, catalogue)
+    try:
+        exports.write(archive, key, form, Path(out))
+    except OSError as error:
+        raise RigError(ErrorCode.STORE_DISK_FULL, f"The export cannot be written: {error.strerror}") from error
+    finally:
+        archive.close()
