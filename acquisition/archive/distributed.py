@@ -18,7 +18,7 @@ from importlib.metadata import version
 import sqlalchemy as sa
 from distributed import Client, Future, LocalCluster
 from distributed.client import FutureCancelledError
-from distributed.comm import connect
+from distributed.comm.core import connect
 from distributed.scheduler import KilledWorker
 
 from acquisition.archive import claims, solving

@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -62,7 +63,7 @@ def by_tiles(pixels: int) -> BlockMap:
         with worker_client() as client:
             pending: deque[Future[list[BlockResult]]] = deque()
             while waiting or pending:
-                while waiting and len(pending) < AHEAD * max(1, sum(client.nthreads().values())):
+                while waiting and len(pending) < AHEAD * max(1, sum(cast(dict[str, int], client.nthreads()).values())):
                     pending.append(_submit(client, solver, waiting.popleft()))
                 done = pending.popleft()
                 yield from done.result()
