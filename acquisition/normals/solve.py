@@ -59,8 +59,8 @@ def solve(
     it stands on, none: it stands on nothing that reflects light. Gain and read noise are estimated from repeated and
     lamp-off frames where there are enough, else they are the calibration's. `grey_tile` gives each image's intensity,
     with its σ in place of the calibration's; none: there is none. `block_map` solves the blocks of the final solve, by
-    default one after another in this process. Raises RigError normals.infeasible when
-    fewer than three lights are usable, the lights are parallel or in one plane, or nothing is lit.
+    default one after another in this process. Raises RigError normals.infeasible when fewer than three lights are
+    usable, the lights are parallel or in one plane, or nothing is lit.
     """
     rows, columns = _window(region, calibration.height, calibration.width)
     sensor = sensor_estimate.estimate(observations, calibration, rows, columns)
