@@ -91,14 +91,22 @@ export class SessionList extends PageElement {
   }
 
   private readonly type = (event: Event): void => {
-    this.search = (event.target as HTMLInputElement).value;
+    const { form } = event.target as HTMLInputElement;
     clearTimeout(this.pause);
-    this.pause = window.setTimeout(() => void this.load(), PAUSE_MS);
+    this.pause = window.setTimeout(() => void this.find(form!), PAUSE_MS);
   };
 
   private readonly submit = (event: Event): void => {
     event.preventDefault();
-    this.condition = String(new FormData(event.target as HTMLFormElement).get("where") ?? "").trim();
-    void this.load();
+    clearTimeout(this.pause);
+    void this.find(event.target as HTMLFormElement);
   };
+
+  /** Asks by both fields: a condition that has been cleared no longer holds, whichever field was typed in last. */
+  private find(form: HTMLFormElement): Promise<void> {
+    const given = new FormData(form);
+    this.search = String(given.get("search") ?? "");
+    this.condition = String(given.get("where") ?? "").trim();
+    return this.load();
+  }
 }
