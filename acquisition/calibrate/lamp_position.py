@@ -51,22 +51,6 @@ RIM_POINTS = 16
 DIFFERENCE, PLANNED_SIGMA_PX = 1e-6, 0.1
 """Step of numeric derivatives, m and rad; noise of a highlight, pixels, by which poses are chosen."""
 
-HIGHLIGHT_SHARE = 0.15
-"""Share of the brightest value above the background from which a pixel belongs to the highlight: the rim's values tell
-where between pixels its middle is."""
-
-MIN_CONTRAST = 0.05
-"""Share of full scale by which a highlight stands out of the background at the least."""
-
-NO_HIGHLIGHT = "no highlight: the lamp is off, or the sphere is not in the image"
-
-MIN_HIGHLIGHT_PX, CLIPPED_FROM, MAX_CLIPPED = 4, 0.98, 0.5
-"""Pixels of a highlight below which it is a hot pixel; share of full scale from which a value counts as clipped; share
-of clipped pixels from which the highlight's middle is a guess."""
-
-MAX_RIVAL = 0.5
-"""Brightness sum of the second brightest spot over that of the first, from which the image is ambiguous."""
-
 
 @dataclass(frozen=True)
 class Highlight:
@@ -111,33 +95,6 @@ class LampFit:
             "lamp_position_sigma_m": max(hand_eye.deviation_m, ARM_REPEATABILITY_M),
         }
         return Calibration.model_validate(calibration.model_dump() | update)
-
-
-def find_highlight(image: np.ndarray, full_scale: float) -> FloatArray | str:
-    """Middle (2,) of the brightest spot, column and row, weighted by brightness; or why there is none, in words.
-
-    `image` (H, W), linear; `full_scale` is the value at which the sensor clips.
-    """
-    values = image.astype(np.float32)
-    background, peak = float(np.median(values)), float(values.max())
-    if peak - background < MIN_CONTRAST * full_scale:
-        return NO_HIGHLIGHT
-    threshold = background + HIGHLIGHT_SHARE * (peak - background)
-    count, labels, statistics, _ = cv2.connectedComponentsWithStats((values >= threshold).astype(np.uint8))
-    sums = np.bincount(labels.ravel(), weights=values.ravel(), minlength=count)
-    sums[0] = 0
-    order = np.argsort(sums)[::-1]
-    best = int(order[0])
-    if count < 2 or statistics[best, cv2.CC_STAT_AREA] < MIN_HIGHLIGHT_PX:
-        return NO_HIGHLIGHT
-    if count > 2 and sums[order[1]] > MAX_RIVAL * sums[best]:
-        return "several bright spots: cover what shines beside the sphere"
-    inside = labels == best
-    if np.mean(values[inside] >= CLIPPED_FROM * full_scale) > MAX_CLIPPED:
-        return "the highlight is clipped: expose for less"
-    row, column = np.nonzero(inside)
-    weight = values[inside] - threshold + 1e-6 * threshold
-    return np.array([np.average(column, weights=weight), np.average(row, weights=weight)])
 
 
 def reflection(center: FloatArray, radius: float, camera: FloatArray, lamps: FloatArray) -> FloatArray:

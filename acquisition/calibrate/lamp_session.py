@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.calibrate import charuco, lamp_lobe, lamp_position, lamp_targets, matt_plane
+from acquisition.calibrate import charuco, highlight, lamp_lobe, lamp_position, lamp_targets, matt_plane
 from acquisition.calibrate.board_results import now
 from acquisition.calibrate.charuco import View
 from acquisition.calibrate.lamp_lobe import Known, LobeFit, Placing, PlaneImage
@@ -56,12 +56,13 @@ def read_sphere(observations: Observations, cell: CellConfig, calibration: Calib
     found: list[Highlight] = []
     why_not: dict[str, str] = {}
     for shot in _shots(observations, lamp_targets.SPHERE_PASS):
-        spot = lamp_position.find_highlight(_pixels(observations, shot), float(2**calibration.sensor.bits - 1))
+        tool = _tool(shot, cell, calibration)
+        spot = highlight.find_of_lamp(_pixels(observations, shot), tool, shot.exposure_s, cell, calibration)
         if isinstance(spot, str):
             why_not[shot.frame.path] = spot
         else:
             moved = measured_pose.by_offsets(np.array(shot.joints), cell.arm, calibration)
-            found.append(Highlight(shot.frame.path, spot, _tool(shot, cell, calibration), moved))
+            found.append(Highlight(shot.frame.path, spot, tool, moved))
     return SphereImages(tuple(found), why_not)
 
 

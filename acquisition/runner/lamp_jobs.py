@@ -11,8 +11,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from acquisition import geometry, lamp_pose, photometry
-from acquisition.calibrate import charuco, lamp_position, lamp_results, lamp_session, lamp_targets
+from acquisition.calibrate import charuco, highlight, lamp_position, lamp_results, lamp_session, lamp_targets
 from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
+from acquisition.capture.take import Exposed
 from acquisition.formats.atomic_write import atomic_folder, discard_partial
 from acquisition.models.base import FloatArray, as_joints
 from acquisition.models.calibration import Calibration, SensorModel
@@ -98,14 +99,17 @@ def _plan(
 
 
 def look_at_target(
-    pixels: np.ndarray, sphere: bool, cell: CellConfig, sensor: SensorModel, placed_before: np.ndarray | None
-) -> str:
-    """Why a frame (H, W) does not serve, for people; empty where the target is seen.
+    exposed: Exposed, exposure_s: float, sphere: bool, cell: CellConfig, calibration: Calibration,
+    placed_before: np.ndarray | None,
+) -> str:  # fmt: skip
+    """Why a frame does not serve, for people; empty where the target is seen.
 
-    `placed_before`: a frame of the plane's placing before this one, from which it has to differ.
+    `placed_before`: a frame (H, W) of the plane's placing before this one, from which it has to differ.
     """
+    pixels, reading = exposed.frame.pixels, exposed.reading
     if sphere:
-        spot = lamp_position.find_highlight(pixels, float(2**sensor.bits - 1))
+        tool = measured_pose.tool_pose(reading.base_from_tool, np.array(reading.joints), cell.arm, calibration)
+        spot = highlight.find_of_lamp(pixels, tool, exposure_s, cell, calibration)
         return spot if isinstance(spot, str) else ""
     board = lamp_targets.plane_board(cell)
     seen = charuco.detect(pixels, board, "frame")
@@ -123,10 +127,10 @@ def look_at_target(
 def target_moved(before: np.ndarray, after: np.ndarray, sphere: bool, cell: CellConfig, sensor: SensorModel) -> str:
     """How the target has moved between two frames (H, W) of one pose, for people; empty where it has not."""
     if sphere:
-        first, second = (lamp_position.find_highlight(one, float(2**sensor.bits - 1)) for one in (before, after))
+        first, second = (highlight.find(one, float(2**sensor.bits - 1)) for one in (before, after))
         if isinstance(second, str):
             return second
-        shift_px = 0.0 if isinstance(first, str) else float(np.linalg.norm(second - first))
+        shift_px = 0.0 if isinstance(first, str) else float(np.linalg.norm(second.pixel - first.pixel))
     else:
         board = lamp_targets.plane_board(cell)
         one, other = charuco.detect(before, board, "before"), charuco.detect(after, board, "after")

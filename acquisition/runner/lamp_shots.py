@@ -59,9 +59,8 @@ class LampShots(BoardShots):
             return self._judge_whole(pixels, exposure_s, recipe.exposure)
 
         taken = self._expose_until_good(record, step, self._start_s(record, step, sphere), judge, stop)
-        known = (sphere, self.cell_of(record), self._calibration.sensor)
-        pixels, before = taken.exposed.frame.pixels, self._placed_before(record, step)
-        why = self._compute.run(stop, "look_at_target", pixels, *known, before)
+        known = (sphere, self.cell_of(record), self._calibration, self._placed_before(record, step))
+        why = self._compute.run(stop, "look_at_target", taken.exposed, taken.exposure_s, *known)
         # Asked first: without lamp or target no exposure time serves, and that is what a person has to know.
         self._require_seen(step.key, why, last_was_seen([record.passes[step.key.pass_number]]))
         if not taken.verdict.usable:

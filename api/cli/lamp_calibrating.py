@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from acquisition.calibrate import lamp_position, lamp_results
+from acquisition.calibrate import highlight, lamp_position, lamp_results
 from acquisition.calibrate.lamp_position import Highlight
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
@@ -64,13 +64,13 @@ def _highlights(
     hashes: dict[str, str] = {}
     for image in images(folder, joints, calibration):
         hashes[image.name] = image.sha256
-        spot = lamp_position.find_highlight(image.values, _clipped_from(image.values, calibration.sensor.bits))
+        spot = highlight.find(image.values, _clipped_from(image.values, calibration.sensor.bits))
         if isinstance(spot, str):
             why_not[image.name] = spot
         else:
             at = joints[image.name]
             tool = measured_pose.tools(at[None], cell.arm, calibration)[0]
-            used.append(Highlight(image.name, spot, tool, measured_pose.by_offsets(at, cell.arm, calibration)))
+            used.append(Highlight(image.name, spot.pixel, tool, measured_pose.by_offsets(at, cell.arm, calibration)))
     return used, why_not, hashes
 
 

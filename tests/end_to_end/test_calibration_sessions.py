@@ -8,16 +8,19 @@ from typing import Any
 
 import pytest
 
-from acquisition.models.calibration_recipe import BoardRecipe
+from acquisition.models.calibration_recipe import BoardRecipe, LampRecipe
 from acquisition.models.errors import ErrorCode
 from acquisition.session import State
 from api import Client
+from api.rest.schemas import SessionResource
 from hardware_sim import placing
 from hardware_sim.cell import Cell, CellOptions
 from tests.end_to_end.processes import Service, client_of, serving
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 ADDRESS = "127.0.6.41"
+Captured = tuple[str, set[tuple[int, int]]]
+"""A session and the images (pass, number) that it has announced."""
 
 
 def calibrate(service: Service, *arguments: str) -> tuple[int, dict[str, Any], str]:
@@ -32,43 +35,73 @@ def cell_of(folder: Path, *, perturbed: bool) -> Cell:
     return Cell(CellOptions(ADDRESS, "empty", 3, "realistic", 20.0, pixels=512, perturbed=perturbed), folder / "cell")
 
 
-def test_hand_eye_by_command_killed_resumed_and_checked(tmp_path: Path) -> None:
+def killed_after_three_images(service: Service, client: Client, recipe: BoardRecipe | LampRecipe) -> Captured:
+    """Runs a session until three images are announced, and kills the service; the session and those images."""
+    session_id = client.create(recipe).id
+    client.start(session_id)
+    announced: set[tuple[int, int]] = set()
+    for event in client.events(session_id, after=0):
+        assert event.type != "session.state" or "reason" not in event.body, event
+        if event.type == "shot.captured":
+            announced.add((event.body["pass"], event.body["number"]))
+        if len(announced) == 3:
+            break
+    service.kill()
+    return session_id, announced
+
+
+def resumed(client: Client, captured: Captured) -> SessionResource:
+    """The session at its end or next pause, interrupted before; its images are each announced once."""
+    session_id, announced = captured
+    assert client.session(session_id).state is State.INTERRUPTED
+    client.acknowledge()
+    client.resume(session_id)
+    done = client.wait(session_id)
+    shots = [
+        (event.body["pass"], event.body["number"])
+        for event in client.past_events(session_id)
+        if event.type == "shot.captured" and event.body["kind"] == "light"
+    ]
+    assert len(shots) == len(set(shots))
+    assert announced <= set(shots)
+    return done
+
+
+def test_hand_eye_and_lamp_by_killed_sessions(tmp_path: Path) -> None:
+    data = tmp_path / "data"
     with cell_of(tmp_path, perturbed=True) as cell:
         placing.place(ADDRESS, 30100, "charuco@flange")
-        with serving(cell, tmp_path / "data") as service, client_of(service) as client:
+        with serving(cell, data) as service, client_of(service) as client:
             client.state_tool("board")
-            session_id = client.create(BoardRecipe(kind="hand-eye", max_images=20)).id
-            client.start(session_id)
-            announced: set[tuple[int, int]] = set()
-            for event in client.events(session_id, after=0):
-                assert event.type != "session.state" or "reason" not in event.body, event
-                if event.type == "shot.captured":
-                    announced.add((event.body["pass"], event.body["number"]))
-                if len(announced) == 3:
-                    break
-            service.kill()
-        with serving(cell, tmp_path / "data") as service, Client(service.url) as client:
-            session = client.session(session_id)
-            assert (session.state, client.rig().tool) == (State.INTERRUPTED, "board")
-            client.acknowledge()
-            client.resume(session_id)
-            done = client.wait(session_id)
+            captured = killed_after_three_images(service, client, BoardRecipe(kind="hand-eye", max_images=20))
+        with serving(cell, data) as service, Client(service.url) as client:
+            assert client.rig().tool == "board"
+            done, session_id = resumed(client, captured), captured[0]
             assert done.state is State.COMPLETED, done.reason
             assert done.estimate is not None
             assert done.estimate.position_sigma_mm is not None
             assert done.estimate.position_sigma_mm < 0.5
-            shots = [(e.body["pass"], e.body["number"]) for e in client.past_events(session_id)
-                     if e.type == "shot.captured" and e.body["kind"] == "light"]  # fmt: skip
-            assert len(shots) == len(set(shots)) == 20
-            assert announced <= set(shots)
-            report = tmp_path / "data/calibrations" / session_id / "report.html"
+            assert done.estimate.images == 20
+            report = data / "calibrations" / session_id / "report.html"
             assert "Camera against the arm" in report.read_text(encoding="utf-8")
             client.activate_calibration(session_id)
             code, found, said = calibrate(service, "check", "--target", "board")
             assert (code, found["passed"]) == (0, True), said
             assert list(client.rig().calibration.check.checks) == ["board"]
-            code, found, said = calibrate(service, "hand-eye", "--images", "8", "--activate")
-            assert (code, found["active"]) == (0, True), said
+            placing.place(ADDRESS, 30100, "mirror-sphere")
+            client.state_tool("lamp")
+            captured = killed_after_three_images(service, client, LampRecipe(kind="lamp", max_images=36, placings=1))
+        with serving(cell, data) as service, Client(service.url) as client:
+            waiting, session_id = resumed(client, captured), captured[0]
+            assert waiting.reason is not None
+            assert (waiting.state, waiting.reason.code) == (State.PAUSED, ErrorCode.CALIBRATION_PLACE_TARGET)
+            placing.place(ADDRESS, 30100, "matt-plane")
+            client.resume(session_id)
+            done = client.wait(session_id)
+            assert done.state is State.COMPLETED, done.reason
+            assert done.estimate is not None
+            assert done.estimate.position_sigma_mm is not None
+            assert done.estimate.position_sigma_mm < 1.0
 
 
 def test_check_without_calibration_by_sessions_says_so(tmp_path: Path) -> None:

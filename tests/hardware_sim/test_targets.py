@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from acquisition import geometry, photometry
-from acquisition.calibrate import charuco, lamp_position
+from acquisition.calibrate import charuco, highlight, lamp_position
 from acquisition.calibrate.charuco import CharucoBoard
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
@@ -118,7 +118,7 @@ def test_mirror_sphere_shows_lamp_where_reflection_says() -> None:
     made = world("mirror-sphere", known=nominal.calibration(512))
     assert made.target is not None
     seen = image(made, exposure_s=2e-4)
-    spot = lamp_position.find_highlight(seen, made.calibration.sensor.full_scale_dn)
+    spot = highlight.find(seen, made.calibration.sensor.full_scale_dn)
     assert not isinstance(spot, str)
     center = geometry.transform(CELL.object.keep_out.base_from_object.matrix, made.target.mount_from_target[:3, 3])
     camera = np.array(CALIBRATION.base_from_camera)
@@ -128,7 +128,7 @@ def test_mirror_sphere_shows_lamp_where_reflection_says() -> None:
     expected = cv2.projectPoints(
         geometry.transform(geometry.inverse(camera), point), np.zeros(3), np.zeros(3), lens.matrix, lens.distortion
     )[0].ravel()
-    assert spot == pytest.approx(expected, abs=0.1)
+    assert spot.pixel == pytest.approx(expected, abs=0.1)
 
 
 @pytest.mark.long

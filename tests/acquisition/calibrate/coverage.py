@@ -20,11 +20,15 @@ def squared(error: FloatArray, covariance: FloatArray) -> float:
     return float(error @ np.linalg.solve(covariance, error)) / len(error)
 
 
-def require_covered(name: str, squares: Sequence[float], unknowns: int) -> None:
-    """Prints and asserts how many errors of `unknowns` values, by `squared`, lie in their ellipsoids."""
+def require_covered(name: str, squares: Sequence[float], unknowns: int, most: float = MOST) -> None:
+    """Prints and asserts how many errors of `unknowns` values, by `squared`, lie in their ellipsoids.
+
+    Of several values that are asserted each, one has all 50 by chance in a third of the cases: for these `most` is 1,
+    and the mean square tells a covariance that is too wide.
+    """
     values = np.array(squares)
     share, mean = float(np.mean(unknowns * values < chi2.ppf(0.95, unknowns))), float(values.mean())
     scatter = float(np.sqrt(2 / (unknowns * len(values))))
     print(f"{name}: {share:.0%} of {len(values)} in their 95 % ellipsoids, mean square {mean:.2f} of what is stated")
-    assert LEAST <= share <= MOST, name
+    assert LEAST <= share <= most, name
     assert abs(mean - 1) < MEAN_OFF * scatter, name

@@ -150,33 +150,3 @@ def test_fit_lamps_on_one_side_or_few_are_refused() -> None:
     seen = highlights(truth(2), tools(30, 2, slant_deg=11.0), 2)
     assert "use the whole dome" in refusal(seen)
     assert "8 are needed" in refusal(seen[:7])
-
-
-def spot(column: float, row: float, peak: float = 3000.0, black: float = 64.0) -> np.ndarray:
-    """A highlight of 12 bits on a dark image, blurred over some pixels."""
-    v, u = np.mgrid[:80, :100]
-    return black + peak * np.exp(-((u - column) ** 2 + (v - row) ** 2) / (2 * 1.8**2))
-
-
-def test_find_highlight_is_found_to_a_tenth_of_a_pixel() -> None:
-    random = np.random.default_rng(0)
-    for column, row in random.uniform(20, 60, (8, 2)):
-        noisy = np.clip(spot(column, row) + 20 * random.standard_normal((80, 100)), 0, 4095).astype(np.uint16)
-        found = lamp_position.find_highlight(noisy, 4095)
-        assert not isinstance(found, str)
-        np.testing.assert_allclose(found, [column, row], atol=0.1)
-
-
-@pytest.mark.parametrize(
-    ("image", "says"),
-    [
-        (np.full((80, 100), 64, np.uint16), "no highlight"),
-        (np.where(np.arange(8000).reshape(80, 100) == 999, 4000, 64).astype(np.uint16), "no highlight"),
-        (np.clip(spot(40, 30) + spot(70, 50), 0, 4095).astype(np.uint16), "several bright spots"),
-        (np.clip(spot(40, 30, 90_000), 0, 4095).astype(np.uint16), "clipped"),
-    ],
-)
-def test_find_highlight_bad_image_says_why(image: np.ndarray, says: str) -> None:
-    found = lamp_position.find_highlight(image, 4095)
-    assert isinstance(found, str)
-    assert says in found

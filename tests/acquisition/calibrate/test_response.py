@@ -8,6 +8,7 @@ import pytest
 from acquisition.calibrate import response
 from acquisition.models.errors import ErrorCode, RigError
 from tests.acquisition.calibrate import simulated_response as simulated
+from tests.acquisition.calibrate.coverage import MOST, require_covered
 
 
 def errors_in_sigma(seed: int) -> np.ndarray:
@@ -33,10 +34,9 @@ def test_response_finds_sensor_room_and_defects() -> None:
 @pytest.mark.long
 def test_response_values_lie_in_their_intervals() -> None:
     errors = np.array([errors_in_sigma(seed) for seed in range(50)])
-    inside = np.mean(np.abs(errors) < 1.96, axis=0)
-    print("coverage of black level, gain, read noise, full well, bend:", inside)
-    assert (inside >= 0.85).all()
-    assert inside.mean() <= 0.99
+    for name, of_value in zip(("black level", "gain", "read noise", "full well", "bend"), errors.T, strict=True):
+        require_covered(name, (of_value**2).tolist(), 1, most=1.0)
+    assert np.mean(np.abs(errors) < 1.96) <= MOST
 
 
 def test_response_without_lamp_is_refused() -> None:

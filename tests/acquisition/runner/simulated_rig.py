@@ -35,10 +35,10 @@ class Rig:
 @contextmanager
 def simulated_rig(
     folder: Path, address: str, polyscope: Literal["5", "x"] = "5", cell_file: Path = CELL_FILE, speed: float = 20.0,
-    profile: str = "ideal",
+    profile: str = "ideal", shown: str = "sphere", pixels: int = 96,
 ) -> Generator[Rig, None, None]:  # fmt: skip
-    """The runner of a service on a cell at `address`, whose controller has this software."""
-    options = CellOptions(address, "sphere", 1, profile, speed, pixels=96, cell_file=cell_file, polyscope=polyscope)
+    """The runner of a service on a cell at `address`, whose controller has this software; `shown` stands in it."""
+    options = CellOptions(address, shown, 1, profile, speed, pixels=pixels, cell_file=cell_file, polyscope=polyscope)
     with Cell(options, folder / "cell") as cell:
         service = wiring.build(settings.read(cell=cell.cell_file, data=folder / "data"))
         service.open()
