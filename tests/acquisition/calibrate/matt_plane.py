@@ -38,8 +38,11 @@ class Truth:
         return self.lobe.relative(along)
 
 
-def captured(seed: int, count: int = 30, placings: int = 2) -> tuple[Truth, list[PlaneImage], list[Placing], Known]:
-    """`count` images of each placing of the plane; the first lies flat, others on a wedge."""
+def captured(
+    seed: int, count: int = 30, placings: int = 2, tilt_deg: float = 35.0
+) -> tuple[Truth, list[PlaneImage], list[Placing], Known]:
+    """`count` images of each placing of the plane, the lamp tilted by up to `tilt_deg` away from it; the first lies
+    flat, others on a wedge."""
     random = np.random.default_rng(seed)
     truth = Truth(
         true_lobes.led(random), CALIBRATION.lamp_intensity * (1 + 0.05 * random.standard_normal()),
@@ -60,7 +63,7 @@ def captured(seed: int, count: int = 30, placings: int = 2) -> tuple[Truth, list
         off = np.sqrt(np.diag(PLACING_COVARIANCE)) * random.standard_normal(6)
         stated.append(Placing(geometry.inverse(nominal_camera) @ board, PLACING_COVARIANCE))
         true_board = camera @ stated[-1].camera_from_board @ geometry.pose(off[:3], off[3:])
-        for tool in tools(count, 100 * seed + number, tilt_deg=35.0, slant_deg=60.0):
+        for tool in tools(count, 100 * seed + number, tilt_deg=tilt_deg, slant_deg=60.0):
             images.append(_image(truth, f"{len(images):03}.png", number, tool, (tool @ lamp, true_board), camera,
                                  albedo, random))  # fmt: skip
     known = Known(CALIBRATION, ALBEDO, ALBEDO_SIGMA, LAMP_COVARIANCE, CAMERA_COVARIANCE, (WIDTH_M, HEIGHT_M))

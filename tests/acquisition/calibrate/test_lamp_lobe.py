@@ -66,23 +66,9 @@ def test_lobe_too_few_or_central_images_are_refused() -> None:
     with pytest.raises(RigError, match="10 are needed") as caught:
         lamp_lobe.fit(images[:9], placings, known)
     assert caught.value.code is ErrorCode.CALIBRATION_INFEASIBLE
-    near = [
-        replace(
-            one, points=one.points[:1], pixels=one.pixels[:1], values=one.values[:1], noise=one.noise[:1],
-            base_from_tool=one.base_from_tool,
-        )
-        for one in images
-    ]  # fmt: skip
-    aimed = [one for one in near if np.degrees(_angle(one, known)) < 12]
-    if len(aimed) >= lamp_lobe.MIN_IMAGES:
-        with pytest.raises(RigError, match="tilt the lamp"):
-            lamp_lobe.fit(aimed, placings, known)
-
-
-def _angle(image: lamp_lobe.PlaneImage, known: lamp_lobe.Known) -> float:
-    lamp = image.base_from_tool @ np.array(known.calibration.tool_from_lamp)
-    away = np.array([0.55, 0.0, 0.02]) - lamp[:3, 3]
-    return float(np.arccos(away @ lamp[:3, 2] / np.linalg.norm(away)))
+    _, aimed, placings, known = captured(3, count=12, placings=1, tilt_deg=5.0)
+    with pytest.raises(RigError, match="tilt the lamp"):
+        lamp_lobe.fit(aimed, placings, known)
 
 
 def test_lobe_of_plane_that_is_not_matt_is_refused() -> None:
