@@ -13,7 +13,6 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from acquisition.archive import catalogue as catalogues
-from acquisition.archive import reading
 from acquisition.archive.catalogue import Catalogue
 from acquisition.archive.contents import ContentStore
 from acquisition.archive.entries import SESSIONS, FileEntry, ResultEntry, SessionEntry, session_name
@@ -63,7 +62,7 @@ class Archive:
         """
         self.address = address
         self.contents = ContentStore(address)
-        mark = self.contents.read(MARK)
+        mark = self.contents.read_first(MARK)
         if mark is None:
             if not create:
                 raise RigError(
@@ -97,6 +96,8 @@ class Archive:
         `label` and `notes` are what a person calls it now; none: as its recipe says. Raises RigError folder.invalid
         naming the file that is damaged, archive.unreachable.
         """
+        from acquisition.archive import reading  # noqa: PLC0415 - imports the solver, which takes seconds
+
         entry, results = reading.read(folder, label, notes)
         new_files = self.put_files(folder, entry.files)
         self.contents.write(session_name(entry.key), entry.model_dump_json(indent=2).encode())

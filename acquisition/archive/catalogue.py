@@ -26,7 +26,9 @@ FILE = "catalogue.db"
 PATIENCE_S = 60.0
 """Time, s, for which a statement is repeated when the database restarts, during a solve of the archive."""
 CONNECT_S = 3
-"""Time-out, s, of one connection."""
+"""Time-out, s, of one connection and of the server's greeting: with the start of the program below five seconds."""
+_ALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4, "tcp_user_timeout": 30_000}
+"""Options of libpq (s; ms): a machine that vanishes from an open connection is given up after half a minute."""
 T = TypeVar("T")
 
 _tables = sa.MetaData()
@@ -136,7 +138,7 @@ class Catalogue:
             raise _invalid(address, "is neither SQLite nor PostgreSQL")
         if url.get_backend_name() == "postgresql":
             url = url.set(drivername="postgresql+psycopg")
-            options: dict[str, Any] = {"connect_args": {"connect_timeout": CONNECT_S}, "pool_pre_ping": True}
+            options: dict[str, Any] = {"connect_args": {"connect_timeout": CONNECT_S} | _ALIVE, "pool_pre_ping": True}
         else:
             # The rollback journal and not the write-ahead log: that one does not work on network folders.
             options = {"connect_args": {"timeout": 30}}

@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import fsspec
+from fsspec.asyn import AsyncFileSystem, sync
+from fsspec.exceptions import FSTimeoutError
 from fsspec.implementations.local import LocalFileSystem
 
 from acquisition.models.errors import ErrorCode, RigError
@@ -23,10 +25,11 @@ OBJECTS = "objects"
 BLOCK_BYTES = 4 << 20
 ATOMIC_PROTOCOLS = frozenset({"s3", "gcs", "abfs", "memory"})
 """File systems of fsspec in which a file that is being written cannot be read yet."""
-CONNECT_TIMEOUT_S, ATTEMPTS = 1.5, 2
-"""Time-out, s, of a connection to an object store, and how often it is tried: with the start of the program below five
-seconds."""
-READ_TIMEOUT_S = 60
+FIRST_ANSWER_S = 2.5
+"""Time, s, within which an object store answers the first question: with the start of the program below five seconds.
+Without it a store that is silent would be asked ten times, by s3fs and botocore, for `READ_TIMEOUT_S` each."""
+CONNECT_TIMEOUT_S, READ_TIMEOUT_S, ATTEMPTS = 1.5, 60, 2
+"""Time-outs, s, of a connection to an object store and of each block that it sends, and how often botocore tries."""
 
 
 class ContentStore:
@@ -64,7 +67,7 @@ class ContentStore:
         name = _object(digest)
         if self.size(name) == file.stat().st_size and self.hash_of(name) == digest:
             return False
-        with _explained(self.address):
+        with _explained(self.address, writing=True):
             if isinstance(self._files, LocalFileSystem):
                 self._put_local(file, Path(self._path(name)))
             else:
@@ -103,14 +106,32 @@ class ContentStore:
 
     def read(self, name: str) -> bytes | None:
         """A small named file; None: there is none."""
-        try:
-            return b"".join(self._blocks(name))
-        except FileNotFoundError:
-            return None
+        with _explained(self.address):
+            try:
+                return bytes(self._files.cat_file(self._path(name)))
+            except FileNotFoundError:
+                return None
+
+    def read_first(self, name: str) -> bytes | None:
+        """As `read`, as the first question to a store that may not be there: it has `FIRST_ANSWER_S` to answer."""
+        files = self._files
+        if not isinstance(files, AsyncFileSystem):
+            return self.read(name)
+        with _explained(self.address):
+            try:
+                return bytes(sync(files.loop, files._cat_file, self._path(name), timeout=FIRST_ANSWER_S))
+            except FileNotFoundError:
+                return None
+            except FSTimeoutError as error:
+                raise RigError(
+                    ErrorCode.ARCHIVE_UNREACHABLE,
+                    f"{self.address}: does not answer within {FIRST_ANSWER_S:g} s",
+                    address=self.address,
+                ) from error
 
     def write(self, name: str, content: bytes) -> None:
         """Writes a small named file as a whole; what stood there is replaced."""
-        with _explained(self.address):
+        with _explained(self.address, writing=True):
             if not isinstance(self._files, LocalFileSystem):
                 self._files.pipe_file(self._path(name), content)
                 return
@@ -192,13 +213,15 @@ def _renamed(target: Path) -> Generator[Path]:
 
 
 @contextmanager
-def _explained(address: str) -> Generator[None]:
-    """Turns a store's own errors into archive.unreachable; a missing file stays FileNotFoundError."""
+def _explained(address: str, *, writing: bool = False) -> Generator[None]:
+    """Turns a store's own errors into archive.unreachable; a missing file that is read stays FileNotFoundError."""
     try:
         yield
-    except (FileNotFoundError, RigError):
+    except RigError:
         raise
     except Exception as error:
+        if isinstance(error, FileNotFoundError) and not writing:
+            raise
         if not isinstance(error, OSError) and not type(error).__module__.startswith(("botocore", "aiohttp")):
             raise
         sentence = str(error).partition("\n")[0] or type(error).__name__

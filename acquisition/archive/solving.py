@@ -89,6 +89,16 @@ def solve(job: SolveJob) -> SolveOutcome:
         raise RigError(
             ErrorCode.CONFIG_INVALID, f"the worker has lightpose {own}, the caller {job.solver}: update one of them"
         )
+    try:
+        return _claim_and_solve(job)
+    except RigError as error:
+        if error.code not in TRANSIENT:
+            raise
+        return SolveOutcome(job.session, "returned", str(error))  # a claim that was made runs out by itself
+
+
+def _claim_and_solve(job: SolveJob) -> SolveOutcome:
+    """Raises RigError archive.unreachable when archive or catalogue cannot be asked."""
     archive = _opened(job.address, job.catalogue)
     held = Claim(job.key, uuid.uuid4().hex, job.call)
     state = claims.claim(archive.catalogue, held)

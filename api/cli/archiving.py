@@ -1,11 +1,15 @@
-"""What `lightpose archive …` does: tables for people on the error stream, figures for programs."""
+"""What `lightpose archive …` does: tables for people on the error stream, figures for programs.
+
+The solver, Dask and the exports' libraries take seconds to import: only the commands that need them do so, and after
+what the user gave has been checked.
+"""
 
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import ValidationError
 from rich.console import Console
@@ -17,15 +21,17 @@ from acquisition.models.result import SolveSettings
 from api.cli import archive_report
 
 try:
-    from acquisition.archive import distributed, exports, where
+    from acquisition.archive import where
     from acquisition.archive.archive import Archive
     from acquisition.archive.catalogue import SessionRow
-    from acquisition.archive.distributed import SolveReport
     from acquisition.archive.entries import SolveIdentity
 except ModuleNotFoundError as error:
     raise RigError(
         ErrorCode.CONFIG_INVALID, f"{error.name} is not installed: pip install 'lightpose[archive]'"
     ) from error
+
+if TYPE_CHECKING:
+    from acquisition.archive.distributed import SolveReport
 
 SHOWN_MOVED = 20
 """Sessions that the table of what moved shows; the report has all."""
@@ -129,6 +135,8 @@ def solve(request: SolveRequest) -> dict[str, Any]:
     if request.report is not None:
         with _writing(request.report):
             request.report.open("a").close()  # before hours of work and not after them
+    from acquisition.archive import distributed  # noqa: PLC0415 - imports Dask and the solver
+
     console = _console()
     with _opened(request.address, request.catalogue) as archive, _bar(console) as bar:
         keys = archive.catalogue.selected_keys(wanted)
@@ -148,6 +156,8 @@ def export(
     address: str, catalogue: str | None, name: str, form: Literal["folder", "bagit", "relight"], out: Path
 ) -> str:
     """Exports one session; returns where to."""
+    from acquisition.archive import exports  # noqa: PLC0415 - imports the exports' libraries
+
     with _opened(address, catalogue) as archive:
         exports.write(archive, archive.find(name), form, out)
     return str(out)
@@ -190,7 +200,7 @@ def _writing(report: Path) -> Generator[None]:
         raise RigError(ErrorCode.REQUEST_INVALID, f"--report {report}: {error.strerror}") from error
 
 
-def _show_report(console: Console, report: SolveReport) -> None:
+def _show_report(console: Console, report: "SolveReport") -> None:
     console.print(f"{report.solved} solved, {report.kept} kept, {report.failed} failed")
     for session, why in sorted(report.failures.items()):
         console.print(f"failed: {session[:12]} {why}")

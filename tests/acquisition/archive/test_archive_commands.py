@@ -11,9 +11,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from acquisition.archive import contents, distributed
 from acquisition.archive.archive import Archive
-from acquisition.archive.catalogue import CONNECT_S, Catalogue, in_folder, meta
+from acquisition.archive.catalogue import Catalogue, in_folder, meta
 from api.cli.commands import app
 
 MakeSession = Callable[..., Path]
@@ -129,11 +128,6 @@ def newer_archive(folder: Path) -> Path:
     newer.repeatedly(lambda connection: connection.execute(meta.insert().values(format=99)).close())
     newer.close()
     return folder
-
-
-def test_connections_are_given_up_below_five_seconds():
-    """With the start of the program, which takes about 1.5 s."""
-    assert max(contents.ATTEMPTS * contents.CONNECT_TIMEOUT_S, CONNECT_S, distributed.CONNECT_S) <= 3
 
 
 def test_command_without_the_extra_says_what_to_install():
