@@ -26,7 +26,7 @@ FILE = "catalogue.db"
 PATIENCE_S = 60.0
 """Time, s, for which a statement is repeated when the database restarts, during a solve of the archive."""
 CONNECT_S = 3
-"""Time-out, s, of one connection and of the server's greeting: with the start of the program below five seconds."""
+"""Time-out, s, of one connection and of the server's greeting."""
 _ALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4, "tcp_user_timeout": 30_000}
 """Options of libpq (s; ms): a machine that vanishes from an open connection is given up after half a minute."""
 T = TypeVar("T")

@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import fsspec
 from fsspec.asyn import AsyncFileSystem, sync
@@ -26,8 +26,8 @@ BLOCK_BYTES = 4 << 20
 ATOMIC_PROTOCOLS = frozenset({"s3", "gcs", "abfs", "memory"})
 """File systems of fsspec in which a file that is being written cannot be read yet."""
 FIRST_ANSWER_S = 2.5
-"""Time, s, within which an object store answers the first question: with the start of the program below five seconds.
-Without it a store that is silent would be asked ten times, by s3fs and botocore, for `READ_TIMEOUT_S` each."""
+"""Time, s, within which an object store answers the first question. Without it a silent store of which
+`answering` cannot know from the environment would be asked ten times, by s3fs and botocore, `READ_TIMEOUT_S` each."""
 CONNECT_TIMEOUT_S, READ_TIMEOUT_S, ATTEMPTS = 1.5, 60, 2
 """Time-outs, s, of a connection to an object store and of each block that it sends, and how often botocore tries."""
 
@@ -119,7 +119,9 @@ class ContentStore:
             return self.read(name)
         with _explained(self.address):
             try:
-                return bytes(sync(files.loop, files._cat_file, self._path(name), timeout=FIRST_ANSWER_S))
+                # fsspec's coroutines have underscores, and `sync` no types
+                read = files._cat_file  # pyright: ignore[reportPrivateUsage]
+                return cast(bytes, sync(files.loop, read, self._path(name), timeout=FIRST_ANSWER_S))
             except FileNotFoundError:
                 return None
             except FSTimeoutError as error:

@@ -28,10 +28,8 @@ from acquisition.archive.entries import SolveIdentity
 from acquisition.archive.solving import DEFAULT_TILING, SolveJob, SolveOutcome, Tiling
 from acquisition.models.errors import ErrorCode, RigError
 
-CONNECT_S = 3.0
-"""Time, s, for which a scheduler is waited for at the start: with the start of the program below five seconds."""
-RECONNECT_S = 20.0
-"""Time-out, s, of each further attempt: a scheduler that restarts on a busy machine answers late."""
+CONNECT_S = 20.0
+"""Time-out, s, of one attempt to connect: a scheduler that restarts on a busy machine answers late."""
 RETRY_CONNECT_S = 1.0
 PATIENCE_S = 900.0
 """Time, s, for which a scheduler that restarts is waited for in mid-work."""
@@ -190,8 +188,8 @@ def _connect(address: str, patience_s: float) -> Client:
     deadline, left_s = time.monotonic() + patience_s, patience_s
     while True:
         try:
-            asyncio.run(_shake_hands(address, min(left_s, RECONNECT_S)))
-            return Client(address, timeout=min(left_s, RECONNECT_S), set_as_default=False)
+            asyncio.run(_shake_hands(address, min(left_s, CONNECT_S)))
+            return Client(address, timeout=min(left_s, CONNECT_S), set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             left_s = deadline - time.monotonic() - RETRY_CONNECT_S
             if left_s <= 0 or isinstance(error, ValueError):

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from acquisition.archive import answering
 from api.cli.error_exit import explain_errors
 
 app = typer.Typer(
@@ -40,8 +41,14 @@ CatalogueAddress = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object as the last line")]
 
 
-def _archiving() -> ModuleType:
-    """The commands' work; imported inside `explain_errors`, because the extra `archive` may be missing."""
+def _archiving(address: str, catalogue: str | None, scheduler: str | None = None) -> ModuleType:
+    """The commands' work, imported when the servers that it needs answer.
+
+    To be called inside `explain_errors`: one may not answer, and the extra `archive` may be missing.
+    """
+    answering.require_store(address)
+    answering.require_catalogue(catalogue)
+    answering.require_scheduler(scheduler)
     from api.cli import archiving
 
     return archiving
@@ -60,7 +67,7 @@ def push(
     as_json: AsJson = False,
 ) -> None:
     """Stores sessions' folders, each file hashed and read back; what is there already is not stored again."""
-    outcome = explain_errors(lambda: _archiving().push(address, catalogue, folders))
+    outcome = explain_errors(lambda: _archiving(address, catalogue).push(address, catalogue, folders))
     _print(outcome, as_json)
     if outcome["refused"]:
         raise typer.Exit(1)
@@ -75,19 +82,21 @@ def list_sessions(
     as_json: AsJson = False,
 ) -> None:
     """Lists sessions with object, cell, solver and mean σ."""
-    _print(explain_errors(lambda: _archiving().list_sessions(address, catalogue, where, limit)), as_json)
+    _print(
+        explain_errors(lambda: _archiving(address, catalogue).list_sessions(address, catalogue, where, limit)), as_json
+    )
 
 
 @app.command()
 def show(address: Address, session: Name, catalogue: CatalogueAddress = None, as_json: AsJson = False) -> None:
     """Shows one session: what the catalogue says, its results, its files."""
-    _print(explain_errors(lambda: _archiving().show(address, catalogue, session)), as_json)
+    _print(explain_errors(lambda: _archiving(address, catalogue).show(address, catalogue, session)), as_json)
 
 
 @app.command()
 def verify(address: Address, catalogue: CatalogueAddress = None, as_json: AsJson = False) -> None:
     """Hashes every file; names what is missing or damaged (exit status 1) and enters in the catalogue what it lacks."""
-    outcome = explain_errors(lambda: _archiving().verify(address, catalogue))
+    outcome = explain_errors(lambda: _archiving(address, catalogue).verify(address, catalogue))
     _print(outcome, as_json)
     if outcome["faults"]:
         raise typer.Exit(1)
@@ -111,7 +120,7 @@ def solve(
     """Solves sessions by this version, each once, whoever asks; results stand beside the older ones."""
 
     def work() -> dict[str, Any]:
-        archiving = _archiving()
+        archiving = _archiving(address, catalogue, scheduler)
         return archiving.solve(archiving.SolveRequest(address, catalogue, where, scheduler, local, settings, report))
 
     outcome = explain_errors(work)
@@ -134,7 +143,7 @@ def export_session(
     catalogue: CatalogueAddress = None,
 ) -> None:
     """Writes one session with its results into a new folder."""
-    print(explain_errors(lambda: _archiving().export(address, catalogue, session, form.value, out)))
+    print(explain_errors(lambda: _archiving(address, catalogue).export(address, catalogue, session, form.value, out)))
 
 
 @app.command()

@@ -17,6 +17,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acquisition.archive import answering
+from acquisition.models.errors import RigError
+
 PG = next(iter(sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)), None)
 """Debian's PostgreSQL, whose programs are not on the path."""
 ENVIRONMENT = os.environ | {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -134,6 +137,20 @@ class Cluster:
         )
         more = ("--nthreads", 1, "--no-dashboard", "--local-directory", folder, "--death-timeout", 60)
         self.workers = [Supervised("distributed.cli.dask_worker", self.address, *more, log=log) for _ in range(workers)]
+
+    def restart_scheduler(self) -> None:
+        """Kills the scheduler and waits until the next one answers."""
+        starts = self.scheduler.starts
+        self.scheduler.kill()
+        while self.scheduler.starts == starts or not self._answers():
+            time.sleep(0.1)
+
+    def _answers(self) -> bool:
+        try:
+            answering.require_scheduler(self.address)
+        except RigError:
+            return False
+        return True
 
     def close(self) -> None:
         for process in (*self.workers, self.scheduler):

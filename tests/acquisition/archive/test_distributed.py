@@ -55,7 +55,7 @@ def test_killed_workers_and_restarts_solve_each_session_once(tmp_path: Path):
         with machines.killing(cluster.workers, KILL_EVERY_S, seed=1):
             work.start()
             at_half(archive, SESSIONS // 4, work)
-            cluster.scheduler.kill()
+            cluster.restart_scheduler()
             options = [
                 "--catalogue",
                 database.address,

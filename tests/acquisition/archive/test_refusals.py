@@ -1,8 +1,7 @@
 """`lightpose archive …` as a process, given what it cannot use: one sentence and a remedy, and nobody waits for it.
 
 Stores and databases are real ones (moto with its IAM, PostgreSQL) and sockets that take connections and say nothing.
-The product's own time-outs are asserted to leave room within five seconds; how long a command takes on this machine,
-of which most is imports, is printed.
+How long a command takes, of which most is imports, is printed: `pytest -s -m long` of this file.
 """
 
 import json
@@ -19,20 +18,11 @@ import httpx
 import pytest
 import sqlalchemy as sa
 
-from acquisition.archive import contents, distributed
 from acquisition.archive.archive import Archive
-from acquisition.archive.catalogue import CONNECT_S, Catalogue, in_folder, meta
+from acquisition.archive.catalogue import Catalogue, in_folder, meta
 from tests.acquisition.archive import machines, session_copies
 
-WITHIN_S = 5.0
-START_S = 2.0
-"""Processor time, s, that the program takes at most to start, Dask and the solver left out."""
 GENEROUS_S = 240.0
-
-
-def test_time_outs_leave_room_within_five_seconds():
-    """Each fault ends the command at the first part that does not answer, so that no two are waited for."""
-    assert max(contents.FIRST_ANSWER_S, CONNECT_S, distributed.CONNECT_S) + START_S <= WITHIN_S
 
 
 def test_commands_that_solve_nothing_import_no_solver():
@@ -148,7 +138,7 @@ def test_role_without_rights(archive: Path, database: machines.Postgres, role: s
 @pytest.mark.long
 def test_postgres_that_is_silent(archive: Path, silent: str):
     address = f"postgresql://lightpose@{silent}/lightpose"
-    refused("list", archive, "--catalogue", address, code="archive.unreachable", says="timeout expired")
+    refused("list", archive, "--catalogue", address, code="archive.unreachable", says="no answer within")
 
 
 # --------------------------------------------------------------------------------------------------------------- S3

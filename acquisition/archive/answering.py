@@ -1,0 +1,97 @@
+"""Whether the servers that a command names answer, asked before anything that takes long is imported.
+
+Dask, SQLAlchemy and the clients of object stores take seconds to import, and each waits in its own way for a server
+that takes a connection and is silent. The three kinds of server speak within one exchange of bytes, which the standard
+library can read: so a wrong address is told first, in one way, and the clients keep time-outs that suit busy servers.
+What else may be wrong (rights, versions, a server of another kind) is the clients' to find.
+"""
+
+import os
+import socket
+import ssl
+import struct
+from urllib.parse import SplitResult, urlsplit
+
+from acquisition.models.errors import ErrorCode, RigError
+
+ANSWER_S = 2.5
+"""Time, s, within which a server answers: a hundred times that of an idle one in the same building, and with the start
+of the program below five seconds."""
+DASK_PROTOCOLS = ("tcp", "tls", "ws", "wss")
+_POSTGRES_SSL_REQUEST = struct.pack("!ii", 8, 80877103)
+"""PostgreSQL, Frontend/Backend Protocol, “SSLRequest”: answered with one byte, whatever the server thinks of it."""
+
+
+def require_store(address: str) -> None:
+    """Asks the object store of `s3://…` at AWS_ENDPOINT_URL; RigError archive.unreachable.
+
+    Other addresses are not asked: folders need no server, and Amazon's own stores are found by their client.
+    """
+    endpoint = os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL")
+    if not address.startswith(("s3://", "s3a://")) or not endpoint:
+        return
+    url = urlsplit(endpoint)
+    request = f"HEAD / HTTP/1.1\r\nHost: {url.hostname}\r\nConnection: close\r\n\r\n".encode()
+    try:
+        _exchange(url, 443 if url.scheme == "https" else 80, request)
+    except OSError as error:
+        raise _unreachable(f"{address}: {endpoint}", error) from error
+
+
+def require_catalogue(address: str | None) -> None:
+    """Asks the server of `postgresql://HOST…`; RigError archive.unreachable."""
+    if address is None or not address.startswith("postgresql"):
+        return
+    url = urlsplit(address)
+    if url.hostname is None or "," in url.netloc:
+        return  # a socket of this machine, or several hosts of which libpq takes the one that answers
+    try:
+        _exchange(url, 5432, _POSTGRES_SSL_REQUEST)
+    except OSError as error:
+        raise _unreachable(url._replace(netloc=url.netloc.rpartition("@")[2]).geturl(), error) from error
+
+
+def require_scheduler(address: str | None) -> None:
+    """Asks a Dask scheduler, which speaks first; RigError archive.no_scheduler."""
+    if address is None:
+        return
+    url = urlsplit(address)
+    try:
+        if url.scheme not in DASK_PROTOCOLS:
+            raise OSError(f"the address begins with none of {', '.join(f'{name}://' for name in DASK_PROTOCOLS)}")
+        _exchange(url, 8786, b"GET / HTTP/1.1\r\n\r\n" if url.scheme == "ws" else b"")
+    except OSError as error:
+        raise RigError(
+            ErrorCode.ARCHIVE_NO_SCHEDULER, f"no Dask scheduler answers at {address}: {_why(error)}", address=address
+        ) from error
+
+
+def _exchange(url: SplitResult, port: int, question: bytes) -> None:
+    """Sends the question and waits for the first byte; of an encrypted connection, only for the handshake."""
+    try:
+        address = (url.hostname or "", url.port or port)
+    except ValueError as error:
+        raise OSError(str(error)) from error
+    with socket.create_connection(address, ANSWER_S) as connection:
+        if url.scheme in ("https", "tls", "wss"):
+            # Who the server is, its client asks; here counts that it speaks.
+            context = ssl.create_default_context()
+            context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+            try:
+                context.wrap_socket(connection).close()
+            except ssl.SSLError:
+                return  # it answered, and its client will say what it does not like
+            return
+        connection.sendall(question)
+        if not connection.recv(1):
+            raise OSError("closes the connection without an answer")
+
+
+def _unreachable(what: str, error: OSError) -> RigError:
+    return RigError(ErrorCode.ARCHIVE_UNREACHABLE, f"{what}: {_why(error)}", address=what)
+
+
+def _why(error: OSError) -> str:
+    if isinstance(error, TimeoutError):
+        return f"no answer within {ANSWER_S:g} s"
+    return error.strerror or str(error)
