@@ -32,12 +32,14 @@ _ALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4
 T = TypeVar("T")
 
 _tables = sa.MetaData()
+_by_bytes = sa.String().with_variant(sa.String(collation="C"), "postgresql")
+"""Texts compared by their bytes: PostgreSQL finds the beginning of a text by an index in no other order."""
 meta = sa.Table("meta", _tables, sa.Column("format", sa.Integer, primary_key=True))
 session = sa.Table(
     "session",
     _tables,
-    sa.Column("key", sa.String(64), primary_key=True),
-    sa.Column("session_id", sa.String, nullable=False, index=True),
+    sa.Column("key", _by_bytes, primary_key=True),
+    sa.Column("session_id", _by_bytes, nullable=False, index=True),
     sa.Column("object", sa.String, nullable=False, index=True),
     sa.Column("notes", sa.String, nullable=False),
     sa.Column("cell", sa.String, nullable=False, index=True),
@@ -47,19 +49,23 @@ session = sa.Table(
     sa.Column("width", sa.Integer, nullable=False),
     sa.Column("height", sa.Integer, nullable=False),
     sa.Column("bytes", sa.BigInteger, nullable=False),
-    sa.Column("captured_at", sa.Double, index=True),
+    sa.Column("captured_at", sa.Double),
     sa.Column("pushed_at", sa.Double, nullable=False),
     sa.Column("calibration", sa.String, nullable=False, index=True),
     sa.Column("software", sa.String, nullable=False),
     # Of the result of the newest solver: what is searched for most.
     sa.Column("solver", sa.String),
-    sa.Column("solver_order", sa.String().with_variant(sa.String(collation="C"), "postgresql"), index=True),
+    sa.Column("solver_order", _by_bytes, index=True),
     sa.Column("sigma_deg", sa.Double, index=True),
 )
+NEWEST_FIRST = (session.c.captured_at.desc().nulls_last(), session.c.key)
+"""Order of lists. SQLite takes no place of nulls in an index: descending, they are last there anyway."""
+sa.Index("ix_session_newest_first", *NEWEST_FIRST).ddl_if(dialect="postgresql")
+sa.Index("ix_session_newest", session.c.captured_at.desc(), session.c.key).ddl_if(dialect="sqlite")
 result = sa.Table(
     "result",
     _tables,
-    sa.Column("session", sa.String(64), sa.ForeignKey("session.key", ondelete="CASCADE"), primary_key=True),
+    sa.Column("session", _by_bytes, sa.ForeignKey("session.key", ondelete="CASCADE"), primary_key=True),
     sa.Column("solver", sa.String, primary_key=True),
     sa.Column("settings", sa.String(16), primary_key=True),
     sa.Column("last_pass", sa.Integer),  # none: the images of all passes
@@ -193,7 +199,7 @@ class Catalogue:
     ) -> list[SessionRow]:
         """The sessions that a condition (`where.parse`) selects, newest capture first."""
         columns = [session.c[name] for name in SessionRow.__dataclass_fields__]
-        query = sa.select(*columns).order_by(sa.desc(session.c.captured_at).nulls_last(), session.c.key)
+        query = sa.select(*columns).order_by(*NEWEST_FIRST)
         query = query if where is None else query.where(where)
         query = query.limit(limit).offset(offset)
         rows = self.repeatedly(lambda connection: connection.execute(query).mappings().all())
@@ -201,7 +207,7 @@ class Catalogue:
 
     def selected_keys(self, where: sa.ColumnElement[bool]) -> list[str]:
         """Keys of the sessions that a condition selects, newest capture first."""
-        query = sa.select(session.c.key).where(where).order_by(sa.desc(session.c.captured_at), session.c.key)
+        query = sa.select(session.c.key).where(where).order_by(*NEWEST_FIRST)
         return list(self.repeatedly(lambda connection: connection.scalars(query).all()))
 
     def session_keys(self, prefix: str, limit: int = 3) -> list[str]:

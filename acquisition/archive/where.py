@@ -41,14 +41,19 @@ COLUMNS: dict[str, sa.Column[Any]] = {
 _TIMES, _VERSIONS = ("captured", "pushed"), ("solver",)
 _GRAMMAR = r"""
 ?start: any
-?any: all ("or"i all)*
-?all: one ("and"i one)*
-?one: "not"i one -> inverse
+?any: all (_OR all)*
+?all: one (_AND one)*
+?one: _NOT one -> inverse
     | "(" any ")"
     | NAME OPERATOR value -> comparison
-    | NAME "is"i "unknown"i -> unknown
+    | NAME _IS _UNKNOWN -> unknown
 value: TEXT | NUMBER
-NAME: /[a-z_]+/
+_OR: /or\b/i
+_AND: /and\b/i
+_NOT: /not\b/i
+_IS: /is\b/i
+_UNKNOWN: /unknown\b/i
+NAME: /[a-z_]+\b/
 OPERATOR: "<=" | ">=" | "!=" | "<" | ">" | "=" | "~"
 TEXT: /'[^']*'/ | /"[^"]*"/
 NUMBER: /-?\d+(\.\d+)?([eE][-+]?\d+)?/

@@ -59,3 +59,12 @@ def test_parse_text_is_a_bound_value_only(text: str):
 def test_parse_garbage_is_refused_by_its_code(text: str):
     with contextlib.suppress(RigError):  # anything but this error fails, and so does SQL that is no condition
         assert isinstance(where.parse(text), sa.ColumnElement)
+
+
+@pytest.mark.parametrize("name", sorted(where.COLUMNS))
+def test_parse_reads_every_name_whole(name: str):
+    """Names may begin as words of the grammar do: notes, object, kind."""
+    assert where.parse(f"{name} is unknown").compare(where.COLUMNS[name].is_(None))
+    assert where.parse(f"NOT {name} is unknown or not({name} IS unknown)").compare(
+        sa.or_(where.COLUMNS[name].is_not(None), where.COLUMNS[name].is_not(None))
+    )
