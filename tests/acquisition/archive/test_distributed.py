@@ -32,6 +32,7 @@ def at_half(archive: Archive, count: int, work: threading.Thread) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(4 * 3600)
 def test_killed_workers_and_restarts_solve_each_session_once(tmp_path: Path):
     """Also a second caller, who begins in the middle."""
     identity = SolveIdentity(settings=SETTINGS)

@@ -5,6 +5,7 @@ import io
 import json
 import re
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -195,3 +196,18 @@ def test_bundle_is_small_and_names_no_other_host():
         hosts = set(re.findall(rb"https?://([\w.-]+)", file.content)) - {b"www.w3.org"}  # names of XML, not addresses
         assert hosts == set() or name == "licences.txt", (name, hosts)
     assert sum(len(file.compressed) for file in routes.bundle().values()) < LARGEST_COMPRESSED_BYTES
+
+
+def test_service_of_a_cell_with_an_archive_has_its_page(start: Callable[..., Any], address: str):
+    with start(archive=address) as cell:
+        page = cell.http.get("/archive")
+        assert page.status_code == 200
+        assert "archive/page/archive.js" in page.text
+        assert {item["object"] for item in cell.http.get(LIST).json()["items"]} == {"Vase, Seite A", "amphora"}
+        assert cell.http.get("/v1/rig").status_code == 200
+
+
+def test_service_of_a_cell_without_an_archive_has_no_such_page(start: Callable[..., Any]):
+    with start() as cell:
+        assert cell.http.get("/archive").status_code == 404
+        assert cell.http.get(LIST).status_code == 404
