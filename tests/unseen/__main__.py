@@ -1,4 +1,4 @@
-"""The bench on unseen shapes: `python -m tests.unseen run|table|fit-sigma|ablate|dome`.
+"""The bench on unseen shapes: `python -m tests.unseen run|table|fit-sigma|ablate|dome|guard`.
 
     python -m tests.unseen run --families all --seeds 0:6 --lights 6,8,12,20 \
         --patterns two-rings,planned,ring-35,drbohlav,random,oracle --azimuths 4 --jobs 2 --out build/unseen/run.jsonl
@@ -7,6 +7,7 @@
     python -m tests.unseen fit-sigma --families all --seeds 0:10 --lights 6,8,12,20 --jobs 2 --out build/unseen/sigma
     python -m tests.unseen ablate --families all --seeds 0:4 --lights 8 --write docs/explanation/ablation.md
     python -m tests.unseen dome --families all --seeds 0:2 --choices 200
+    python -m tests.unseen guard --out build/guard [--against FOLDER OF ANOTHER CHECKOUT]
 """
 
 import os
@@ -24,7 +25,7 @@ from pathlib import Path
 import cv2
 
 from hardware_sim import families
-from tests.unseen import ablation, dome, faults, reports, run, sigma_fit, tables
+from tests.unseen import ablation, dome, faults, guard, reports, run, sigma_fit, tables
 from tests.unseen.patterns import PATTERNS
 from tests.unseen.scenes import GRADINGS, PIXELS
 
@@ -56,12 +57,19 @@ def main(arguments: list[str] | None = None) -> int:
     domes.add_argument(
         "--kinds", default=",".join(dome.KINDS), help="of any lamps; of the pilot's and any further ones"
     )
+    guarded = commands.add_parser("guard", help="solve a fixed set of captures, and compare with another checkout's")
+    guarded.add_argument("--out", type=Path, default=Path("build/guard"))
+    guarded.add_argument("--against", type=Path, default=None, help="folder of the other checkout's results")
+    guarded.add_argument("--cases", default="all", help=f"all, or of {'; '.join(guard.CASES)}")
+    guarded.add_argument("--within-deg", type=float, default=0.0, help="mean rotation of normals that passes")
+    guarded.add_argument(
+        "--within-share", type=float, default=0.0, help="mean change of σ, and of the plan, that passes"
+    )
     asked = parser.parse_args(arguments)
     command = " ".join(sys.argv[1:] if arguments is None else arguments)
-    if asked.command == "table":
-        print(_tables(asked))
-        return 0
     cv2.setNumThreads(1)
+    if asked.command in (others := {"table": _tables, "guard": _guard}):
+        return others[asked.command](asked)
     names = families.NAMES if asked.families == "all" else tuple(asked.families.split(","))
     if unknown := set(names) - set(families.NAMES):
         parser.error(f"there is no {', '.join(sorted(unknown))}")
@@ -111,11 +119,21 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _tables(asked: argparse.Namespace) -> str:
+def _tables(asked: argparse.Namespace) -> int:
     if asked.trials:
-        return tables.selection_tables(run.read(asked.file))
+        print(tables.selection_tables(run.read(asked.file)))
+        return 0
     older = None if asked.against is None else run.read(asked.against)
-    return tables.all_tables(run.read(asked.file), asked.grading, older)
+    print(tables.all_tables(run.read(asked.file), asked.grading, older))
+    return 0
+
+
+def _guard(asked: argparse.Namespace) -> int:
+    names = list(guard.CASES) if asked.cases == "all" else asked.cases.split(";")
+    guard.solve(asked.out, names)
+    if asked.against is None:
+        return 0
+    return 0 if guard.compare(asked.out, asked.against, names, asked.within_deg, asked.within_share) else 1
 
 
 def _dome(asked: argparse.Namespace, names: tuple[str, ...], command: str) -> int:
