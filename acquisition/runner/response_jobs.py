@@ -10,7 +10,7 @@ import numpy as np
 
 from acquisition import geometry
 from acquisition.calibrate import response, response_results
-from acquisition.calibrate.response import ResponseFrame
+from acquisition.calibrate.response_frames import ResponseFrame
 from acquisition.formats.atomic_write import atomic_folder, discard_partial
 from acquisition.models.base import as_joints
 from acquisition.models.calibration import Calibration

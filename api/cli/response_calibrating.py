@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from acquisition.calibrate import response, response_results
-from acquisition.calibrate.response import ResponseFrame
+from acquisition.calibrate.response_frames import ResponseFrame
 from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.calibrate.response import ResponseFrame
+from acquisition.calibrate.response_frames import ResponseFrame
 from acquisition.models.calibration import SensorModel
 from acquisition.models.calibration_recipe import ResponseRecipe
 from hardware_sim import sensor as simulated
