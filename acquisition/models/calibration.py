@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from acquisition.models.base import Matrix4, Value, Vector3
+from acquisition.models.colour import ColourCalibration, Mosaic
 
 
 class SensorModel(Value):
@@ -21,6 +22,9 @@ class SensorModel(Value):
     read_noise_e: float = Field(ge=0, description="1 σ of a dark value, electrons")
     full_well_e: float = Field(gt=0, description="Electrons at which a pixel is full")
     black_level_dn: float = Field(ge=0, description="Value without light")
+    mosaic: Mosaic | None = Field(
+        default=None, description="Channels of the upper left 2 × 2 sites, row by row; none: a monochrome sensor"
+    )
 
     @property
     def full_scale_dn(self) -> float:
@@ -110,6 +114,9 @@ class Calibration(Value):
         default=None, description="The camera's sensitivity over the image; none: taken as even"
     )
     sensor: SensorModel = Field(description="The camera's values and their noise")
+    colour: ColourCalibration | None = Field(
+        default=None, description="White balance and colour matrix under the lamp; none: colours are the camera's own"
+    )
     intensity_sigma: float = Field(ge=0, description="1 σ of each image's lamp intensity, as a fraction")
     lamp_position_sigma_m: float = Field(
         ge=0, description="1 σ of the lamp's position, per axis, independent from image to image"

@@ -128,9 +128,11 @@ class _IndirectLight:
     significant: bool
 
 
-def coarse_factor(count: int) -> int:
-    """Block size in pixels of the coarse grid for an object of `count` pixels."""
-    return int(np.ceil(np.sqrt(count / MAX_COARSE_PIXELS)))
+def coarse_factor(count: int, multiple: int = 1) -> int:
+    """Block size in pixels of the coarse grid for an object of `count` pixels: 1, or a `multiple` of the side of a
+    mosaic's cell, so that blocks hold all channels in one share."""
+    least = int(np.ceil(np.sqrt(count / MAX_COARSE_PIXELS)))
+    return 1 if least <= 1 else multiple * -(-least // multiple)
 
 
 def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Priors) -> AlternationResult:

@@ -84,22 +84,32 @@ class Scaled(Changed):
 
 @dataclass(frozen=True)
 class Translated(Changed):
-    """Each image's content moved by −`translation` (F, 2), pixels in x and y; cubic interpolation."""
+    """Each image's content moved by −`translation` (F, 2), pixels in x and y; cubic interpolation, of a mosaic
+    among the sites of each place in its cells, which lie `spacing` pixels apart."""
 
     translation: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    spacing: int = 1
 
     def read(self, start: int, stop: int, /) -> ValuesAndClipped:
         """Reads the rows [start, stop), counted from the window's first."""
         height = self.rows.stop - self.rows.start
-        margin = int(np.ceil(np.max(np.abs(self.translation)))) + 1
+        margin = self.spacing * (int(np.ceil(np.max(np.abs(self.translation)) / self.spacing)) + 1)
         first, last = max(start - margin, 0), min(stop + margin, height)
         values, clipped = self.images.read(first, last)
         own = slice(start - first, stop - first)
         out, full = np.empty_like(values[:, own]), np.empty_like(clipped[:, own])
         for number, shift in enumerate(self.translation):
-            out[number] = shifted(values[number], -shift)[own]
-            full[number] = shifted(clipped[number].astype(np.float32), -shift)[own] >= HALF
+            out[number] = self._shifted(values[number], shift)[own]
+            full[number] = self._shifted(clipped[number].astype(np.float32), shift)[own] >= HALF
         return out, full
+
+    def _shifted(self, image: Float32Array, shift: FloatArray) -> Float32Array:
+        out, step = np.empty_like(image), self.spacing
+        for row in range(step):
+            for column in range(step):
+                alike = (slice(row, None, step), slice(column, None, step))
+                out[alike] = shifted(np.ascontiguousarray(image[alike]), -shift / step)
+        return out
 
 
 @dataclass(frozen=True)
@@ -146,9 +156,10 @@ def scaled(images: Images, factors: FloatArray) -> Scaled:
     return Scaled(images, images.shot / factors, images.floor / factors**2, factors)
 
 
-def translated(images: Images, translation: FloatArray) -> Translated:
-    """The images with their translations undone; noise is left as it is, though interpolation lowers it."""
-    return Translated(images, images.shot, images.floor, translation)
+def translated(images: Images, translation: FloatArray, spacing: int = 1) -> Translated:
+    """The images with their translations undone; noise is left as it is, though interpolation lowers it. `spacing` is
+    the side of a mosaic's cell, px."""
+    return Translated(images, images.shot, images.floor, translation, spacing)
 
 
 def without(images: Images, number: int) -> WithoutImage:

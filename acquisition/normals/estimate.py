@@ -20,6 +20,7 @@ class Estimate:
     usable: BoolArray  # (F, N)
     light: Float32Array  # (F, 3, N) light vectors s
     point: Float32Array  # (3, N) m, view frame
+    response: Float32Array | None = None  # (N,) values of white at a mosaic's sites over their mean; none: no mosaic
     terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
 
     @property

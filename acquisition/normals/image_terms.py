@@ -96,11 +96,13 @@ class TermValues:
 
 
 def evaluate(
-    terms: ImageTerms, g: Float32Array, light: Float32Array, usable: BoolArray, view: Float32Array
-) -> TermValues:
+    terms: ImageTerms, g: Float32Array, light: Float32Array, usable: BoolArray, view: Float32Array,
+    response: Float32Array | None = None,
+) -> TermValues:  # fmt: skip
     """Values and derivatives of the terms at g = albedo × normal (3, N) and light vectors (F, 3, N).
 
-    `usable` (F, N) measurements have a rough term and gloss; `view` (3, N) are unit directions to the camera.
+    `usable` (F, N) measurements have a rough term and gloss; `view` (3, N) are unit directions to the camera;
+    `response` (N,) are values of white at a mosaic's sites, by which a dielectric's lobe differs; none: ones.
     """
     albedo = np.sqrt(np.sum(g * g, axis=0))
     normal = g / np.maximum(albedo, np.float32(1e-9))
@@ -115,10 +117,11 @@ def evaluate(
     if terms.gloss > 0:
         gloss = microfacet.reflection(normal, lamp, view, usable, terms.gloss)
         diffuse = np.maximum(np.einsum("fcn,cn->fn", light, normal), 0)
-        lobe, by_alpha = strength * gloss.lobe, strength * gloss.lobe_by_log_alpha / np.float32(terms.gloss)
+        mirrored = strength if response is None else strength * response
+        lobe, by_alpha = mirrored * gloss.lobe, mirrored * gloss.lobe_by_log_alpha / np.float32(terms.gloss)
         value = value + lobe + albedo * diffuse * gloss.layer
         by_g += gloss.layer[:, None] * light + diffuse[:, None] * gloss.layer_by_normal
-        by_g += (strength / np.maximum(albedo, np.float32(LEAST_ALBEDO)))[:, None] * gloss.lobe_by_normal
+        by_g += (mirrored / np.maximum(albedo, np.float32(LEAST_ALBEDO)))[:, None] * gloss.lobe_by_normal
     nondiffuse, by_metal = lobe + weights[1] * albedo + np.float32(terms.offset), np.zeros_like(value)
     if terms.metal > 0:
         metal = microfacet.reflection(normal, lamp, view, usable, terms.metal, microfacet.METAL_F0)

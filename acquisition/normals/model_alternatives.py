@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from acquisition import mosaic
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.normals import (
     alternation,
@@ -217,7 +218,8 @@ def moved_object(present: Solution) -> list[Alternative]:
     if distance <= MIN_TRANSLATION_PX:
         return []
     message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
-    registered = problem.reread(changed_images.translated(problem.masked.images, moves))
+    spacing = 1 if problem.masked.channel is None else mosaic.CELL
+    registered = problem.reread(changed_images.translated(problem.masked.images, moves, spacing))
     return [Alternative("moved object", message, registered, REGISTERED_BETTER, distance)]
 
 

@@ -11,10 +11,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import SolveSettings
+from acquisition.mosaic import Sites
 from acquisition.normals import pixel_solve_kernels, term_solve
 from acquisition.normals.estimate import Estimate
 from acquisition.normals.image_terms import ImageTerms, TermValues
@@ -56,6 +57,10 @@ class Scene:
     terms: ImageTerms | None = None
     common_lamp_errors_m: FloatArray | None = None
 
+    def response(self, channel: Sites | None) -> Float32Array | None:
+        """Values (N,) of white at a mosaic's sites of these channels (N,), over the mean; none without a mosaic."""
+        return None if channel is None else mosaic.white(self.calibration)[channel]
+
     @property
     def cauchy_scale(self) -> float | None:
         """Of Cauchy's weights as the settings want them; none: not robust."""
@@ -85,6 +90,7 @@ class Pixels:
     ray: Float32Array  # (2, N) X/Z and Y/Z
     values: Float32Array  # (F, N) normalised values y
     clipped: BoolArray  # (F, N) saturated
+    channel: Sites | None = None  # (N,) of a mosaic's sites; none: all pixels see alike
 
     def image(self, values: np.ndarray, outside: float = 0.0) -> np.ndarray:
         """Scatters values (..., N) into an image (..., h, w) of the window."""
@@ -104,6 +110,7 @@ class Pixels:
             ray=np.ascontiguousarray(self.ray[:, chosen]),
             values=np.ascontiguousarray(self.values[:, chosen]),
             clipped=self.clipped[:, chosen],
+            channel=None if self.channel is None else self.channel[chosen],
         )
 
 
@@ -225,7 +232,10 @@ def solve_lit(
             extra = terms.highlight_variance if extra is None else extra + terms.highlight_variance
         return _solve(pixels, values, lighting, bent + terms.by_g, scene, options, extra, terms)
 
-    return term_solve.solve(TermProblem(values, pixels.clipped, light, lighting.view, scene.noise, scene.terms, once))
+    response = scene.response(pixels.channel)
+    return term_solve.solve(
+        TermProblem(values, pixels.clipped, light, lighting.view, scene.noise, scene.terms, once, response)
+    )
 
 
 def _solve(
@@ -253,6 +263,7 @@ def _solve(
         light=lighting.light,
         point=lighting.point,
         terms=terms,
+        response=scene.response(pixels.channel),
     )
     noise = scene.noise
     pixel_solve_kernels.estimate(

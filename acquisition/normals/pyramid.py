@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
+from acquisition.mosaic import Sites
 from acquisition.normals import resampling, silhouette
 from acquisition.normals.interreflection import Table
 from acquisition.normals.pixel_solve import Pixels
@@ -26,11 +27,13 @@ MIN_BLOCK_ROWS = 16
 
 @dataclass(frozen=True)
 class MaskedImages:
-    """Images with the object's mask (h, w) in their window and each pixel's ray (2, h, w), X/Z and Y/Z."""
+    """Images with the object's mask (h, w) in their window and each pixel's ray (2, h, w), X/Z and Y/Z; of a mosaic
+    sensor each site's channel (h, w)."""
 
     images: Images
     mask: BoolArray
     ray: Float32Array
+    channel: Sites | None = None
 
     def blocks(self, multiple: int = 1) -> Iterator[slice]:
         """Partitions the window's rows into blocks; each but the last is a `multiple` of rows."""
@@ -41,7 +44,8 @@ class MaskedImages:
 
     def part(self, rows: slice) -> "MaskedImages":
         """The rows of a window as a window of their own."""
-        return MaskedImages(ImageRows(self.images, rows), self.mask[rows], self.ray[:, rows])
+        channel = None if self.channel is None else self.channel[rows]
+        return MaskedImages(ImageRows(self.images, rows), self.mask[rows], self.ray[:, rows], channel)
 
     def pixels(self, rows: slice) -> Pixels:
         """Reads the object's pixels in a block of rows."""
@@ -56,6 +60,7 @@ class MaskedImages:
             ray=np.take(self.ray[:, rows].reshape(2, -1), index, axis=1),
             values=np.take(values.reshape(count, -1), index, axis=1),
             clipped=np.take(clipped.reshape(count, -1), index, axis=1),
+            channel=None if self.channel is None else self.channel[rows].ravel()[index],
         )
 
     def level(self, factor: int, chosen: np.ndarray, table_depth_m: Float32Array | None) -> "PyramidLevel":
@@ -110,7 +115,8 @@ class PyramidLevel:
 def albedo_bound(
     masked: MaskedImages, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration
 ) -> Float32Array:
-    """Lower bound of the albedo (h, w) of a surface at depth (h, w): `silhouette.albedo_bound` of all rows."""
+    """Lower bound of the albedo (h, w) of a surface at depth (h, w): `silhouette.albedo_bound` of all rows; of a mosaic
+    its least mean over the channels."""
     out = np.empty(masked.mask.shape, np.float32)
     for rows in masked.blocks():
         values, clipped = masked.images.read(rows.start, rows.stop)
@@ -118,4 +124,4 @@ def albedo_bound(
         light = photometry.light_vectors(point, lamps, calibration)
         strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light)).reshape(values.shape)
         out[rows] = silhouette.albedo_bound(values, strength, clipped)
-    return out
+    return out if masked.channel is None else mosaic.least_cell_mean(out)

@@ -6,11 +6,14 @@ One translation for each image, by robust least squares over the object, says ho
 Shadows' borders move with the lamp and not with the object, so only measurements well inside lit parts count.
 """
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
+from acquisition import mosaic
 from acquisition.models.base import Float32Array, FloatArray
-from acquisition.normals import alternation, changed_images, pixel_solve
+from acquisition.normals import alternation, changed_images, pixel_solve, resampling
 from acquisition.normals.pixel_solve import Pixels, PixelSolveOptions, Scene
 
 ROUNDS = 4
@@ -26,8 +29,13 @@ MIN_PIXELS = 200
 def translations(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intensity: FloatArray) -> FloatArray:
     """Translation (F, 2), pixels of this grid in x and y, of each image's content against the first's.
 
-    `scene` has lamps and noise as estimated, `log_intensity` (F,) is divided out of the images.
+    `scene` has lamps and noise as estimated, `log_intensity` (F,) is divided out of the images. Of a mosaic's sites the
+    cells are registered.
     """
+    if pixels.channel is not None:
+        cells = resampling.coarsen(replace(pixels, ray=np.concatenate([pixels.ray, depth_m[None]])), mosaic.CELL)
+        means = replace(cells, ray=cells.ray[:2].copy())
+        return mosaic.CELL * translations(means, cells.ray[2].copy(), scene, log_intensity)
     values = alternation.divide_intensity(pixels.values, log_intensity)
     stack = [pixels.image(one) for one in values]
     inside = pixels.image(np.ones(len(pixels.index), np.uint8))

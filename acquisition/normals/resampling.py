@@ -18,7 +18,10 @@ EXTRAPOLATION_PX = 5
 
 
 def coarsen(pixels: Pixels, factor: int) -> Pixels:
-    """Block means over factor × factor pixels, of object pixels only; a block with a clipped pixel is clipped."""
+    """Block means over factor × factor pixels, of object pixels only; a block with a clipped pixel is clipped.
+
+    Blocks larger than a pixel have no channel: of a mosaic they hold all.
+    """
     if factor == 1:
         return pixels
     height, width = -(-pixels.shape[0] // factor), -(-pixels.shape[1] // factor)
@@ -37,6 +40,7 @@ def coarsen(pixels: Pixels, factor: int) -> Pixels:
         ray=mean(pixels.ray).astype(np.float32),
         values=mean(pixels.values).astype(np.float32),
         clipped=mean(pixels.clipped) > 0,
+        channel=None,
     )
 
 
@@ -52,12 +56,14 @@ def concatenate_rows(parts: Sequence[Pixels]) -> Pixels:
     """Concatenates the pixels of windows that lie one below the other into those of their union."""
     above = np.cumsum([0, *(part.shape[0] for part in parts)])
     width = parts[0].shape[1]
+    channels = [part.channel for part in parts if part.channel is not None]
     return Pixels(
         shape=(int(above[-1]), width),
         index=np.concatenate([part.index + width * top for part, top in zip(parts, above[:-1], strict=True)]),
         ray=np.concatenate([part.ray for part in parts], axis=1),
         values=np.concatenate([part.values for part in parts], axis=1),
         clipped=np.concatenate([part.clipped for part in parts], axis=1),
+        channel=np.concatenate(channels) if channels else None,
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
@@ -17,6 +17,7 @@ from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.normals import (
     alternation,
+    colour_albedo,
     final_solve,
     model_selection,
     pyramid,
@@ -114,7 +115,10 @@ def solve_stack(
     rough = np.broadcast_to(np.asarray(initial_depth_m, np.float32), size)[rows, columns]
     lamps = photometry.lamps(images.lights)
     known = None if object_mask is None else object_mask[rows, columns] & inside
-    masked = MaskedImages(images, inside if known is None else known, photometry.rays(calibration, rows, columns))
+    channel = mosaic.of_calibration(calibration, rows, columns)
+    masked = MaskedImages(
+        images, inside if known is None else known, photometry.rays(calibration, rows, columns), channel
+    )
     centroid = _centroid(masked, rough)
     _refuse_coplanar_lights(lamps, centroid)
     distance = float(np.mean(np.linalg.norm(lamps[:, :3] - centroid, axis=1)))
@@ -122,11 +126,11 @@ def solve_stack(
 
     if known is None:
         mask = silhouette.segment(pyramid.albedo_bound(masked, rough, lamps, calibration), inside)
-        masked = MaskedImages(images, mask, masked.ray)
+        masked = replace(masked, mask=mask)
     count = int(np.count_nonzero(masked.mask))
     if count < MIN_PIXELS:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
-    factor = alternation.coarse_factor(count)
+    factor = alternation.coarse_factor(count, 1 if channel is None else mosaic.CELL)
     table = None if table_depth_m is None else table_depth_m[rows, columns]
     level = masked.level(factor, final_solve.noise_sample(count), table)
     start = rough[masked.mask]
@@ -140,7 +144,7 @@ def solve_stack(
         chosen.masked, chosen.level, solution.state, solution.scene, size, unsound=unsound, block_map=block_map
     )
     return replace(
-        normal_map,
+        colour_albedo.of_sites(normal_map, calibration),
         intensity_factors=normal_map.intensity_factors * chosen.factors,
         fit=solution.fit.summary(),
         findings=tuple(findings),

@@ -72,7 +72,7 @@ class Lobe:
         shape = _unit_highlight(
             estimate.light, pixel_solve.clamp_to_visible(estimate.normals, ray_direction), ray_direction, self.exponent
         )
-        return (np.float32(self.strength) * shape * estimate.usable).astype(np.float32)
+        return (np.float32(self.strength) * _responding(shape, estimate) * estimate.usable).astype(np.float32)
 
     def derivatives(self, estimate: Estimate, ray_direction: Float32Array) -> HighlightDerivatives | None:
         """Derivatives of the highlight where a measurement is usable; none without a lobe."""
@@ -84,7 +84,7 @@ class Lobe:
         visible = estimate.usable & (cosine > 0)
         cosine = np.where(visible, cosine, 1).astype(np.float32)
         exponent = np.float32(self.exponent)
-        height = np.float32(self.strength) * strength * cosine**exponent * visible
+        height = np.float32(self.strength) * _responding(strength, estimate) * cosine**exponent * visible
         steepness = exponent * height / cosine / np.maximum(estimate.albedo, np.float32(1e-6))
         by_g = steepness[:, None] * (half - cosine[:, None] * normals)
         return HighlightDerivatives(by_g, np.stack([height, exponent * height * np.log(cosine)], axis=1))
@@ -97,6 +97,11 @@ def equivalent(lobe: Lobe, alpha: float) -> Lobe:
     """The lobe, or for a dielectric of roughness α > 0 that of the same height and width where it faces lamp and
     camera: F₀/(4α²), and the exponent 2/α² − 2 (Walter et al. 2007, eq. 25 and 33)."""
     return lobe if alpha == 0 else Lobe(microfacet.F0 / (4 * alpha**2), 2 / alpha**2 - 2)
+
+
+def _responding(values: Float32Array, estimate: Estimate) -> Float32Array:
+    """Values (F, N) of mirrored light as a mosaic's sites see it: gloss has the lamp's colour."""
+    return values if estimate.response is None else values * estimate.response
 
 
 def fit(

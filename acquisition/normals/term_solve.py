@@ -40,7 +40,8 @@ COST_SCALE, UNUSED_DEVIATIONS = 2.5, 3.0
 @dataclass(frozen=True)
 class TermProblem:
     """Pixels to solve with terms: values and which are clipped (F, N), light vectors (F, 3, N), unit directions to the
-    camera (3, N), noise, the terms, and the solve `once` with given values of the terms."""
+    camera (3, N), noise, the terms, the solve `once` with given values of the terms, and values (N,) of white at a
+    mosaic's sites."""
 
     values: Float32Array
     clipped: BoolArray
@@ -49,6 +50,7 @@ class TermProblem:
     noise: Noise
     terms: ImageTerms
     once: Callable[[TermValues], Estimate]
+    response: Float32Array | None = None
 
 
 def rounds(terms: ImageTerms) -> int:
@@ -85,10 +87,10 @@ def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) ->
     light, view = problem.light, problem.view
 
     def values(estimate: Estimate) -> TermValues:
-        return image_terms.evaluate(problem.terms, estimate.g, light, estimate.usable, view)
+        return image_terms.evaluate(problem.terms, estimate.g, light, estimate.usable, view, problem.response)
 
     everywhere = np.ones_like(problem.clipped)
-    estimate = problem.once(image_terms.evaluate(first, start, light, everywhere, view))
+    estimate = problem.once(image_terms.evaluate(first, start, light, everywhere, view, problem.response))
     for _ in range(rounds(problem.terms) - 1):
         estimate = problem.once(values(estimate))
     return replace(estimate, terms=values(estimate))

@@ -13,7 +13,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.normals import image_terms, pixel_solve, self_calibration
-from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
+from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms, TermValues
 from acquisition.normals.pixel_solve import Estimate, Scene
 from acquisition.normals.self_calibration import Equations, Priors, SharedParameters
 from acquisition.normals.specular import HighlightDerivatives
@@ -52,8 +52,11 @@ def scores(
     """
     ray_direction = np.ascontiguousarray(-estimate.point / estimate.point[2], np.float32)
     axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
-    present = image_terms.evaluate(scene.terms or LAMBERTIAN, estimate.g, estimate.light, estimate.usable, axis)
-    glossy = image_terms.evaluate(ImageTerms(gloss=GLOSS_TESTED), estimate.g, estimate.light, estimate.usable, axis)
+
+    def evaluated(terms: ImageTerms) -> TermValues:
+        return image_terms.evaluate(terms, estimate.g, estimate.light, estimate.usable, axis, estimate.response)
+
+    present, glossy = evaluated(scene.terms or LAMBERTIAN), evaluated(ImageTerms(gloss=GLOSS_TESTED))
     columns = np.concatenate([present.by_parameter[:, :3], glossy.value[:, None], present.by_parameter[:, 4:]], axis=1)
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
     equations = self_calibration.normal_equations(

@@ -1,4 +1,4 @@
-"""The bench on unseen shapes: `python -m tests.unseen run|table|fit-sigma|ablate|dome|guard`.
+"""The bench on unseen shapes: `python -m tests.unseen run|table|fit-sigma|ablate|dome|guard|mosaic`.
 
     python -m tests.unseen run --families all --seeds 0:6 --lights 6,8,12,20 \
         --patterns two-rings,planned,ring-35,drbohlav,random,oracle --azimuths 4 --jobs 2 --out build/unseen/run.jsonl
@@ -8,6 +8,7 @@
     python -m tests.unseen ablate --families all --seeds 0:4 --lights 8 --write docs/explanation/ablation.md
     python -m tests.unseen dome --families all --seeds 0:2 --choices 200
     python -m tests.unseen guard --out build/guard [--against FOLDER OF ANOTHER CHECKOUT]
+    python -m tests.unseen mosaic --families all --seeds 0:2 --lights 10
 """
 
 import os
@@ -20,12 +21,13 @@ import argparse
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import cv2
 
 from hardware_sim import families
-from tests.unseen import ablation, dome, faults, guard, reports, run, sigma_fit, tables
+from tests.unseen import ablation, dome, faults, guard, mosaic, reports, run, sigma_fit, tables
 from tests.unseen.patterns import PATTERNS
 from tests.unseen.scenes import GRADINGS, PIXELS
 
@@ -65,6 +67,9 @@ def main(arguments: list[str] | None = None) -> int:
     guarded.add_argument(
         "--within-share", type=float, default=0.0, help="mean change of σ, and of the plan, that passes"
     )
+    sites = commands.add_parser("mosaic", help="a mosaic sensor against a monochrome one of the same noise")
+    _add_scenes(sites, out=Path("build/unseen/mosaic.jsonl"))
+    sites.add_argument("--lights", default="10", help="numbers of images")
     asked = parser.parse_args(arguments)
     command = " ".join(sys.argv[1:] if arguments is None else arguments)
     cv2.setNumThreads(1)
@@ -73,8 +78,9 @@ def main(arguments: list[str] | None = None) -> int:
     names = families.NAMES if asked.families == "all" else tuple(asked.families.split(","))
     if unknown := set(names) - set(families.NAMES):
         parser.error(f"there is no {', '.join(sorted(unknown))}")
-    if asked.command == "dome":
-        return _dome(asked, names, command)
+    apart = {"dome": _dome, "mosaic": _mosaic}.get(asked.command)
+    if apart is not None:
+        return apart(asked, names, command)
     wrong = _faults(asked.fault)
     plan = run.Plan(
         families=names,
@@ -151,6 +157,18 @@ def _dome(asked: argparse.Namespace, names: tuple[str, ...], command: str) -> in
     )
     dome.run_all(replay, asked.jobs)
     summary = dome.table(run.read(asked.out), "within_78_deg")
+    print(summary)
+    if asked.report:
+        reports.write(command, summary)
+    return 0
+
+
+def _mosaic(asked: argparse.Namespace, names: tuple[str, ...], command: str) -> int:
+    work = partial(
+        mosaic.run_scene, asked.out, _numbers(asked.lights), asked.reflectance or "lambert", asked.report
+    )  # fmt: skip
+    run.over_scenes(work, names, _numbers(asked.seeds), asked.jobs)
+    summary = mosaic.table(run.read(asked.out))
     print(summary)
     if asked.report:
         reports.write(command, summary)

@@ -1,0 +1,44 @@
+"""Colours of a mosaic sensor's albedo: three channels at every pixel, white-balanced, in linear sRGB where calibrated.
+
+A solve has an albedo for each site, its channel's alone. It is free of shading, so that what is interpolated to the
+other sites are the colours of the surface, neither shadows nor highlights.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition import mosaic
+from acquisition.models.base import Float32Array
+from acquisition.models.calibration import Calibration
+from acquisition.models.result import NormalMap
+
+SRGB, CAMERA = "linear sRGB, white D65", "the camera's own R, G, B"
+"""Of `NormalMap.notes["colour"]`: what the channels of `albedo_rgb` are."""
+
+CELL_SHARES = np.array([0.25, 0.5, 0.25], np.float32)
+"""Shares of R, G, B in a cell of the mosaic."""
+
+
+def of_sites(normal_map: NormalMap, calibration: Calibration) -> NormalMap:
+    """The result of a mosaic sensor with its colours: `albedo` (H, W) becomes the mean over the channels at each pixel,
+    `albedo_rgb` (H, W, 3) the channels."""
+    height, width = normal_map.albedo.shape
+    channel = mosaic.of_calibration(calibration, slice(0, height), slice(0, width))
+    if channel is None:
+        return normal_map
+    white = mosaic.white(calibration)
+    channels = mosaic.interpolated(normal_map.albedo / white[channel], channel, normal_map.mask)
+    return replace(
+        normal_map,
+        albedo=(channels @ (CELL_SHARES * white)).astype(np.float32),
+        albedo_rgb=in_srgb(channels, calibration),
+        notes=normal_map.notes | {"colour": CAMERA if calibration.colour is None else SRGB},
+    )
+
+
+def in_srgb(channels: Float32Array, calibration: Calibration) -> Float32Array:
+    """White-balanced R, G, B (..., 3) times the calibration's matrix; as they are without one."""
+    if calibration.colour is None:
+        return channels
+    return (channels @ np.array(calibration.colour.matrix, np.float32).T).astype(np.float32)
