@@ -39,7 +39,8 @@ _log = logging.getLogger(__name__)
 
 ACCEPTED, FAILED, READY = "resolve.accepted", "resolve.failed", "normals.ready"
 EXPORTS = (
-    "normals_directx.png", "maps.exr", "mesh.ply", "lights.lp", "lights.dome", "diligent.zip", "integration.zip",
+    "normals_directx.png", "maps.exr", "albedo.exr", "albedo.png", "mesh.ply", "lights.lp", "lights.dome",
+    "diligent.zip", "integration.zip",
 )  # fmt: skip
 """Files that are made from a result on the first request, and cached."""
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from acquisition import photometry
-from acquisition.formats.export import diligent, exr, light_files, map_files, mesh
+from acquisition.formats.export import albedo_files, diligent, exr, light_files, map_files, mesh
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import NormalMap
 from acquisition.normals.image_set import ImageSet
@@ -65,6 +65,14 @@ def _exr(source: Source, path: Path) -> None:
     exr.write(path, source.normal_map)
 
 
+def _albedo_exr(source: Source, path: Path) -> None:
+    albedo_files.write_exr(path, source.normal_map)
+
+
+def _albedo_png(source: Source, path: Path) -> None:
+    albedo_files.write_png(path, source.normal_map)
+
+
 def _mesh(source: Source, path: Path) -> None:
     normal_map = source.normal_map
     mesh.write(path, source.points, normal_map.normals, normal_map.mask, map_files.depth_unit(normal_map))
@@ -98,6 +106,8 @@ def _integration(source: Source, path: Path) -> None:
 FILES: dict[str, Callable[[Source, Path], None]] = {
     "normals_directx.png": _directx,
     "maps.exr": _exr,
+    "albedo.exr": _albedo_exr,
+    "albedo.png": _albedo_png,
     "mesh.ply": _mesh,
     "lights.lp": _lp,
     "lights.dome": _dome,

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.export import map_files
+from acquisition import colour
+from acquisition.formats.export import albedo_files, map_files
 from acquisition.models.result import NormalMap
 
 TEXTS = {
@@ -33,5 +34,7 @@ def write(path: Path, normal_map: NormalMap) -> None:
     floats = {"Z": normal_map.depth, "sigma_deg": normal_map.sigma_deg, "indirect": normal_map.indirect}
     channels |= {name: np.nan_to_num(values, nan=0.0) for name, values in floats.items() if values is not None}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | TEXTS
+    if albedo_files.is_srgb(normal_map):
+        header |= {"chromaticities": colour.SRGB_CHROMATICITIES}
     header["units"] = f"Z: depth along the camera's axis, {map_files.depth_unit(normal_map)}; {header['units']}"
     OpenEXR.File(header, channels).write(str(path))

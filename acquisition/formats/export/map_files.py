@@ -42,12 +42,13 @@ def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green
     _write(path, colours, COLOURS[green])
 
 
-def png(path: Path, pixels: np.ndarray, description: str = "") -> None:
-    """An 8- or 16-bit PNG, (H, W) or (H, W, 3) RGB, with a description (Latin-1) where one is given."""
-    _write(path, cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else pixels, description)
+def png(path: Path, pixels: np.ndarray, description: str = "", profile: bytes | None = None) -> None:
+    """An 8- or 16-bit PNG, (H, W) or (H, W, 3) RGB, with a description (Latin-1) and an ICC profile where they are
+    given."""
+    _write(path, cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else pixels, description, profile)
 
 
-def _write(path: Path, pixels: np.ndarray, description: str) -> None:
+def _write(path: Path, pixels: np.ndarray, description: str, profile: bytes | None = None) -> None:
     """A PNG of pixels in OpenCV's order."""
     encoded, content = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     if not encoded:
@@ -55,15 +56,16 @@ def _write(path: Path, pixels: np.ndarray, description: str) -> None:
     behind_header = 8 + 25  # signature, and IHDR with its 13 bytes
     with path.open("wb") as file:
         file.write(content.data[:behind_header])
+        if profile is not None:
+            file.write(_chunk(b"iCCP", b"ICC\0\0" + zlib.compress(profile)))
         if description:
-            file.write(_text(description))
+            file.write(_chunk(b"tEXt", b"Description\0" + description.encode("latin-1")))
         file.write(content.data[behind_header:])
 
 
-def _text(description: str) -> bytes:
-    """A tEXt chunk of a PNG file that says `Description`."""
-    body = b"tEXtDescription\0" + description.encode("latin-1")
-    return (len(body) - 4).to_bytes(4, "big") + body + zlib.crc32(body).to_bytes(4, "big")
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    """A chunk of a PNG file with its length and check sum."""
+    return len(content).to_bytes(4, "big") + kind + content + zlib.crc32(kind + content).to_bytes(4, "big")
 
 
 def float_tiff(path: Path, values: Float32Array, description: str) -> None:

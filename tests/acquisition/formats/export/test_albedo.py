@@ -1,0 +1,98 @@
+"""The albedo's pictures, read back by others' libraries: LittleCMS (through Pillow) and OpenEXR's own."""
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image, ImageCms
+
+from acquisition import colour
+from acquisition.formats.export import albedo_files, icc_profile
+from acquisition.models.result import FisherInformation, NormalMap
+from acquisition.normals.colour_albedo import CAMERA, SRGB
+
+COLOURS = np.array([[0.18, 0.18, 0.18], [0.6, 0.1, 0.05], [0.05, 0.3, 0.6], [0.9, 0.85, 0.2]])
+
+
+@pytest.fixture
+def result() -> NormalMap:
+    """Four colours in columns, the last row outside the object; one value beyond white, one below black."""
+    rgb = np.broadcast_to(COLOURS, (6, 4, 3)).astype(np.float32).copy()
+    rgb[0, 3, 0], rgb[0, 1, 2] = 1.5, -0.1
+    mask = np.ones((6, 4), bool)
+    mask[-1] = False
+    flat = np.zeros((6, 4), np.float32)
+    return NormalMap(
+        normals=np.zeros((6, 4, 3), np.float32), albedo=rgb.mean(axis=-1), depth=flat, sigma_deg=flat, residual=flat,
+        mask=mask, silhouette=mask, flags=np.zeros((1, 6, 4), np.uint8), intensity_factors=np.ones(1),
+        information=FisherInformation(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4))),
+        albedo_rgb=rgb, notes={"colour": SRGB},
+    )  # fmt: skip
+
+
+def test_srgb_profile_is_what_littlecms_takes_for_srgb() -> None:
+    profile = ImageCms.ImageCmsProfile(io.BytesIO(icc_profile.srgb()))
+    assert ImageCms.getProfileDescription(profile).strip() == "sRGB"
+    assert profile.profile.version == pytest.approx(4.4)
+    picture = Image.fromarray(np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8))
+    theirs = ImageCms.createProfile("sRGB")
+    same = ImageCms.profileToProfile(picture, profile, theirs, renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC)
+    assert same is not None
+    apart = np.asarray(same).astype(int) - np.asarray(picture).astype(int)
+    assert np.abs(apart).max() <= 1  # of 255: rounding in their transformation
+
+
+def test_albedo_png_of_calibrated_colours_has_the_lab_that_is_meant(result: NormalMap, tmp_path: Path) -> None:
+    path = tmp_path / "albedo.png"
+    albedo_files.write_png(path, result)
+    picture = Image.open(path)
+    embedded = ImageCms.ImageCmsProfile(io.BytesIO(picture.info["icc_profile"]))
+    lab = ImageCms.profileToProfile(
+        picture.convert("RGB"), embedded, ImageCms.createProfile("LAB", 5000), outputMode="LAB",
+        renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC,
+    )  # fmt: skip
+    assert lab is not None
+    light, a, b = np.moveaxis(np.asarray(lab)[2].astype(float), -1, 0)
+    a, b = (np.where(one > 127, one - 256, one) for one in (a, b))
+    found = np.stack([light * 100 / 255, a, b], axis=-1)
+    assert colour.delta_e_2000(found, colour.lab_from_srgb(COLOURS)).max() < 1.0  # 8-bit Lab has steps of 1
+
+
+def test_albedo_png_clips_and_leaves_the_outside_black(result: NormalMap, tmp_path: Path) -> None:
+    path = tmp_path / "albedo.png"
+    albedo_files.write_png(path, result)
+    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1]
+    assert pixels.dtype == np.uint16
+    assert pixels[0, 3, 0] == 65535
+    assert pixels[0, 1, 2] == 0
+    assert not pixels[-1].any()
+    expected = np.round(65535 * colour.encoded_srgb(COLOURS))
+    np.testing.assert_allclose(pixels[3], expected, atol=1)
+
+
+def test_albedo_png_of_uncalibrated_colours_claims_no_profile(result: NormalMap, tmp_path: Path) -> None:
+    path = tmp_path / "albedo.png"
+    albedo_files.write_png(path, replace(result, notes={"colour": CAMERA}))
+    picture = Image.open(path)
+    assert "icc_profile" not in picture.info
+    assert "is white" in picture.info["Description"]
+    albedo_files.write_png(path, replace(result, albedo_rgb=None, notes={}))
+    assert cv2.imread(str(path), cv2.IMREAD_UNCHANGED).shape == (6, 4)
+
+
+def test_albedo_exr_is_linear_with_primaries(result: NormalMap, tmp_path: Path) -> None:
+    path = tmp_path / "albedo.exr"
+    albedo_files.write_exr(path, result)
+    file = OpenEXR.File(str(path), separate_channels=True)
+    assert np.array(file.header()["chromaticities"]) == pytest.approx(colour.SRGB_CHROMATICITIES)
+    assert result.albedo_rgb is not None
+    for index, name in enumerate("RGB"):
+        np.testing.assert_allclose(file.channels()[name].pixels, result.albedo_rgb[..., index], rtol=1e-3)
+    albedo_files.write_exr(path, replace(result, albedo_rgb=None, notes={}))
+    grey = OpenEXR.File(str(path), separate_channels=True)
+    assert set(grey.channels()) == {"Y"}
+    assert "chromaticities" not in grey.header()
