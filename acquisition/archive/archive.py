@@ -5,6 +5,7 @@ the entry that names them, then the catalogue's row. An archive never names a fi
 that is repeated writes only what is missing.
 """
 
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -164,34 +165,45 @@ class Archive:
                 yield name, Fault(name, "damaged", (name,))
 
     def verify(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Fault]:
-        """Hashes every file that an entry names; enters in the catalogue what it lacks. Faults by name, none: sound."""
-        needed: dict[str, list[str]] = {}
-        paths: dict[str, str] = {}
+        """Hashes every file that an entry names; enters in the catalogue what it lacks. Faults by name, none: sound.
+
+        The catalogue comes first, because hashing an archive takes days. Entries are read twice for that, and of a file
+        that is sound only its hash is remembered: what an archive of millions of sessions has does not fit in memory.
+        """
         faults: list[Fault] = []
-        sessions: list[SessionEntry] = []
-        results: dict[str, list[ResultEntry]] = {}
-        for name, entry in self.entries():
-            if isinstance(entry, Fault):
-                faults.append(entry)
-                continue
-            if name != (session_name(entry.key) if isinstance(entry, SessionEntry) else entry.name):
-                faults.append(Fault(name, "damaged", (name,)))
-                continue
-            if isinstance(entry, SessionEntry):
-                sessions.append(entry)
-            else:
-                results.setdefault(entry.session, []).append(entry)
-            for path, file in entry.files.items():
-                needed.setdefault(file.sha256, []).append(name)
-                paths.setdefault(file.sha256, path)
-        for session in sessions:
-            self.catalogue.add(session, sorted(results.get(session.key, []), key=lambda result: result.solved_at))
-        for done, (digest, names) in enumerate(sorted(needed.items())):
-            progress(done, len(needed))
-            what = self.contents.check(digest)
-            if what is not None:
-                faults.append(Fault(paths[digest], what, tuple(sorted(names))))
-        return faults
+        total = 0
+        for entries in self._entries_by_session():
+            sessions = [entry for _, entry in entries if isinstance(entry, SessionEntry)]
+            results = [entry for _, entry in entries if isinstance(entry, ResultEntry)]
+            faults += [entry for _, entry in entries if isinstance(entry, Fault)]
+            for session in sessions:
+                self.catalogue.add(session, sorted(results, key=lambda result: result.solved_at))
+            total += 1
+        sound: set[bytes] = set()
+        unsound: dict[str, tuple[str, str, list[str]]] = {}
+        for done, entries in enumerate(self._entries_by_session()):
+            progress(done, total)
+            for name, entry in entries:
+                for path, file in {} if isinstance(entry, Fault) else entry.files.items():
+                    digest = bytes.fromhex(file.sha256)
+                    if digest in sound:
+                        continue
+                    if file.sha256 not in unsound:
+                        what = self.contents.check(file.sha256)
+                        if what is None:
+                            sound.add(digest)
+                            continue
+                        unsound[file.sha256] = (path, what, [])
+                    unsound[file.sha256][2].append(name)
+        return faults + [Fault(path, what, tuple(names)) for _, (path, what, names) in sorted(unsound.items())]
+
+    def _entries_by_session(self) -> Iterator[list[tuple[str, SessionEntry | ResultEntry | Fault]]]:
+        """Entries with their names, session by session; Fault: not readable, or not the entry that its name says."""
+        for _, group in itertools.groupby(self.entries(), key=lambda found: found[0].split("/")[1]):
+            yield [
+                (name, entry if isinstance(entry, Fault) or name == entry.name else Fault(name, "damaged", (name,)))
+                for name, entry in group
+            ]
 
     def _entry(self, name: str, kind: type[EntryT]) -> EntryT:
         content = self.contents.read(name)

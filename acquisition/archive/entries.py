@@ -58,6 +58,11 @@ class SessionEntry(Value):
         return hash_of({"session_id": self.facts.session_id, "files": files})
 
     @property
+    def name(self) -> str:
+        """Name of the entry's file in the archive."""
+        return session_name(self.key)
+
+    @property
     def bytes(self) -> int:
         """Size of all files."""
         return sum(file.bytes for file in self.files.values())
