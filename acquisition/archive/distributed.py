@@ -35,7 +35,8 @@ PATIENCE_S = 900.0
 """Time, s, for which a scheduler that restarts is waited for in mid-work."""
 WINDOW = 500
 """Jobs that are submitted ahead: enough for hundreds of workers, little to submit again."""
-POLL_S = 0.2
+POLL_S = 0.05
+"""Time, s, between looks at what has ended: short against a solve, since the last one's end is seen so much later."""
 RETRY_S = claims.LEASE_S / 3
 """Time, s, after which a solve that another has claimed is asked for again."""
 MOST_KILLS = 4
@@ -90,7 +91,7 @@ def solve(
     if jobs:
         with _address(scheduler, workers) as address:
             _Dispatch(address, jobs, progress).run()
-    return _report(archive, sessions, solver, identity.hash, call)
+    return report(archive, sessions, solver, identity.hash, call)
 
 
 @contextmanager
@@ -140,11 +141,12 @@ class _Dispatch:
         now = time.monotonic()
         while self._later and self._later[0][0] <= now:
             self._waiting.append(self._later.popleft()[1])
-        while self._waiting and len(self._pending) < WINDOW:
-            job = self._waiting.popleft()
-            # A name of its own each time: a lost future must not be joined to what the scheduler forgot.
-            name = f"solve-{job.session[:12]}-{uuid.uuid4().hex[:8]}"
-            self._pending[client.submit(solving.solve, job, key=name, pure=False)] = job
+        jobs = [self._waiting.popleft() for _ in range(min(len(self._waiting), WINDOW - len(self._pending)))]
+        if not jobs:
+            return
+        # A name of its own each time: a lost future must not be joined to what the scheduler forgot.
+        names = [f"solve-{job.session[:12]}-{uuid.uuid4().hex[:8]}" for job in jobs]
+        self._pending |= zip(client.map(solving.solve, jobs, key=names, pure=False), jobs, strict=True)
 
     def _collect(self) -> None:
         for future in [future for future in self._pending if future.status != "pending"]:
@@ -214,7 +216,7 @@ def _done(archive: Archive, solver: str, settings: str) -> set[str]:
     return set(archive.catalogue.repeatedly(lambda connection: connection.scalars(query).all()))
 
 
-def _report(archive: Archive, sessions: Sequence[str], solver: str, settings: str, call: str) -> SolveReport:
+def report(archive: Archive, sessions: Sequence[str], solver: str, settings: str, call: str) -> SolveReport:
     """The report of one call, as the catalogue has it."""
     columns = ("session", "state", "call", "moved_mean_deg", "moved_over_sigma", "error")
     query = (

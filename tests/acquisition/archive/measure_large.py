@@ -1,8 +1,9 @@
 """One large capture, by one process and in tiles by two workers: `python -m tests.acquisition.archive.measure_large`.
 
 The capture of release 0.1 enlarged `--factor` times (72: 12 megapixels) goes into an archive; a process of its own with
-all cores solves it, then two worker processes with one core each. Prints times, bytes in the archive, the peak of each
-process's resident memory, and the largest difference of the maps.
+all cores solves it, then two worker processes with one core each. Prints times (of the clock and of a core), bytes in
+the archive, the peak of each process's resident memory and what it was before (the program alone), and the largest
+difference of the maps.
 """
 
 import argparse
@@ -37,11 +38,12 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 
-def solve_here(job: SolveJob) -> tuple[str, float, float]:
-    """State, seconds and peak memory of a solve in this process, the solver having been loaded."""
-    begun = time.monotonic()
+def solve_here(job: SolveJob) -> tuple[str, float, float, float, float]:
+    """State, seconds of the clock and of a core, and memory before and at its peak, of a solve in this process."""
+    before, begun, taken = peak_mb(), time.monotonic(), time.process_time()
     outcome = solving.solve(job)
-    return f"{outcome.state} {outcome.detail}", time.monotonic() - begun, peak_mb()
+    state = f"{outcome.state} {outcome.detail}".strip()
+    return state, time.monotonic() - begun, time.process_time() - taken, before, peak_mb()
 
 
 def main() -> None:
@@ -67,18 +69,21 @@ def main() -> None:
             for what, settings in SETTINGS.items()
         }  # fmt: skip
         with multiprocessing.get_context("spawn").Pool(1) as pool:
-            state, seconds, peak = pool.apply(solve_here, (jobs["one process"],))
-        print(f"one process, {os.cpu_count()} cores: {state}, {seconds:.1f} s, peak {peak:.0f} MB, "
-              f"{peak * 1e6 / pixels:.0f} bytes a pixel", flush=True)  # fmt: skip
+            state, seconds, taken, before_mb, peak = pool.apply(solve_here, (jobs["one process"],))
+        print(f"one process, {os.cpu_count()} cores: {state}, {seconds:.1f} s, {taken:.1f} s of a core, "
+              f"peak {peak:.0f} MB, before {before_mb:.0f} MB: {(peak - before_mb) * 1e6 / pixels:.0f} bytes a pixel",
+              flush=True)  # fmt: skip
         with (
             LocalCluster(n_workers=2, threads_per_worker=1, env=machines.ONE_THREAD, dashboard_address=":0") as cluster,
             Client(cluster) as client,
         ):
-            begun = time.monotonic()
+            begun, taken = time.monotonic(), sum(client.run(time.process_time).values())
             outcome = client.submit(solving.solve, jobs["two workers"]).result()
             seconds = time.monotonic() - begun
+            taken = sum(client.run(time.process_time).values()) - taken
             peaks = ", ".join(f"{peak:.0f}" for peak in client.run(peak_mb).values())
-        print(f"two workers, one core each: {outcome.state}, {seconds:.1f} s, peaks {peaks} MB", flush=True)
+        print(f"two workers, one core each: {outcome.state}, {seconds:.1f} s, {taken:.1f} s of a core, "
+              f"peaks {peaks} MB", flush=True)  # fmt: skip
         maps = []
         for what, job in jobs.items():
             entry = archive.result(result_name(key, version("lightpose"), job.identity.hash))
@@ -90,7 +95,8 @@ def main() -> None:
             float(np.nanmax(np.abs(getattr(maps[0], field) - getattr(maps[1], field))))
             for field in ("normals", "sigma_deg", "depth", "albedo")
         )
-        print(f"a result has {size / 1e6:.0f} MB; largest difference of normals, σ, depth and albedo: {difference:g}")
+        print(f"a result has {size / 1e6:.1f} MB, {size / pixels:.1f} bytes a pixel; "
+              f"largest difference of normals, σ, depth and albedo: {difference:g}")  # fmt: skip
         archive.close()
 
 
