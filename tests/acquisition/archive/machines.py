@@ -49,6 +49,10 @@ class Postgres:
     def address(self) -> str:
         return f"postgresql://lightpose@127.0.0.1:{self._port}/postgres"
 
+    @property
+    def pid(self) -> int:
+        return int((self._folder / "data" / "postmaster.pid").read_text().split()[0])
+
     def start(self) -> None:
         options = f"-p {self._port} -h 127.0.0.1 -k {self._folder}"
         self._run(
@@ -114,6 +118,10 @@ class Supervised:
             time.sleep(0.5)
             self._start()
 
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
     def kill(self) -> None:
         """SIGKILL to the process and all of its children."""
         with contextlib.suppress(ProcessLookupError):
@@ -169,18 +177,20 @@ def cluster(folder: Path, workers: int) -> Iterator[Cluster]:
 
 
 @contextmanager
-def killing(workers: list[Supervised], every_s: float, seed: int) -> Iterator[None]:
-    """Kills one of the workers again and again for the time of the block."""
+def killing(workers: list[Supervised], every_s: float, seed: int) -> Iterator[list[float]]:
+    """Kills one of the workers again and again for the time of the block; gives the times, of the monotonic clock."""
     ended, choose = threading.Event(), np.random.default_rng(seed)
+    killed: list[float] = []
 
     def kill() -> None:
         while not ended.wait(every_s):
             workers[choose.integers(len(workers))].kill()
+            killed.append(time.monotonic())
 
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
     try:
-        yield
+        yield killed
     finally:
         ended.set()
         thread.join()

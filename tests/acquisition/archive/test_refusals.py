@@ -149,7 +149,8 @@ def s3(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
     """Environment of an S3 store that checks credentials: a bucket, and a user who may do nothing."""
     port = machines.free_port()
     address = f"http://127.0.0.1:{port}"
-    with (tmp_path_factory.mktemp("moto") / "log").open("wb") as log:
+    said = tmp_path_factory.mktemp("moto") / "log"
+    with said.open("wb") as log:
         process = subprocess.Popen([sys.executable, "-m", "moto.server", "-p", str(port)], stdout=log, stderr=log)
     try:
         deadline = time.monotonic() + GENEROUS_S
@@ -158,7 +159,8 @@ def s3(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
                 httpx.get(f"{address}/moto-api/", timeout=10)
                 break
             except httpx.HTTPError:
-                assert time.monotonic() < deadline
+                assert process.poll() is None, said.read_text()
+                assert time.monotonic() < deadline, said.read_text()
                 time.sleep(0.2)
         owner = {"AWS_ENDPOINT_URL": address, "AWS_ACCESS_KEY_ID": "owner", "AWS_SECRET_ACCESS_KEY": "secret"}
         owner["AWS_DEFAULT_REGION"] = "us-east-1"
