@@ -96,6 +96,7 @@ class CameraServer:
                 return {
                     **size,
                     "bits": self._calibration.sensor.bits,
+                    "mosaic": self._calibration.sensor.mosaic,
                     "min_exposure_s": self._camera.min_exposure_s,
                     "max_exposure_s": self._camera.max_exposure_s,
                 }, None

@@ -25,7 +25,7 @@ from acquisition import geometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
-from hardware_sim import footprint, object_spec, render, sensor, true_cell
+from hardware_sim import footprint, object_spec, render, sensor, spectra, true_cell
 from hardware_sim.controller import kinematics
 from hardware_sim.controller.calibration import calibrated
 from hardware_sim.indirect import IndirectLight
@@ -115,6 +115,7 @@ class World:
         self._seed = seed
         self._true = true_cell.perturbed(calibration, seed) if perturbed else true_cell.nominal(calibration)
         self._sensitivity = self._true.sensitivity(calibration.width, calibration.height) if perturbed else None
+        self._channels = _white_of_sites(calibration)
         self._object_from_base = geometry.inverse(keep_out.base_from_object.matrix)
         self._arm = calibrated(kinematics.MODELS[cell.arm.model], *arm_calibration)
         self._flange_from_lamp = cell.arm.flange_from_tool.matrix @ self._true.tool_from_lamp
@@ -191,6 +192,8 @@ class World:
             signal += np.float32(ambient) * self._ambient
         if self._sensitivity is not None:
             signal *= self._sensitivity
+        if self._channels is not None:
+            signal *= self._channels
         return sensor.expose(signal, self.calibration.sensor, random if profile.noise else None)
 
     def _lamp_image_at(self, joints: tuple[float, ...], shift: tuple[float, ...]) -> Float32Array:
@@ -248,6 +251,16 @@ class World:
     def _centre_samples(self) -> render.Samples:
         rows, columns = np.divmod(np.arange(self.lens.height * self.lens.width, dtype=float), self.lens.width)
         return render.object_samples(self.scene, self._tracer, self.lens.eye, self.lens.directions(columns, rows))
+
+
+def _white_of_sites(calibration: Calibration) -> Float32Array | None:
+    """What each site (H, W) of a mosaic sensor has of a mean white; none of a monochrome one. All surfaces are grey."""
+    pattern = calibration.sensor.mosaic
+    if pattern is None:
+        return None
+    cell = spectra.white()[["rgb".index(letter) for letter in pattern]].reshape(2, 2)
+    tiles = (-(-calibration.height // 2), -(-calibration.width // 2))
+    return np.tile(cell, tiles)[: calibration.height, : calibration.width].astype(np.float32)
 
 
 def _generator(*key: object) -> np.random.Generator:

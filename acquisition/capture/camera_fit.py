@@ -26,6 +26,11 @@ def require_fit(camera: CameraCapabilities, calibration: Calibration, config: Ca
         f"its values have {camera.bits} bits, the calibration's {bits}: set another pixel format, or calibrate again"
         if camera.bits != bits
         else "",
+        f"its sites are {camera.mosaic or 'monochrome'}, the calibration's "
+        f"{calibration.sensor.mosaic or 'monochrome'}: set the pixel format (or `mosaic`) that was calibrated, or "
+        "`sensor.mosaic` in the calibration"
+        if camera.mosaic != calibration.sensor.mosaic
+        else "",
         f"its exposure times go from {camera.min_exposure_s:g} to {camera.max_exposure_s:g} s, the cell file's from "
         f"{config.min_exposure_s:g} to {config.max_exposure_s:g} s: correct `min_exposure_s` and `max_exposure_s`"
         if config.min_exposure_s < camera.min_exposure_s * (1 - 1e-6)

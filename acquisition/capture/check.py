@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from acquisition import mosaic
 from acquisition.capture import exposure
 from acquisition.capture.expected import displacement
 from acquisition.models.base import BoolArray, FloatArray
@@ -97,7 +98,8 @@ def compare_with_earlier(
     displacement from the predicted image (none: no prediction exists).
     """
     sharp = sharpness(pixels, region, sensor)
-    shift = None if predicted is None else displacement(predicted, pixels, sensor.black_level_dn, 2**sensor.bits - 1)
+    even = pixels if sensor.mosaic is None else mosaic.balanced_mean(pixels.astype(np.float32))
+    shift = None if predicted is None else displacement(predicted, even, sensor.black_level_dn, 2**sensor.bits - 1)
     shift_px = None if shift is None else round(shift.shift_px, 2)
     measured = quality.model_copy(update={"sharpness": sharp, "shift_px": shift_px})
     usual = float(np.median(earlier)) if earlier else 0.0
@@ -122,8 +124,12 @@ def sharpness(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorM
     less noise than its model says (a simulated sensor without any), the difference would be taken from the detail, and
     a smooth object under a light without edges would seem blurred.
     """
+    averaged = 1
+    if sensor.mosaic is not None:  # its pattern would be the finest detail
+        averaged, pixels, region = mosaic.CELL**2, mosaic.cell_means(pixels), _cells_of(region)
     signal = pixels.astype(np.float64) - sensor.black_level_dn
     noise = np.maximum(signal, 0) / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2
+    noise /= averaged
     once, twice = (cv2.GaussianBlur(signal, (0, 0), width) for width in (1.0, 2.0))
     finest = (signal - once)[region] ** 2
     squares = finest / np.maximum(noise[region], 1e-9)
@@ -132,6 +138,13 @@ def sharpness(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorM
     fine = float(np.mean(finest)) - FINE_NOISE_GAIN * level
     coarse = float(np.mean((once - twice)[region] ** 2)) - COARSE_NOISE_GAIN * level
     return None if coarse <= 0 or fine <= 0 else round(fine / coarse, 4)
+
+
+def _cells_of(region: BoolArray) -> BoolArray:
+    """Which cells (h/2, w/2) of a mosaic lie in a region (H, W) with all their sites."""
+    height, width = (side // mosaic.CELL for side in region.shape)
+    inside = region[: mosaic.CELL * height, : mosaic.CELL * width]
+    return np.asarray(inside.reshape(height, mosaic.CELL, width, mosaic.CELL).all(axis=(1, 3)), np.bool_)
 
 
 def dark_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel) -> FrameQuality:
@@ -148,5 +161,11 @@ def dark_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: Sensor
 def _measure(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel) -> FrameQuality:
     values = pixels[region]
     top = 2**sensor.bits - 1
-    level = (float(np.percentile(values, BRIGHT_PERCENTILE)) - sensor.black_level_dn) / sensor.full_scale_dn
+    channels = [values]
+    if sensor.mosaic is not None:  # the brightest channel is the first to clip
+        whole = slice(0, pixels.shape[0]), slice(0, pixels.shape[1])
+        sites = mosaic.sites(sensor.mosaic, *whole)[region]
+        channels = [values[sites == channel] for channel in range(3)]
+    bright = max(float(np.percentile(one, BRIGHT_PERCENTILE)) for one in channels if len(one))
+    level = (bright - sensor.black_level_dn) / sensor.full_scale_dn
     return FrameQuality(saturated=float(np.mean(values >= top)), bright_level=level, accepted=True)

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
 COMPARISON_WIDTH_PX = 256
@@ -54,7 +54,7 @@ class Displacement:
 
 
 def displacement(
-    predicted: FloatArray, pixels: npt.NDArray[np.uint16], black: float, full: float
+    predicted: FloatArray, pixels: npt.NDArray[np.uint16] | Float32Array, black: float, full: float
 ) -> Displacement | None:
     """Registers a frame (H, W) to its prediction (h, w), at most as large, by gradients (Lucas and Kanade 1981).
 

@@ -21,6 +21,7 @@ from acquisition.devices import Frame, StopToken
 from acquisition.devices.frame_accounting import BadFrameError
 from acquisition.models.camera import CameraCapabilities, CameraSettings
 from acquisition.models.camera_config import AravisCameraConfig
+from acquisition.models.colour import mosaic_of
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 POLL_US = 50_000
@@ -259,6 +260,7 @@ class AravisCamera:
             width=settings.width,
             height=settings.height,
             bits=self._config.bits or int(digits or 8),
+            mosaic=mosaic_of(settings.pixel_format),
             triggers=("software", "hardware"),
             min_exposure_s=float(shortest) * 1e-6,
             max_exposure_s=float(longest) * 1e-6,

@@ -67,6 +67,7 @@ class FolderCamera:
             width=config.width,
             height=config.height,
             bits=config.bits,
+            mosaic=config.mosaic,
             triggers=("software",) if config.trigger_command else ("hardware",),
             min_exposure_s=config.min_exposure_s,
             max_exposure_s=config.max_exposure_s,
@@ -145,7 +146,7 @@ class FolderCamera:
                 before, since = state, time.monotonic()
             if new and time.monotonic() >= since + STABLE_S:
                 try:
-                    image = image_file.read(self._folder / new[0])
+                    image = image_file.read(self._folder / new[0], self._config.mosaic)
                 except IncompleteFileError as error:  # it is still being written, or was cut short
                     why = str(error)
                 else:

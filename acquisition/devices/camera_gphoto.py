@@ -90,6 +90,7 @@ class GphotoCamera:
             width=config.width,
             height=config.height,
             bits=config.bits,
+            mosaic=config.mosaic,
             triggers=("software",),
             min_exposure_s=_seconds(min(self._steps)),
             max_exposure_s=_seconds(max(self._steps)),
@@ -176,7 +177,7 @@ class GphotoCamera:
                 if PurePath(path.name).suffix.lower() in _JPEG_SUFFIXES and self._has_companion(path):
                     continue
                 try:
-                    return image_file.read_raw(content, path.name)
+                    return image_file.read_raw(content, path.name, self._config.mosaic)
                 except IncompleteFileError as error:
                     raise BadFrameError("damaged", str(error)) from error
             if time.monotonic() > deadline:

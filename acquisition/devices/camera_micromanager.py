@@ -78,6 +78,7 @@ class MicromanagerCamera:
             width=int(pixels.shape[1]),
             height=int(pixels.shape[0]),
             bits=int(core.getImageBitDepth()),
+            mosaic=config.mosaic,
             triggers=("software",),
             min_exposure_s=config.min_exposure_s,
             max_exposure_s=config.max_exposure_s,

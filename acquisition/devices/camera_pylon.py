@@ -18,6 +18,7 @@ from acquisition.devices import Frame, StopToken
 from acquisition.devices.frame_accounting import BadFrameError
 from acquisition.models.camera import CameraCapabilities, CameraSettings
 from acquisition.models.camera_config import PylonCameraConfig
+from acquisition.models.colour import mosaic_of
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 POLL_MS = 50  # a stop token is seen within this
@@ -153,6 +154,7 @@ def _capabilities(camera: Any, name: str) -> CameraCapabilities:
         width=settings.width,
         height=settings.height,
         bits=int(digits or 8),
+        mosaic=mosaic_of(settings.pixel_format),
         triggers=("software",),
         min_exposure_s=float(exposure.Min) * 1e-6,
         max_exposure_s=float(exposure.Max) * 1e-6,

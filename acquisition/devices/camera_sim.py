@@ -57,6 +57,7 @@ class SimCamera:
                 width=int(answer["width"]),
                 height=int(answer["height"]),
                 bits=int(answer["bits"]),
+                mosaic=answer.get("mosaic"),
                 triggers=("software",),
                 min_exposure_s=float(answer["min_exposure_s"]),
                 max_exposure_s=float(answer["max_exposure_s"]),

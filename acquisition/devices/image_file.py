@@ -2,7 +2,8 @@
 
 TIFF and PNG hold what was saved; whoever sets up the program has to have it save linear values. A RAW file (DNG, NEF,
 CR3, …) is read without development: the sensor's own values through LibRaw, black level included, no white balance, no
-demosaicing, no curve. Of a mosaic sensor the green sites are averaged over each 2 × 2 cell: half the size, one channel.
+demosaicing, no curve. Of a mosaic sensor all sites are kept where the cell file states its mosaic; else the green ones
+are averaged over each 2 × 2 cell: half the size, one channel.
 """
 
 import importlib
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import tifffile
 
+from acquisition.models.colour import Mosaic
 from acquisition.models.errors import ErrorCode, RigError
 
 RAW_SUFFIXES = frozenset({".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef", ".iiq", ".3fr"})
@@ -41,8 +43,8 @@ class IncompleteFileError(Exception):
     """A file that is not whole (yet), with what is missing."""
 
 
-def read(path: Path) -> ImageFile:
-    """Reads a file by its suffix.
+def read(path: Path, mosaic: Mosaic | None = None) -> ImageFile:
+    """Reads a file by its suffix; `mosaic`: that of the sensor whose sites are kept.
 
     Raises IncompleteFileError for one that is cut short or damaged; RigError config.invalid for a kind that has no
     linear pixels (JPEG), colour where one channel is needed, and RAW without rawpy.
@@ -50,7 +52,7 @@ def read(path: Path) -> ImageFile:
     suffix = path.suffix.lower()
     if suffix in RAW_SUFFIXES:
         try:
-            return read_raw(path.read_bytes(), path.name)
+            return read_raw(path.read_bytes(), path.name, mosaic)
         except OSError as error:
             raise IncompleteFileError(f"{path.name}: {error}") from error
     if suffix in {".tif", ".tiff"}:
@@ -90,11 +92,11 @@ def _png(path: Path) -> ImageFile:
     return ImageFile(_single(path, pixels), None, 8 * pixels.dtype.itemsize)
 
 
-def read_raw(content: bytes, name: str) -> ImageFile:
-    """The sensor's own values of a RAW file's bytes.
+def read_raw(content: bytes, name: str, mosaic: Mosaic | None = None) -> ImageFile:
+    """The sensor's own values of a RAW file's bytes; all sites of a sensor whose `mosaic` is stated.
 
     Raises IncompleteFileError for one that is cut short; RigError config.invalid for a JPEG, for another mosaic than
-    Bayer's, and without rawpy.
+    the stated one or Bayer's, and without rawpy.
     """
     if content.startswith(_JPEG_START):
         raise RigError(
@@ -114,7 +116,12 @@ def read_raw(content: bytes, name: str) -> ImageFile:
     except (OSError, rawpy.LibRawError) as error:
         raise IncompleteFileError(f"{name}: {error}") from error
     bits = max(white.bit_length(), 1)
-    if sites.max(initial=0) == 0:  # one kind of site: a monochrome sensor
+    letters = "".join(chr(names[number]) for number in sites[:2, :2].ravel()).lower()
+    monochrome = sites.max(initial=0) == 0  # one kind of site
+    if mosaic is not None and (monochrome or letters != mosaic):
+        found = "monochrome" if monochrome else f"a mosaic of {letters}"
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{name}: is {found}, the cell file says {mosaic}: correct `mosaic`")
+    if monochrome or mosaic is not None:
         return ImageFile(pixels, exposure or None, bits)
     green = np.isin(sites, [index for index, name in enumerate(names) if name == ord("G")])
     return ImageFile(_green(name, pixels, green), exposure or None, bits)

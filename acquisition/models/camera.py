@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from acquisition.models.base import Value
+from acquisition.models.colour import Mosaic
 
 TriggerKind = Literal["software", "hardware"]
 """By a command over the camera's own link; by a level on its input, which an output of the arm's controller sets."""
@@ -56,6 +57,9 @@ class CameraCapabilities(Value):
     triggers: Annotated[tuple[TriggerKind, ...], Field(strict=False)] = Field(description="How it can be triggered")
     min_exposure_s: float = Field(ge=0, description="Shortest exposure time, s")
     max_exposure_s: float = Field(gt=0, description="Longest exposure time, s")
+    mosaic: Mosaic | None = Field(
+        default=None, description="Channels of its upper left 2 × 2 sites; none: its pixels see alike"
+    )
     black_level: bool = Field(default=False, description="Whether its black level can be read")
     temperature: bool = Field(default=False, description="Whether it tells its temperature")
     frame_numbers: bool = Field(default=False, description="Whether its frames carry serial numbers")

@@ -6,7 +6,15 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from acquisition.models.base import Value
 from acquisition.models.camera import TriggerKind
+from acquisition.models.colour import Mosaic
 from acquisition.models.errors import ErrorCode, RigError
+
+GenicamFormat = Literal[
+    "Mono8", "Mono10", "Mono12", "Mono16",
+    "BayerRG8", "BayerRG10", "BayerRG12", "BayerRG16", "BayerBG8", "BayerBG10", "BayerBG12", "BayerBG16",
+    "BayerGR8", "BayerGR10", "BayerGR12", "BayerGR16", "BayerGB8", "BayerGB10", "BayerGB12", "BayerGB16",
+]  # fmt: skip
+"""Pixel formats of one unpacked value per site; the sites of a mosaic sensor are solved as they are."""
 
 
 class CameraConfig(Value):
@@ -43,7 +51,7 @@ class PylonCameraConfig(CameraConfig):
 
     kind: Literal["pylon"]
     serial: str = Field(min_length=1)
-    pixel_format: Literal["Mono8", "Mono10", "Mono12", "Mono16"] = "Mono12"
+    pixel_format: GenicamFormat = "Mono12"
     gain: float | None = Field(default=None, ge=0, description="In dB or the model's unit; default: its minimum")
 
 
@@ -52,7 +60,7 @@ class AravisCameraConfig(CameraConfig):
 
     kind: Literal["aravis"]
     device: str = Field(min_length=1, description="Address, or the identifier that `arv-tool-0.8` lists")
-    pixel_format: Literal["Mono8", "Mono10", "Mono12", "Mono16"] = "Mono12"
+    pixel_format: GenicamFormat = "Mono12"
     bits: int | None = Field(
         default=None, ge=8, le=16, description="Bits of a value where the pixel format's container has more"
     )
@@ -84,6 +92,11 @@ class FolderCameraConfig(CameraConfig):
     width: int = Field(gt=0, description="Width of an image, px")
     height: int = Field(gt=0, description="Height of an image, px")
     bits: int = Field(default=16, ge=8, le=16, description="Bits of a value")
+    mosaic: Mosaic | None = Field(
+        default=None,
+        description="The files hold a mosaic sensor's own sites; none: monochrome, or of RAW files the mean of the "
+        "green sites, at half the size",
+    )
     trigger_command: str = Field(
         default="", description="Program that releases the camera; `{exposure_s}` in it becomes the exposure time"
     )
@@ -109,9 +122,14 @@ class GphotoCameraConfig(CameraConfig):
 
     kind: Literal["gphoto"]
     model: str = Field(default="", description="As `gphoto2 --auto-detect` names it; default: the only one there is")
-    width: int = Field(gt=0, description="Width of an image, px; of a mosaic sensor half the RAW file's")
+    width: int = Field(
+        gt=0, description="Width of an image, px; of a mosaic sensor half the RAW file's, unless `mosaic` is set"
+    )
     height: int = Field(gt=0, description="Height of an image, px; likewise")
     bits: int = Field(default=14, ge=8, le=16, description="Bits of a RAW value")
+    mosaic: Mosaic | None = Field(
+        default=None, description="Keep the sensor's own sites; none: the mean of the green sites, at half the size"
+    )
     settings: dict[str, str] = Field(
         default_factory=dict, description="Further settings by libgphoto2's names, such as `iso` and `f-number`"
     )
@@ -124,6 +142,7 @@ class MicromanagerCameraConfig(CameraConfig):
     adapters: str = Field(min_length=1, description="Folder of the adapters' libraries")
     adapter: str = Field(min_length=1, description="Name of the adapter, such as `DemoCamera`")
     device: str = Field(min_length=1, description="Name of the device in it, such as `DCam`")
+    mosaic: Mosaic | None = Field(default=None, description="Of the sensor, where it has one")
     properties: dict[str, str] = Field(
         default_factory=dict, description="Properties of the device, set before each frame"
     )

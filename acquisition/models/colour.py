@@ -9,6 +9,14 @@ from acquisition.models.base import Value, Vector3
 Mosaic = Literal["rggb", "bggr", "grbg", "gbrg"]
 """Channels of a mosaic (Bayer) sensor's upper left 2 × 2 sites, row by row, as GenICam's pixel formats name them."""
 
+_BAYER: dict[str, Mosaic] = {"BayerRG": "rggb", "BayerBG": "bggr", "BayerGR": "grbg", "BayerGB": "gbrg"}
+
+
+def mosaic_of(pixel_format: str) -> Mosaic | None:
+    """The mosaic that a pixel format of GenICam states, such as BayerRG12; none: it is monochrome."""
+    return _BAYER.get(pixel_format[:7])
+
+
 WHITE_TOLERANCE = 1e-3
 """Largest deviation of `ColourCalibration.white`'s mean from 1: what rounding of a file leaves."""
 

@@ -2,7 +2,8 @@
 
 A folder has no sensor model and no uncertainty of its lights. The sensor's noise is estimated from how neighbouring
 residuals differ, else it is a default; the uncertainty of the lights is a default, which the solver corrects by the
-residuals. Colour images are solved by the mean of their channels.
+residuals. The three channels of colour images are measurements of one normal with an albedo each
+(`colour_channels`).
 """
 
 from dataclasses import dataclass, replace
@@ -13,8 +14,8 @@ from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
-from acquisition.models.result import NormalMap, SolveSettings
-from acquisition.normals import pixel_noise, session_images, silhouette
+from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
+from acquisition.normals import colour_albedo, colour_channels, pixel_noise, session_images, silhouette
 from acquisition.normals.distant import pixel_blocks, point_lights
 from acquisition.normals.distant.distant_solve import refuse_unusable, solve_blocks
 from acquisition.normals.image_set import ImageSet, NearLights, check
@@ -59,7 +60,23 @@ def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
         initial_depth_m=depth,
         object_mask=None if np.all(images.mask) else images.mask,
     )
-    return replace(normal_map, notes=normal_map.notes | {"sensor": noise.note})
+    normal_map = replace(normal_map, notes=normal_map.notes | {"sensor": noise.note})
+    return normal_map if images.channels == 1 else _with_colours(normal_map, images)
+
+
+def _with_colours(normal_map: NormalMap, images: ImageSet) -> NormalMap:
+    """The result with each channel's albedo (H, W, 3), from lit measurements without highlights."""
+    colours = np.zeros((images.height, images.width, 3), np.float32)
+    for start in range(0, images.height, session_images.BLOCK_ROWS):
+        rows = slice(start, min(start + session_images.BLOCK_ROWS, images.height))
+        if not np.any(normal_map.mask[rows]):
+            continue
+        values = np.stack([images.values(index, rows.start, rows.stop) for index in range(images.count)])
+        usable = (normal_map.flags[:, rows] & (LIT | HIGHLIGHT)) == LIT
+        usable &= np.all(values < images.saturated_from, axis=-1)
+        colours[rows] = normal_map.albedo[rows, :, None] * colour_channels.ratios(values, usable)
+    colours[~normal_map.mask] = 0
+    return replace(normal_map, albedo_rgb=colours, notes=normal_map.notes | {"colour": colour_albedo.CAMERA})
 
 
 def solve_least_squares(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
@@ -123,7 +140,7 @@ def _quantisation_step(images: ImageSet) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Rows of a window of images, each divided by its light's intensity (F,), colours by their mean."""
+    """Rows of a window of images, each divided by its light's intensity (F,), colours combined to one value."""
 
     images: ImageSet
     intensity: FloatArray
@@ -133,11 +150,17 @@ class _Rows:
     def __call__(self, start: int, stop: int) -> ValuesAndClipped:
         size = (self.images.count, stop - start, self.columns.stop - self.columns.start)
         values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
-        colour = self.images.channels > 1
+        lines = self.rows.start + start, self.rows.start + stop
+        if self.images.channels > 1:
+            blocks = np.stack(
+                [self.images.values(index, *lines)[:, self.columns] for index in range(self.images.count)]
+            )
+            values, clipped = colour_channels.combined(blocks, blocks >= self.images.saturated_from)
+            return values / self.intensity.astype(np.float32)[:, None, None], clipped
         for index, intensity in enumerate(self.intensity):
-            block = self.images.values(index, self.rows.start + start, self.rows.start + stop)[:, self.columns]
-            clipped[index] = (block.max(axis=-1) if colour else block) >= self.images.saturated_from
-            values[index] = (block.mean(axis=-1) if colour else block) * np.float32(1 / intensity)
+            block = self.images.values(index, *lines)[:, self.columns]
+            clipped[index] = block >= self.images.saturated_from
+            values[index] = block * np.float32(1 / intensity)
         return values, clipped
 
 

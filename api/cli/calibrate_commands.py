@@ -315,3 +315,34 @@ def lobe(
     outcome = explain_errors(lambda: lobe_calibrating.calibrate_lobe(folder, files, albedo, albedo_sigma, out))
     if as_json:
         print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def colour(
+    folder: Images,
+    base: Annotated[
+        Path, typer.Option(help="The calibration.json whose colour is replaced; its sensor says the mosaic")
+    ],
+    reference: Annotated[
+        Path | None,
+        typer.Option(help="24 lines name,L,a,b (CIELAB, D50), row by row; default: the usual chart's published values"),
+    ] = None,
+    corners: Annotated[
+        str | None,
+        typer.Option(
+            help="Centres of the patches dark skin, bluish green, black, white, px: 'x,y x,y x,y x,y'; default: by the "
+            "frame's markers"
+        ),
+    ] = None,
+    out: Out = Path("calibration"),
+    as_json: AsJson = False,
+) -> None:
+    """Calibrates white balance and colour matrix, from linear images of a 24-patch chart under the lamp.
+
+    The folder holds colour.csv: image, lamp-off image of the same exposure time; a line for each placing of the chart.
+    """
+    from api.cli import colour_calibrating
+
+    outcome = explain_errors(lambda: colour_calibrating.calibrate_colour(folder, base, out, reference, corners))
+    if as_json:
+        print(json.dumps(outcome), flush=True)

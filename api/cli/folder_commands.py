@@ -34,8 +34,8 @@ def solve_folder(
         list[str] | None,
         typer.Option(
             "--export",
-            help="With --out, also: normals_directx.png, maps.exr, albedo.exr, albedo.png, mesh.ply, lights.lp and lights.dome (lights without "
-            "their images), diligent (with them), integration, or all; may be repeated",
+            help="With --out, also: normals_directx.png, maps.exr, albedo.exr, albedo.png, mesh.ply, lights.lp and "
+            "lights.dome (lights without their images), diligent (with them), integration, or all; may be repeated",
         ),
     ] = None,
     sphere: Annotated[

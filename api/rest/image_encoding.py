@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import tifffile
 
+from acquisition import mosaic
 from acquisition.models.calibration import SensorModel
 from acquisition.models.errors import ErrorCode, RigError
 
@@ -30,19 +31,19 @@ def png(path: Path, sensor: SensorModel) -> bytes:
     The scale is the sensor's, not the frame's own, so that pictures of one session can be compared. Raises RigError
     store.corrupt when the file is missing or damaged.
     """
-    return _encoded(".png", _lookup_table(sensor, 1.0)[read_frame(path)], [])
+    return _encoded(".png", _lookup_table(sensor, 1.0)[_shown(read_frame(path), sensor)], [])
 
 
 def jpeg(pixels: Pixels, sensor: SensorModel) -> bytes:
     """Encodes a frame (H, W, uint16, linear) as a JPEG of at most `MAX_SIDE_PX`, gamma 2.2, 99.5th percentile white."""
     bright = (float(np.percentile(pixels, 99.5)) - sensor.black_level_dn) / sensor.full_scale_dn
-    picture = _lookup_table(sensor, float(np.clip(1 / max(bright, 1e-6), 1.0, MAX_GAIN)))[pixels]
+    picture = _lookup_table(sensor, float(np.clip(1 / max(bright, 1e-6), 1.0, MAX_GAIN)))[_shown(pixels, sensor)]
     return _jpeg(picture, MAX_SIDE_PX / max(picture.shape))
 
 
 def thumbnail(pixels: Pixels, sensor: SensorModel, width: int) -> bytes:
     """Encodes a frame (H, W, uint16, linear) as a JPEG of `width` px at most, on the same scale as `png`."""
-    return _jpeg(_lookup_table(sensor, 1.0)[pixels], width / pixels.shape[1])
+    return _jpeg(_lookup_table(sensor, 1.0)[_shown(pixels, sensor)], width / pixels.shape[1])
 
 
 def small(picture: npt.NDArray[np.uint8], width: int) -> bytes:
@@ -56,6 +57,13 @@ def read_frame(path: Path) -> Pixels:
         return tifffile.imread(path)
     except (OSError, ValueError, tifffile.TiffFileError) as error:
         raise RigError(ErrorCode.STORE_CORRUPT, f"{path.name}: {error}", file=path.name) from error
+
+
+def _shown(pixels: Pixels, sensor: SensorModel) -> Pixels:
+    """The frame (H, W); of a mosaic sensor the mean over the channels, without the pattern of its sites."""
+    if sensor.mosaic is None:
+        return pixels
+    return np.rint(mosaic.balanced_mean(pixels.astype(np.float32))).astype(np.uint16)
 
 
 def _lookup_table(sensor: SensorModel, gain: float) -> npt.NDArray[np.uint8]:

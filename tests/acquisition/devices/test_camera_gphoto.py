@@ -155,6 +155,15 @@ def test_raw_file_is_read_without_development(tmp_path: Path) -> None:
         image_file.read(tmp_path / "b.dng")
 
 
+def test_raw_file_of_a_stated_mosaic_keeps_its_sites(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(6).integers(0, 4095, (40, 60)).astype(np.uint16)
+    (tmp_path / "a.dng").write_bytes(dng(pixels))
+    np.testing.assert_array_equal(image_file.read(tmp_path / "a.dng", "rggb").pixels, pixels)
+    with pytest.raises(RigError, match="a mosaic of rggb, the cell file says grbg") as raised:
+        image_file.read(tmp_path / "a.dng", "grbg")
+    assert raised.value.code is ErrorCode.CONFIG_INVALID
+
+
 @pytest.mark.long
 def test_gphoto_thousand_frames_with_faults_none_lost(camera: AccountedCamera, virtual: Virtual) -> None:
     draw = np.random.default_rng(20)
