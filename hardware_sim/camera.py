@@ -93,10 +93,11 @@ class CameraServer:
         try:
             request = _parse(line)
             if request == {"info": True}:
+                pattern = self._calibration.sensor.mosaic
                 return {
                     **size,
+                    **({} if pattern is None else {"mosaic": pattern}),
                     "bits": self._calibration.sensor.bits,
-                    "mosaic": self._calibration.sensor.mosaic,
                     "min_exposure_s": self._camera.min_exposure_s,
                     "max_exposure_s": self._camera.max_exposure_s,
                 }, None

@@ -70,7 +70,9 @@ def locate(picture: np.ndarray) -> FloatArray:
     parameters.perspectiveRemoveIgnoredMarginPerCell, parameters.maxErroneousBitsInBorderRate = 0.3, 0.5
     parameters.adaptiveThreshWinSizeMax, parameters.minMarkerPerimeterRate = 43, 0.02
     found, numbers, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(grey)
-    seen = {} if numbers is None else dict(zip(np.ravel(numbers).tolist(), found, strict=True))
+    # OpenCV answers none where nothing is seen, which its types do not say.
+    known = np.ravel(np.asarray(numbers)).tolist() if len(found) else []
+    seen = dict(zip(known, found, strict=True))
     missing = [str(number) for number in range(4) if number not in seen]
     if missing:
         raise RigError(
@@ -78,7 +80,7 @@ def locate(picture: np.ndarray) -> FloatArray:
             f"the chart's markers {', '.join(missing)} are not seen: lay the chart into its frame, or give the centres "
             "of its corner patches as --corners",
         )
-    centres = np.array([_crossing(np.asarray(seen[number]).reshape(4, 2)) for number in range(4)])
+    centres = np.array([_crossing(np.asarray(seen[number], np.float64).reshape(4, 2)) for number in range(4)])
     return homography(centres, MARKER_PLACES)
 
 
@@ -224,7 +226,7 @@ def _shading_terms() -> FloatArray:
 
 def _crossing(corners: FloatArray) -> FloatArray:
     """Crossing (2,) of a quadrilateral's diagonals (4, 2): the image of a square's centre."""
-    (a, b, c, d) = corners.astype(float)
+    (a, b, c, d) = corners
     along, across = c - a, d - b
     share = np.linalg.solve(np.stack([along, -across], axis=1), b - a)
     return a + share[0] * along

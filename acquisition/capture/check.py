@@ -124,10 +124,10 @@ def sharpness(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorM
     less noise than its model says (a simulated sensor without any), the difference would be taken from the detail, and
     a smooth object under a light without edges would seem blurred.
     """
-    averaged = 1
+    signal, averaged = pixels.astype(np.float64), 1
     if sensor.mosaic is not None:  # its pattern would be the finest detail
-        averaged, pixels, region = mosaic.CELL**2, mosaic.cell_means(pixels), _cells_of(region)
-    signal = pixels.astype(np.float64) - sensor.black_level_dn
+        signal, averaged, region = mosaic.cell_means(pixels), mosaic.CELL**2, _cells_of(region)
+    signal = signal - sensor.black_level_dn
     noise = np.maximum(signal, 0) / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2
     noise /= averaged
     once, twice = (cv2.GaussianBlur(signal, (0, 0), width) for width in (1.0, 2.0))

@@ -37,6 +37,21 @@ def of_sites(normal_map: NormalMap, calibration: Calibration) -> NormalMap:
     )
 
 
+def channel_ratios(
+    normal_map: NormalMap, calibration: Calibration, rows: np.ndarray, columns: np.ndarray
+) -> Float32Array:
+    """Values (C, K) of a mosaic's red, green and blue sites at some pixels over their mean; ones (1, K) of a monochrome
+    sensor. The brightest channel is the first to clip."""
+    colours = normal_map.albedo_rgb
+    if calibration.sensor.mosaic is None or colours is None:
+        return np.ones((1, len(rows)), np.float32)
+    channels = colours[rows, columns]
+    if normal_map.notes.get("colour") == SRGB and calibration.colour is not None:
+        channels = np.linalg.solve(np.array(calibration.colour.matrix), channels.T.astype(np.float64)).T
+    mean = np.maximum(normal_map.albedo[rows, columns], np.float32(1e-6))
+    return np.maximum((channels * mosaic.white(calibration)).T / mean, 0).astype(np.float32)
+
+
 def in_srgb(channels: Float32Array, calibration: Calibration) -> Float32Array:
     """White-balanced R, G, B (..., 3) times the calibration's matrix; as they are without one."""
     if calibration.colour is None:

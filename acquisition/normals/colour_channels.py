@@ -27,7 +27,8 @@ def combined(values: Float32Array, clipped: BoolArray) -> tuple[Float32Array, Bo
     """One value (F, ...) for the channels of each measurement, and where it is clipped, from values and clipped ones
     (F, ..., C): the mean of the channels, had none been clipped."""
     channels = values.shape[-1]
-    shares = ratios(values, ~clipped.any(axis=-1)) * ~clipped
+    whole: BoolArray = np.logical_not(np.asarray(clipped.any(axis=-1)))
+    shares = ratios(values, whole) * ~clipped
     left = np.sum(shares, axis=-1)
     total = np.sum(np.where(clipped, 0, values), axis=-1)
     gone = left < MIN_SHARE * channels / 3

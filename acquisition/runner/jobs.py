@@ -34,6 +34,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap, ResultSummary, SolveSettings
 from acquisition.models.route import JointPath, Route
 from acquisition.models.shot import Observations
+from acquisition.normals import colour_albedo
 from acquisition.plan import baselines, explain, visibility
 from acquisition.plan import prior_forecast as prior
 from acquisition.runner import light_forecast
@@ -167,7 +168,9 @@ def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Cal
     pixels = rows[::step], columns[::step]
     signal = _signal(normal_map, lights, calibration, pixels)
     signal = np.where(visibility.shaded(normal_map, lights, calibration, pixels), 0.0, signal)
-    return [float(value) for value in np.percentile(signal, check.BRIGHT_PERCENTILE, axis=1)]
+    channels = [signal * ratio for ratio in colour_albedo.channel_ratios(normal_map, calibration, *pixels)]
+    levels = np.max([np.percentile(one, check.BRIGHT_PERCENTILE, axis=1) for one in channels], axis=0)
+    return [float(value) for value in levels]
 
 
 def predict_images(lights: list[Light], calibration: Calibration, result: Path) -> list[bytes]:

@@ -107,6 +107,16 @@ def test_solve_mosaic_without_colour_calibration_says_so() -> None:
     np.testing.assert_allclose(bare.albedo_rgb, 0.5, atol=1e-6)
 
 
+def test_channel_ratios_are_those_of_the_sites(seen: tuple[scenes.Scene, NormalMap]) -> None:
+    true, found = seen
+    rows, columns = np.nonzero(true.graded)
+    ratios = colour_albedo.channel_ratios(found, _calibration("grbg"), rows, columns)
+    expected = SURFACE * WHITE / (colour_albedo.CELL_SHARES @ (SURFACE * WHITE))
+    np.testing.assert_allclose(np.median(ratios, axis=1), expected, rtol=0.03)
+    plain = colour_albedo.channel_ratios(found, _calibration(None), rows, columns)
+    np.testing.assert_array_equal(plain, np.ones((1, len(rows))))
+
+
 def test_of_sites_of_a_monochrome_sensor_changes_nothing(seen: tuple[scenes.Scene, NormalMap]) -> None:
     assert colour_albedo.of_sites(seen[1], _calibration(None)) is seen[1]
 
