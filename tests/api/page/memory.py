@@ -169,7 +169,8 @@ def sizes_by_constructor(page: Page) -> Counter[str]:
     for kind, name, size in nodes[:, list(columns)].tolist():
         if kinds[kind] not in EXCLUDED:
             named = kinds[kind] in NAMED
-            sizes[f"{kinds[kind]} {snapshot['strings'][name]}" if named else kinds[kind]] += size
+            constructor = snapshot["strings"][name].split("@")[0]  # scopes are named by an address that changes
+            sizes[f"{kinds[kind]} {constructor}" if named else kinds[kind]] += size
     return sizes
 
 

@@ -12,7 +12,9 @@ const KEPT = 60;
 
 let running = 0;
 const waiting: (() => void)[] = [];
-let abort = new AbortController();
+/** Ends of the requests under way: a signal of its own for each, since one that lives as long as the page would keep
+ * what was made of it. */
+const underWay = new Set<AbortController>();
 const kept = new Map<string, Promise<string>>();
 
 /** The picture at an address as a `blob:` address; from memory when it was shown before. */
@@ -30,9 +32,12 @@ export function picture(address: string): Promise<string> {
 export async function fetchBlob(address: string, timeoutMs = 60_000): Promise<Blob> {
   if (running >= AT_ONCE) await new Promise<void>((resolve) => waiting.push(resolve));
   running += 1;
+  const abort = new AbortController();
+  underWay.add(abort);
   try {
     return await (await send("GET", address, { signal: abort.signal, timeoutMs })).blob();
   } finally {
+    underWay.delete(abort);
     running -= 1;
     waiting.shift()?.();
   }
@@ -40,8 +45,7 @@ export async function fetchBlob(address: string, timeoutMs = 60_000): Promise<Bl
 
 /** Ends all requests for pictures that are under way. */
 export function abandonPictures(): void {
-  abort.abort();
-  abort = new AbortController();
+  for (const abort of underWay) abort.abort();
 }
 
 function forget(address: string): void {

@@ -3,6 +3,10 @@
  *
  * It draws only when something has changed. The arm follows the readings of its joints, eight a second, and moves
  * straight from one to the next, so that it neither jumps nor runs ahead of what was measured.
+ *
+ * A view outlives the screen that shows it, and what marks the lights is made once: three.js numbers programs and
+ * geometries for as long as the page lives and keeps lists as long as these numbers, so that new views would fill the
+ * memory.
  */
 import {
   AmbientLight,
@@ -17,7 +21,6 @@ import {
   Group,
   Line,
   LineBasicMaterial,
-  type Material,
   Matrix4,
   Mesh,
   MeshLambertMaterial,
@@ -29,7 +32,6 @@ import {
   SphereGeometry,
   Sprite,
   SpriteMaterial,
-  type Texture,
   Vector3,
   WebGLRenderer,
 } from "three";
@@ -62,6 +64,12 @@ export class CellView {
   private readonly links: Group[] = [];
   private readonly layers: Record<Layer, Group>;
   private readonly marks = new Group();
+  private readonly ball = new SphereGeometry(0.016, 16, 10);
+  private readonly surfaces: Record<"taken" | "planned", MeshLambertMaterial>;
+  private readonly way: LineBasicMaterial;
+  private readonly signs = new Map<string, SpriteMaterial>();
+  private place: HTMLElement | null = null;
+  private drawn: (frames: number) => void = () => undefined;
   private from: number[];
   private to: number[];
   private readAt = 0;
@@ -72,15 +80,17 @@ export class CellView {
 
   /** Meshes are given by address; throws Error where the browser has no WebGL. */
   constructor(
-    private readonly place: HTMLElement,
     private readonly scene: Scene,
     meshes: Map<string, ArrayBuffer>,
     private readonly palette: Palette,
-    private readonly drawn: (frames: number) => void,
   ) {
     this.renderer = new WebGLRenderer({ antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
-    place.append(this.renderer.domElement);
+    this.surfaces = {
+      taken: new MeshLambertMaterial({ color: palette.good }),
+      planned: new MeshLambertMaterial({ color: palette.accent }),
+    };
+    this.way = new LineBasicMaterial({ color: palette.accent });
     this.camera.up.set(0, 0, 1);
     this.orbit = new Orbit(this.camera, this.renderer.domElement, () => this.draw());
     this.layers = { labels: new Group(), candidates: new Group(), route: new Group(), bodies: new Group() };
@@ -98,19 +108,39 @@ export class CellView {
     this.build(meshes);
     this.pose(this.to);
     this.world.updateMatrixWorld(true);
+  }
+
+  /** Whether the view can be drawn: a browser takes the WebGL context away when it is short of memory. */
+  get usable(): boolean {
+    return !this.renderer.getContext().isContextLost();
+  }
+
+  /** Shows the view in an element, everything in sight; `drawn` is told how many pictures have been drawn there. */
+  attach(place: HTMLElement, drawn: (frames: number) => void): void {
+    if (this.place) this.detach(this.place);
+    [this.place, this.drawn, this.frames, this.readAt] = [place, drawn, 0, 0];
+    place.append(this.renderer.domElement);
     this.resize();
     this.fit();
     this.sizes.observe(place);
   }
 
-  /** Removes the view and gives its WebGL context back. */
-  close(): void {
+  /** Takes the view out of an element, unless another one shows it by now. */
+  detach(place: HTMLElement): void {
+    if (this.place !== place) return;
     cancelAnimationFrame(this.frame);
+    this.frame = 0;
     this.sizes.disconnect();
+    this.renderer.domElement.remove();
+    [this.place, this.drawn] = [null, () => undefined];
+  }
+
+  /** Ends the view and gives its WebGL context back. */
+  close(): void {
+    if (this.place) this.detach(this.place);
     this.orbit.dispose();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
-    this.renderer.domElement.remove();
   }
 
   /** Moves the arm to a new reading of its joints, rad; the first one at once. */
@@ -124,11 +154,11 @@ export class CellView {
   }
 
   setLights(lights: readonly MarkedLight[], route: readonly (readonly number[])[]): void {
-    for (const group of [this.marks, this.layers.labels, this.layers.route]) empty(group);
+    for (const item of this.layers.route.children) (item as Line).geometry.dispose();
+    for (const group of [this.marks, this.layers.labels, this.layers.route]) group.clear();
     const toBase = matrix(this.scene.base_from_view);
     for (const { position, label, taken } of lights) {
-      const colour = taken ? this.palette.good : this.palette.accent;
-      const ball = new Mesh(new SphereGeometry(0.012, 16, 10), new MeshLambertMaterial({ color: colour }));
+      const ball = new Mesh(this.ball, this.surfaces[taken ? "taken" : "planned"]);
       ball.position.set(...(position as [number, number, number])).applyMatrix4(toBase);
       this.marks.add(ball);
       this.layers.labels.add(this.label(label, ball.position));
@@ -140,7 +170,7 @@ export class CellView {
         return new Vector3().setFromMatrixPosition(flange.multiply(flangeFromLamp)).toArray();
       });
       const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(points, 3));
-      this.layers.route.add(new Line(geometry, new LineBasicMaterial({ color: this.palette.accent })));
+      this.layers.route.add(new Line(geometry, this.way));
     }
     this.draw();
   }
@@ -223,10 +253,19 @@ export class CellView {
     const geometry = new BufferGeometry()
       .setAttribute("position", new Float32BufferAttribute(points, 3))
       .setAttribute("color", new Float32BufferAttribute(colours, 3));
-    return new Points(geometry, new PointsMaterial({ size: 0.012, vertexColors: true }));
+    return new Points(geometry, new PointsMaterial({ size: 0.016, vertexColors: true }));
   }
 
   private label(text: string, at: Vector3): Sprite {
+    const sign = this.signs.get(text) ?? this.sign(text);
+    this.signs.set(text, sign);
+    const sprite = new Sprite(sign);
+    sprite.scale.setScalar(0.06);
+    sprite.position.copy(at).add(new Vector3(0, 0, 0.03));
+    return sprite;
+  }
+
+  private sign(text: string): SpriteMaterial {
     const sheet = document.createElement("canvas");
     sheet.width = sheet.height = 64;
     const ink = sheet.getContext("2d")!;
@@ -237,10 +276,7 @@ export class CellView {
     ink.fillStyle = this.palette.ink;
     ink.strokeText(text, 32, 46);
     ink.fillText(text, 32, 46);
-    const sprite = new Sprite(new SpriteMaterial({ map: new CanvasTexture(sheet), depthTest: false }));
-    sprite.scale.setScalar(0.06);
-    sprite.position.copy(at).add(new Vector3(0, 0, 0.03));
-    return sprite;
+    return new SpriteMaterial({ map: new CanvasTexture(sheet), depthTest: false });
   }
 
   /** Joints to be drawn at a time, on the straight line from one reading to the next. */
@@ -259,7 +295,7 @@ export class CellView {
   }
 
   private resize(): void {
-    const { clientWidth: width, clientHeight: height } = this.place;
+    const { clientWidth: width, clientHeight: height } = this.place ?? {};
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
@@ -268,7 +304,7 @@ export class CellView {
   }
 
   private draw(): void {
-    if (this.frame) return;
+    if (this.frame || !this.place) return;
     this.frame = requestAnimationFrame((now) => {
       this.frame = 0;
       this.pose(this.present(now));
@@ -278,16 +314,4 @@ export class CellView {
       if (now - this.readAt < GLIDE_MS) this.draw();
     });
   }
-}
-
-/** Removes what is in a group, and what it holds in the graphics memory. */
-function empty(group: Group): void {
-  for (const item of group.children) {
-    if (!(item instanceof Mesh || item instanceof Line || item instanceof Sprite)) continue;
-    item.geometry.dispose();
-    const { material } = item as { material: Material & { map?: Texture | null } };
-    material.map?.dispose();
-    material.dispose();
-  }
-  group.clear();
 }

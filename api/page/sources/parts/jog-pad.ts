@@ -43,11 +43,14 @@ export class JogPad extends PageElement {
     return html`<section class="card" aria-labelledby="jog">
       <h2 id="jog">${t("jog.title")}</h2>
       <p>${t("jog.why")}</p>
-      ${this.refused ? saidOf(this.refused) : nothing}
       <h3>${t("jog.tool")}</h3>
       <div class="jog">${AXES.map((axis) => this.pair(t(`jog.${axis}`), { axis }))}</div>
       <h3>${t("jog.joints")}</h3>
       <div class="jog">${JOINTS.map((joint) => this.pair(t("rig.joint", { number: joint + 1 }), { joint }))}</div>
+      ${
+        // Below the buttons: above them it would move them, and the next press would be that of another joint.
+        this.refused ? saidOf(this.refused) : nothing
+      }
     </section>`;
   }
 
@@ -72,7 +75,7 @@ export class JogPad extends PageElement {
       type="button"
       aria-label=${id}
       aria-pressed=${String(this.held === id)}
-      ?disabled=${live.rig?.holder != null || live.stale}
+      ?disabled=${live.rig?.holder != null || (live.rig?.faults.length ?? 0) > 0 || live.stale}
       @pointerdown=${press}
       @keydown=${(event: KeyboardEvent) => isHold(event) && !event.repeat && press(event)}
       @keyup=${(event: KeyboardEvent) => isHold(event) && this.release()}

@@ -15,6 +15,9 @@ import { t, type Word } from "../words/language";
 const LAYERS: Layer[] = ["labels", "candidates", "route", "bodies"];
 const TURN_RAD = 0.12;
 
+/** The view of the cell is kept for the next visit, until scene or colours change. */
+let kept: { view: CellView; scene: Scene; colours: Palette } | null = null;
+
 @customElement("cell-screen")
 export class CellScreen extends PageElement {
   @state() private failed: unknown = null;
@@ -46,18 +49,22 @@ export class CellScreen extends PageElement {
     live.removeEventListener("joints", this.follow);
     live.removeEventListener("change", this.follow);
     this.scheme.removeEventListener("change", this.rebuild);
-    this.view?.close();
+    if (this.place) this.view?.detach(this.place);
     this.view = null;
+  }
+
+  private get place(): HTMLElement | null {
+    return this.querySelector("#cell");
   }
 
   private async build(): Promise<void> {
     try {
-      const [{ CellView }, known] = await Promise.all([import("../drawing/cell-view"), scene()]);
-      const meshes = await meshesOf(known);
-      const place = this.querySelector<HTMLElement>("#cell");
+      const [drawing, known] = await Promise.all([import("../drawing/cell-view"), scene()]);
+      const view = await viewOf(drawing, known, palette(this));
+      const { place } = this;
       if (!place || !this.isConnected) return;
-      this.view?.close();
-      this.view = new CellView(place, known, meshes, palette(this), (frames) => {
+      this.view = view;
+      view.attach(place, (frames) => {
         if (frames === 1) {
           performance.clearMarks("cell drawn");
           performance.mark("cell drawn");
@@ -181,6 +188,21 @@ export class CellScreen extends PageElement {
     save(address, "cell.png");
     setTimeout(() => URL.revokeObjectURL(address), 10_000);
   }
+}
+
+async function viewOf(
+  drawing: typeof import("../drawing/cell-view"),
+  known: Scene,
+  colours: Palette,
+): Promise<CellView> {
+  const isSame = (one: object, other: object): boolean =>
+    one === other || JSON.stringify(one) === JSON.stringify(other);
+  if (!kept?.view.usable || !isSame(kept.scene, known) || !isSame(kept.colours, colours)) {
+    const meshes = await meshesOf(known);
+    kept?.view.close();
+    kept = { view: new drawing.CellView(known, meshes, colours), scene: known, colours };
+  }
+  return kept.view;
 }
 
 async function meshesOf(known: Scene): Promise<Map<string, ArrayBuffer>> {

@@ -574,7 +574,7 @@ export const de: Record<keyof typeof en, string> = {
   "view.none": "Im Augenblick ist keine geplant.",
   "view.name": "Ansicht {number}",
   "view.where": "{distance} mm entfernt, um {tilt}° geneigt",
-  "view.leaves": "danach bleiben {value} {unit}",
+  "view.leaves": "Danach ist die Unsicherheit {value} {unit}",
   "view.seen": "Was die Kamera sieht",
   "estimate.used": "Bilder mit der Tafel",
   "estimate.wished": "{found} (gewünscht {wished})",

@@ -580,7 +580,7 @@ export const en = {
   "view.none": "None is planned at the moment.",
   "view.name": "View {number}",
   "view.where": "{distance} mm away, tilted by {tilt}°",
-  "view.leaves": "it leaves {value} {unit}",
+  "view.leaves": "After it the uncertainty is {value} {unit}",
   "view.seen": "What the camera sees",
   "estimate.used": "Images with the target",
   "estimate.wished": "{found} ({wished} wished)",
