@@ -29,6 +29,9 @@ LARGEST_BYTES = 150_000
 
 QUALITY = 80
 SIZE = {"width": 1180, "height": 760}
+TALL = 1000
+"""Height of the window for what stands below one another: dome and forecast, figures and map, px."""
+
 CALIBRATION_HEIGHT = 1180
 """Height of the window for the calibration, px: down to the residuals."""
 
@@ -56,7 +59,8 @@ def save(page: Page, name: str, folder: Path) -> None:
 def take(page: Page, url: str, client: Client, folder: Path) -> None:
     """Takes the pictures of a session."""
 
-    def shoot(name: str, place: str, ready: Callable[[], None] = lambda: None) -> None:
+    def shoot(name: str, place: str, ready: Callable[[], None] = lambda: None, height: int = SIZE["height"]) -> None:
+        page.set_viewport_size({"width": SIZE["width"], "height": height})
         page.goto(f"{url}/#/{place}")
         page.locator("main h1").wait_for()
         ready()
@@ -67,18 +71,21 @@ def take(page: Page, url: str, client: Client, folder: Path) -> None:
     session = client.create(RECIPE)
     client.start(session.id)
     wait_for(client, session.id, State.PAUSED)
-    shoot("review", f"sessions/{session.id}/plan", lambda: page.locator("#sigma-picture").wait_for())
+    shoot("review", f"sessions/{session.id}/plan", lambda: page.locator("#sigma-picture").wait_for(), TALL)
     client.resume(session.id)
-    page.goto(f"{url}/#/cell")
-    page.locator("#cell[data-frames]").wait_for()
-    client.wait_ready()
-    page.wait_for_timeout(3_000)
-    page.emulate_media(color_scheme="dark")
-    shoot("cell", "cell", lambda: page.locator("#cell[data-frames]").wait_for())
-    page.emulate_media(color_scheme="light")
     wait_for(client, session.id, State.COMPLETED)
     shoot("progress", f"sessions/{session.id}", lambda: page.locator(".images img").nth(6).wait_for())
-    shoot("result", f"sessions/{session.id}/result", lambda: page.locator("#map").wait_for())
+    shoot("result", f"sessions/{session.id}/result", lambda: page.locator("#map").wait_for(), TALL)
+    client.create(Recipe(label="Coin, obverse", notes="after cleaning"))
+    shoot("sessions", "sessions", lambda: page.locator("tbody tr").nth(1).wait_for())
+    for name in ("Coin, obverse", "Coin, reverse"):
+        client.enqueue(name)
+    shoot("queue", "queue", lambda: page.locator("tbody tr").nth(1).wait_for())
+    shoot("camera", f"preview/{session.id}", lambda: page.locator("#preview:not([data-images='0'])").wait_for())
+    shoot("rig", "rig", lambda: page.locator("#checks").wait_for(), TALL)
+    page.emulate_media(color_scheme="dark")  # while another screen is shown: the cell is drawn in its colours at once
+    shoot("cell", "cell", lambda: page.locator("#cell[data-frames]").wait_for(), TALL - 100)
+    page.emulate_media(color_scheme="light")
 
 
 def take_calibration(page: Page, url: str, cell: Cell, client: Client, folder: Path) -> None:

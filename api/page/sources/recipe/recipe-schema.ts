@@ -48,8 +48,9 @@ export async function recipeFields(recipe = "Recipe"): Promise<Field[]> {
 function fieldsOf(schema: Schema, schemas: Record<string, Schema>): Field[] {
   return Object.entries(schema.properties ?? {}).flatMap(([name, property]) => {
     if (property.const !== undefined) return [];
-    const inner = property.$ref ? schemas[property.$ref.split("/").at(-1)!]! : property;
-    const present = inner.anyOf?.find((one) => one.type !== "null") ?? inner;
+    const named = (one: Schema): Schema => (one.$ref ? schemas[one.$ref.split("/").at(-1)!]! : one);
+    const inner = named(property);
+    const present = named(inner.anyOf?.find((one) => one.type !== "null") ?? inner);
     const least = present.minimum ?? present.exclusiveMinimum;
     return [
       {
