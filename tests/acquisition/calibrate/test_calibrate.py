@@ -93,6 +93,7 @@ def test_park_of_exact_poses_is_exact() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 def test_covariance_of_fifty_calibrations_covers_truth() -> None:
     """Camera, base from camera, joint offsets."""
     of_camera, of_pose, of_joints = list[float](), list[float](), list[float]()
@@ -112,6 +113,7 @@ def test_covariance_of_fifty_calibrations_covers_truth() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 def test_planned_views_reach_accuracy_with_fewer_than_random() -> None:
     """Views until base from camera is as certain as after sixteen random ones."""
     needed: list[int] = []

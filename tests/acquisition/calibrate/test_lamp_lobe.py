@@ -81,6 +81,7 @@ def test_lobe_of_plane_that_is_not_matt_is_refused() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 def test_covariance_of_fifty_lobes_covers_truth() -> None:
     """Intensity, lobe and sides of fifty LEDs, and the camera's flat field."""
     of_lobe, of_flat_field, unknowns = list[float](), list[float](), list[int]()

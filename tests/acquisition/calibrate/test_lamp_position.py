@@ -97,6 +97,7 @@ def test_choose_poses_tell_more_than_as_many_random_ones() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 def test_fit_covariance_covers_truth_in_fifty_cells() -> None:
     squares = list[float]()
     for seed in range(100, 150):
@@ -107,6 +108,7 @@ def test_fit_covariance_covers_truth_in_fifty_cells() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 def test_fit_covariance_holds_that_of_joint_offsets() -> None:
     """Offsets that are known to 0.06° only: with their covariance errors are covered, without it they are larger."""
     squares, without = list[float](), list[float]()

@@ -32,6 +32,7 @@ def test_response_finds_sensor_room_and_defects() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 def test_response_values_lie_in_their_intervals() -> None:
     errors = np.array([errors_in_sigma(seed) for seed in range(50)])
     for name, of_value in zip(("black level", "gain", "read noise", "full well", "bend"), errors.T, strict=True):
