@@ -106,6 +106,14 @@ def detect(image: np.ndarray, board: CharucoBoard, name: str, joints: FloatArray
     return View(name, np.ravel(numbers), seen, joints)
 
 
+def shift_px(first: View, second: View) -> float:
+    """Median distance of the corners that both views show, pixels; infinite where they share too few."""
+    _, one, other = np.intersect1d(first.corners, second.corners, return_indices=True)
+    if len(one) < MIN_CORNERS:
+        return float("inf")
+    return float(np.median(np.linalg.norm(second.pixels[other] - first.pixels[one], axis=1)))
+
+
 def _as_8_bit(image: np.ndarray) -> np.ndarray:
     if image.dtype == np.uint8:
         return image

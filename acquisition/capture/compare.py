@@ -38,6 +38,11 @@ class Comparison:
     detail: str
 
 
+def has_shifted(shift_px: float, width: int) -> bool:
+    """Whether so large a shift of a repeated image that is `width` pixels wide tells that something has moved."""
+    return shift_px > max(MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH * width)
+
+
 def same_scene(
     first: npt.NDArray[np.uint16], repeated: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel
 ) -> Comparison:
@@ -51,9 +56,7 @@ def same_scene(
     shift_px = shift(before, after, region)
     changed = float(np.mean(differs))
     differences = [
-        f"has shifted by {shift_px:.2f} pixels"
-        if shift_px > max(MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH * first.shape[1])
-        else "",
+        f"has shifted by {shift_px:.2f} pixels" if has_shifted(shift_px, first.shape[1]) else "",
         f"differs in {changed:.1%} of its pixels" if changed > MAX_CHANGED_SHARE else "",
         f"has {brightness:.0%} of its brightness" if abs(brightness - 1) > MAX_BRIGHTNESS_CHANGE else "",
     ]

@@ -12,7 +12,7 @@ from acquisition import lamp_pose
 from acquisition.calibrate import board_results, board_session, board_view, charuco
 from acquisition.calibrate.board_results import AdjustmentRecord
 from acquisition.calibrate.board_session import BoardEstimate, BoardImages
-from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
+from acquisition.capture.compare import has_shifted
 from acquisition.formats.atomic_write import atomic_folder, discard_partial
 from acquisition.models.base import as_joints
 from acquisition.models.calibration import Calibration
@@ -75,11 +75,10 @@ def board_moved(before: np.ndarray, after: np.ndarray, cell: CellConfig) -> str:
     first, second = charuco.detect(before, board, "before"), charuco.detect(after, board, "after")
     if first is None or second is None:
         return "the board is not seen any more" if second is None else ""
-    _, one, other = np.intersect1d(first.corners, second.corners, return_indices=True)
-    if len(one) < charuco.MIN_CORNERS:
+    shift_px = charuco.shift_px(first, second)
+    if np.isinf(shift_px):
         return "other parts of the board are seen"
-    shift_px = float(np.median(np.linalg.norm(second.pixels[other] - first.pixels[one], axis=1)))
-    if shift_px > max(MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH * before.shape[1]):
+    if has_shifted(shift_px, before.shape[1]):
         return f"its corners are {shift_px:.1f} pixels from where they were: board or camera has moved"
     return ""
 

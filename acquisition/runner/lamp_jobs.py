@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from acquisition import geometry, lamp_pose, photometry
 from acquisition.calibrate import charuco, highlight, lamp_position, lamp_results, lamp_session, lamp_targets
-from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
+from acquisition.capture.compare import MAX_SHIFT_PX, has_shifted
 from acquisition.capture.take import Exposed
 from acquisition.formats.atomic_write import atomic_folder, discard_partial
 from acquisition.models.base import FloatArray, as_joints
@@ -119,7 +119,7 @@ def look_at_target(
             "seen: does the plane lie in the object's place, face up, is the lamp on, and is it that of the cell file?"
         )
     before = None if placed_before is None else charuco.detect(placed_before, board, "before")
-    if before is not None and _shift_px(before, seen) < MAX_SHIFT_PX:
+    if before is not None and charuco.shift_px(before, seen) < MAX_SHIFT_PX:
         return "the plane lies as it did before: lay it on a wedge, tilted by 10–20°"
     return ""
 
@@ -136,8 +136,8 @@ def target_moved(before: np.ndarray, after: np.ndarray, sphere: bool, cell: Cell
         one, other = charuco.detect(before, board, "before"), charuco.detect(after, board, "after")
         if other is None:
             return "the plane's frame is not seen any more"
-        shift_px = 0.0 if one is None else _shift_px(one, other)
-    if shift_px > max(MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH * before.shape[1]):
+        shift_px = 0.0 if one is None else charuco.shift_px(one, other)
+    if has_shifted(shift_px, before.shape[1]):
         return f"it is {shift_px:.1f} pixels from where it was: target, camera or lamp has moved"
     return ""
 
@@ -241,14 +241,6 @@ def _plane_levels(lights: list[Light], cell: CellConfig, calibration: Calibratio
     vectors = photometry.light_vectors(points, photometry.lamps(lights), calibration)[:, :, 0]
     shading = np.maximum(vectors.astype(float) @ normal, 1e-3)
     return (lamp_targets.require_targets(cell).albedo * calibration.lamp_intensity * shading).tolist()
-
-
-def _shift_px(first: charuco.View, second: charuco.View) -> float:
-    """Median distance of the corners that both views show, pixels; infinite where they share too few."""
-    _, one, other = np.intersect1d(first.corners, second.corners, return_indices=True)
-    if len(one) < charuco.MIN_CORNERS:
-        return float("inf")
-    return float(np.median(np.linalg.norm(second.pixels[other] - first.pixels[one], axis=1)))
 
 
 def _hand_eye(known: Path | None) -> HandEyeResult:

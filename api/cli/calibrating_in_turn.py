@@ -17,6 +17,7 @@ from acquisition.models.calibration_recipe import AnyRecipe, BoardRecipe, tool_o
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import State
 from api import Client
+from api.cli import session_calibrating
 from api.rest.schemas import SessionResource
 from hardware_sim import placing
 
@@ -118,28 +119,10 @@ def follow(client: Client, recipe: AnyRecipe, hands: Hands, say: Say) -> Session
             client.resume(done.id)
             continue
         break
-    if done.state is not State.COMPLETED or done.estimate is None or not done.estimate.estimated:
-        code = ErrorCode.CALIBRATION_INFEASIBLE if reason is None else reason.code
-        why = "no estimate" if reason is None else f"{reason.detail}. {reason.remedy}"
-        raise RigError(code, f"Session {done.id} is {done.state}: {why}")
-    for sentence in sentences(done):
+    for sentence in session_calibrating.sentences(session_calibrating.completed(done)):
         say(sentence)
-    report = f"/v1/sessions/{done.id}/estimates/{client.estimates(done.id)[-1].number}/report.html"
-    say(f"report with values, residuals and pictures: {report}")
+    say(f"report with values, residuals and pictures: {session_calibrating.report_path(client, done.id)}")
     return done
-
-
-def sentences(done: SessionResource) -> list[str]:
-    """What a calibration session found, for people."""
-    found = done.estimate
-    if found is None:
-        return []
-    said: list[str] = []
-    if found.focal_px is not None and found.projection_sigma_px is not None:
-        said.append(f"focal length {found.focal_px:.1f} px; directions known to {found.projection_sigma_px:.3f} px")
-    if found.position_sigma_mm is not None and found.rotation_sigma_deg is not None:
-        said.append(f"camera known to {found.position_sigma_mm:.2f} mm and {found.rotation_sigma_deg:.3f}°")
-    return [*said, *found.advice]
 
 
 def _prepare(client: Client, recipe: AnyRecipe, hands: Hands) -> None:

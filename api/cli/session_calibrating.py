@@ -12,6 +12,7 @@ from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import State
 from api import Client
+from api.rest.schemas import SessionResource
 
 
 def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool) -> dict[str, Any]:
@@ -32,16 +33,10 @@ def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool)
         console.print(f"session {created.id}: POST {address}/v1/rig/stop stops it at any time")
         client.start(created.id)
         done = client.wait(created.id)
-        if done.state is not State.COMPLETED or done.estimate is None or not done.estimate.estimated:
-            reason = done.reason
-            code = ErrorCode.CALIBRATION_INFEASIBLE if reason is None else reason.code
-            why = "no estimate" if reason is None else f"{reason.detail}. {reason.remedy}"
-            raise RigError(code, f"Session {done.id} is {done.state}: {why}")
-        found = done.estimate
-        _show(console, found)
-        for sentence in found.advice:
+        found = completed(done)
+        for sentence in sentences(found):
             console.print(sentence)
-        console.print(f"report: {report_address(client, address, done.id)}")
+        console.print(f"report: {address.rstrip('/')}{report_path(client, done.id)}")
         if activate:
             client.activate_calibration(done.id)
             console.print(f"calibration {done.id} is in use")
@@ -50,10 +45,19 @@ def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool)
         return {"calibration": done.id, "active": activate, **found.model_dump(mode="json")}
 
 
-def report_address(client: Client, address: str, session_id: str) -> str:
-    """Where the report of a session's newest estimate is."""
-    newest = client.estimates(session_id)[-1].number
-    return f"{address.rstrip('/')}/v1/sessions/{session_id}/estimates/{newest}/report.html"
+def completed(session: SessionResource) -> CalibrationSummary:
+    """What a calibration session has found. Raises RigError with its reason where it has not completed."""
+    if session.state is State.COMPLETED and session.estimate is not None and session.estimate.estimated:
+        return session.estimate
+    reason = session.reason
+    code = ErrorCode.CALIBRATION_INFEASIBLE if reason is None else reason.code
+    why = "no estimate" if reason is None else f"{reason.detail}. {reason.remedy}"
+    raise RigError(code, f"Session {session.id} is {session.state}: {why}")
+
+
+def report_path(client: Client, session_id: str) -> str:
+    """Path, at the service's address, of the report of a session's newest estimate."""
+    return f"/v1/sessions/{session_id}/estimates/{client.estimates(session_id)[-1].number}/report.html"
 
 
 def target_at_hand(address: str) -> str:
@@ -62,13 +66,20 @@ def target_at_hand(address: str) -> str:
         return "board" if client.rig().tool == "board" else "plane"
 
 
-def _show(console: Console, found: CalibrationSummary) -> None:
+def sentences(found: CalibrationSummary) -> list[str]:
+    """What a calibration session found and what to do next, for people."""
+    said: list[str] = []
+    if found.focal_px is not None and found.projection_sigma_px is not None:
+        said.append(f"focal length {found.focal_px:.1f} px; directions known to {found.projection_sigma_px:.3f} px")
     if found.position_sigma_mm is not None:
-        console.print(f"camera known to {found.position_sigma_mm:.2f} mm and {found.rotation_sigma_deg:.3f}°")
-    if found.focal_px is not None:
-        console.print(f"focal length {found.focal_px:.1f} px; directions known to {found.projection_sigma_px:.3f} px")
+        what = "lamp" if found.rotation_sigma_deg is None else "camera"
+        turned = "" if found.rotation_sigma_deg is None else f" and {found.rotation_sigma_deg:.3f}°"
+        said.append(f"{what} known to {found.position_sigma_mm:.2f} mm{turned}")
+    if found.verified_deg is not None:
+        said.append(f"verified: normals off by {found.verified_deg:.2f}° on the placing that took no part")
     if found.gain_e_per_dn is not None:
-        console.print(
+        said.append(
             f"{found.gain_e_per_dn:.3f} electrons per value, read noise {found.read_noise_e:.2f}, full well "
             f"{found.full_well_e:.0f} electrons; {found.defective_pixels} defective pixels"
         )
+    return [*said, *found.advice]

@@ -1,0 +1,43 @@
+"""What a calibration session tells a person at its end, and the error of one that has not completed."""
+
+import pytest
+
+from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.session import State
+from api.cli.session_calibrating import completed, sentences
+from api.rest.schemas import SessionResource
+
+LAMP = CalibrationSummary(
+    kind="lamp", images=72, used=72, estimated=True, position_sigma_mm=0.08, verified_deg=0.22, advice=["Use it."]
+)
+
+
+def test_sentences_name_what_is_known_of_lamp_and_camera() -> None:
+    assert sentences(LAMP) == [
+        "lamp known to 0.08 mm",
+        "verified: normals off by 0.22° on the placing that took no part",
+        "Use it.",
+    ]
+    camera = LAMP.model_copy(update={"rotation_sigma_deg": 0.03, "verified_deg": None})
+    assert sentences(camera) == ["camera known to 0.08 mm and 0.030°", "Use it."]
+
+
+def test_completed_session_gives_its_estimate() -> None:
+    done = SessionResource.model_construct(id="a", state=State.COMPLETED, reason=None, estimate=LAMP)
+    assert completed(done) is LAMP
+
+
+@pytest.mark.parametrize(
+    ("state", "estimate"),
+    [
+        (State.PAUSED, LAMP),
+        (State.COMPLETED, None),
+        (State.COMPLETED, LAMP.model_copy(update={"estimated": False})),
+    ],
+)
+def test_session_without_result_is_refused_by_name(state: State, estimate: CalibrationSummary | None) -> None:
+    ended = SessionResource.model_construct(id="a", state=state, reason=None, estimate=estimate)
+    with pytest.raises(RigError, match=f"Session a is {state}") as refused:
+        completed(ended)
+    assert refused.value.code is ErrorCode.CALIBRATION_INFEASIBLE
