@@ -97,7 +97,7 @@ def test_draw_pixel_format_is_refused(tmp_path: Path) -> None:
 
 def test_shift_is_that_of_shared_corners_and_infinite_without() -> None:
     numbers = np.arange(12)
-    pixels = np.stack([10.0 * numbers, 5.0 * numbers], axis=1)
+    pixels: FloatArray = np.stack([10.0 * numbers, 5.0 * numbers], axis=1, dtype=np.float64)
     first = charuco.View("first", numbers, pixels)
     moved = charuco.View("moved", numbers[2:], pixels[2:] + np.array([3.0, -4.0]))
     assert charuco.shift_px(first, moved) == pytest.approx(5.0)
