@@ -86,13 +86,7 @@ class ShotCapture:
             self._follow(record, step.waypoint, stop)
 
         def judge(pixels: np.ndarray, exposure_s: float) -> check.Verdict:
-            recipe, camera = record.recipe, self._rig.cell.camera
-            verdict = check.lit_frame(
-                pixels, self.region, self._calibration.sensor, exposure_s, recipe.exposure, camera
-            )
-            if verdict.retake_s is not None or not verdict.usable:
-                return verdict
-            return self._compare_with_earlier(record, step, pixels, exposure_s, verdict.quality)
+            return self.judge_lit(record, step, pixels, exposure_s)
 
         taken = self._expose_until_good(record, step, self._first_exposure(record, step), judge, stop)
         verdict = taken.verdict
@@ -103,6 +97,14 @@ class ShotCapture:
                 light=step.key.number,
             )
         self._store_shot(record, step.key, taken.exposed, taken.exposure_s, taken.attempt, verdict.quality)
+
+    def judge_lit(self, record: SessionRecord, step: TakeShot, pixels: np.ndarray, exposure_s: float) -> check.Verdict:
+        """Judges a lit frame (H, W) by itself, and then against the earlier ones and the predicted image."""
+        wanted, camera = record.recipe.exposure, self._rig.cell.camera
+        verdict = check.lit_frame(pixels, self.region, self._calibration.sensor, exposure_s, wanted, camera)
+        if verdict.retake_s is not None or not verdict.usable:
+            return verdict
+        return self._compare_with_earlier(record, step, pixels, exposure_s, verdict.quality)
 
     def take_dark(self, record: SessionRecord, step: TakeDark, stop: StopToken) -> None:
         """Takes a lamp-off frame. Raises Halted, RigError capture.frame_rejected, and what devices report."""
@@ -121,16 +123,16 @@ class ShotCapture:
         first, here, retakes = step.shot, self._rig.arm.reading.joints, record.recipe.retakes
         self._return_to(record, first, here, stop)
         before = self._pixels_of(record, first)
-        attempt = 0
+        attempt = differed = 0
         while True:
             # Noise differs from one attempt to the next in a simulated cell too, and no two images have the same.
             before_this = first.attempt + 1 + record.references
             exposed, attempt = self._expose(record, step.key, first.exposure_s, attempt, stop, before_this)
             same = compare.same_scene(before, exposed.frame.pixels, self.region, self._calibration.sensor)
-            if same.accepted or attempt == retakes:
+            if same.accepted or differed == retakes:
                 break
             self._announce_retake(record, step.key, same.detail)
-            attempt += 1
+            attempt, differed = attempt + 1, differed + 1
         if not same.accepted:
             raise self._scene_moved(record, step, same)
         self._store_shot(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
@@ -170,31 +172,31 @@ class ShotCapture:
         attempts_before: int = 0,
     ) -> tuple[Exposed, int]:
         """A lit frame and the number of its attempt; a frame that the camera loses is retaken as the recipe allows."""
-        lit = self.lit(record, key)
+        lit, lost = self.lit(record, key), 0
         while True:
             try:
                 return take.expose(self._rig, exposure_s, attempts_before + attempt, lit=lit, stop=stop), attempt
             except RigError as error:
-                if error.code is not ErrorCode.CAMERA_TIMEOUT or attempt == record.recipe.retakes:
+                if error.code is not ErrorCode.CAMERA_TIMEOUT or lost == record.recipe.retakes:
                     raise
                 self._announce_retake(record, key, error.detail)
-                attempt += 1
+                attempt, lost = attempt + 1, lost + 1
 
     def _expose_until_good(
         self, record: SessionRecord, step: TakeShot, exposure_s: float,
         judge: Callable[[np.ndarray, float], check.Verdict], stop: StopToken,
     ) -> Attempt:  # fmt: skip
         """The frame of a step with the verdict on it, retaken at the exposure time that the verdict asks for as often
-        as the recipe allows; `judge` takes pixels (H, W) and exposure time, s."""
-        attempt = 0
+        as the recipe allows; `judge` takes pixels (H, W) and exposure time, s. Frames that were lost count apart."""
+        attempt = rejected = 0
         while True:
             exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop)
             self._require_arm_at_light(exposed, step)
             verdict = judge(exposed.frame.pixels, exposure_s)
-            if verdict.retake_s is None or attempt == record.recipe.retakes:
+            if verdict.retake_s is None or rejected == record.recipe.retakes:
                 return Attempt(exposed, exposure_s, attempt, verdict)
             self._announce_retake(record, step.key, verdict.quality.reason)
-            exposure_s, attempt = verdict.retake_s, attempt + 1
+            exposure_s, attempt, rejected = verdict.retake_s, attempt + 1, rejected + 1
 
     def _pixels_of(self, record: SessionRecord, shot: Shot) -> np.ndarray:
         """Pixels (H, W) of an image of the session."""
@@ -280,6 +282,7 @@ class ShotCapture:
             taken_at=exposed.frame.taken_at,
             quality=quality,
             camera=_camera_record(exposed.frame),
+            motion=exposed.motion,
         )
         self._store.journal.add_shot(record.session_id, shot)
 
