@@ -36,6 +36,7 @@ LAST_SHORT_ID = 65_535
 GAIN_STEP = 0.1
 """Largest difference of a gain read back from that set: makers step by 0.1 dB or less."""
 
+_CHUNK = "ExposureTime"
 _AUTOMATIC = ("ExposureAuto", "GainAuto", "BalanceWhiteAuto", "BlackLevelAuto")
 _TEMPERATURE, _BLACK_LEVEL = "DeviceTemperature", "BlackLevel"
 
@@ -59,6 +60,7 @@ class AravisCamera:
             )
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
         self._camera: Any = None
+        self._chunks: Any = None  # reads the chunks of a buffer; none: the camera has none that matters
         self._stream: Any = None
         self._number = 0
         self._last_id: int | None = None
@@ -111,13 +113,12 @@ class AravisCamera:
                 self._pulse()
             else:
                 self._camera.software_trigger()
-            pixels = self._receive(triggered_at, exposure_s, stop)
+            pixels, had_s = self._receive(triggered_at, exposure_s, stop)
         except self._error as error:
             self.close()
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The camera does not answer: {error.message}") from error
-        return Frame(
-            pixels, settings.exposure_s, triggered_at + settings.exposure_s / 2, self._number, settings, temperature
-        )
+        exposure_s = had_s or settings.exposure_s
+        return Frame(pixels, exposure_s, triggered_at + exposure_s / 2, self._number, settings, temperature)
 
     def restart(self) -> None:
         """Ends the acquisition, throws away what waits, and begins anew. Raises RigError device.disconnected."""
@@ -163,7 +164,18 @@ class AravisCamera:
         device.set_string_feature_value("TriggerMode", "On")
         source = config.trigger_source if self._pulse is not None else "Software"
         device.set_string_feature_value("TriggerSource", source)
+        self._chunks = self._chunk_parser(camera)
         self._require_taken(camera)
+
+    def _chunk_parser(self, camera: Any) -> Any:
+        """Has each frame carry the exposure time that it had; None where the camera has no such chunk."""
+        if not camera.are_chunks_available():
+            return None
+        try:
+            camera.set_chunks(_CHUNK)
+        except self._error:
+            return None
+        return camera.create_chunk_parser()
 
     def _require_taken(self, camera: Any) -> None:
         """Raises RigError config.invalid for a setting that the camera has rounded or clipped in silence."""
@@ -194,13 +206,18 @@ class AravisCamera:
         self._last_id = None
         self._camera.start_acquisition()
 
-    def _receive(self, triggered_at: float, exposure_s: float, stop: StopToken) -> npt.NDArray[np.uint16]:
+    def _receive(
+        self, triggered_at: float, exposure_s: float, stop: StopToken
+    ) -> tuple[npt.NDArray[np.uint16], float | None]:
+        """The frame, and the exposure time, s, that it says it had."""
         deadline = time.monotonic() + self._config.timeout_s + exposure_s
         while not stop.is_set():
             buffer = self._stream.timeout_pop_buffer(POLL_US)
             if buffer is not None:
                 try:
-                    return self._pixels(buffer, triggered_at)
+                    pixels = self._pixels(buffer, triggered_at)
+                    had = None if self._chunks is None else self._chunks.get_float_value(buffer, f"Chunk{_CHUNK}")
+                    return pixels, None if had is None else float(had) * 1e-6
                 finally:
                     self._stream.push_buffer(buffer)
             if time.monotonic() > deadline:
@@ -267,6 +284,7 @@ class AravisCamera:
             black_level=settings.black_level is not None,
             temperature=_has(device, _TEMPERATURE),
             frame_numbers=True,
+            chunk_exposure=self._chunks is not None,
         )
 
     def _float(self, device: Any, name: str) -> float | None:

@@ -1,4 +1,4 @@
-"""A Basler camera through the maker's own library: software trigger, everything automatic switched off.
+"""A Basler camera through the maker's own library: one trigger a frame, everything automatic switched off.
 
 Each exposure starts and stops the grabbing of exactly one frame. That costs about a millisecond, and a frame that was
 given up on can never be taken for the next one. A frame's number counts the acquisitions, plus its place in its own:
@@ -9,6 +9,7 @@ needs them linear. The library is loaded only where a cell file asks for it.
 
 import importlib
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from acquisition.devices import Frame, StopToken
 from acquisition.devices.frame_accounting import BadFrameError
-from acquisition.models.camera import CameraCapabilities, CameraSettings
+from acquisition.models.camera import CameraCapabilities, CameraSettings, TriggerKind
 from acquisition.models.camera_config import PylonCameraConfig
 from acquisition.models.colour import mosaic_of
 from acquisition.models.errors import ErrorCode, Halted, RigError
@@ -24,14 +25,18 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 POLL_MS = 50  # a stop token is seen within this
 READY_S = 2.0  # a camera that is not ready for its trigger by then is stuck
 _AUTOMATIC = ("ExposureAuto", "GainAuto", "BalanceWhiteAuto")
+_CHUNK = "ExposureTime"  # what each frame carries of itself, where the model has such a chunk
 _FIXED = (("AcquisitionMode", "Continuous"), ("TriggerSelector", "FrameStart"), ("TriggerMode", "On"))
 
 
 class PylonCamera:
     """One Basler camera; see the Protocol `CameraDriver`. Raises RigError config.invalid without the extra `basler`."""
 
-    def __init__(self, config: PylonCameraConfig) -> None:
+    def __init__(self, config: PylonCameraConfig, pulse: Callable[[], None] | None = None) -> None:
+        """`pulse` raises and lowers the line that is wired to the camera; without it the trigger is by software."""
         self._config = config
+        self._pulse = pulse if config.trigger == "hardware" else None
+        self._has_chunk = False
         try:
             self._pylon: Any = importlib.import_module("pypylon.pylon")
         except ImportError as error:
@@ -67,7 +72,8 @@ class PylonCamera:
             detail = f"The camera {self._config.serial} refuses what the cell file asks for: {error}"
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
         self._camera = camera
-        return _capabilities(camera, f"Basler {camera.GetDeviceInfo().GetModelName()} {self._config.serial}")
+        known = _capabilities(camera, f"Basler {camera.GetDeviceInfo().GetModelName()} {self._config.serial}")
+        return known.model_copy(update={"chunk_exposure": self._has_chunk})
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
         """Takes one frame; `attempt` says nothing to a real camera.
@@ -110,25 +116,35 @@ class PylonCamera:
         gain.Value = gain.Min if self._config.gain is None else type(gain.Value)(self._config.gain)
         for name, value in _FIXED:
             getattr(camera, name).Value = value
-        camera.TriggerSource.Value = "Software"
+        camera.TriggerSource.Value = "Software" if self._pulse is None else self._config.trigger_source
+        if self._pulse is not None and _present(camera, "TriggerActivation"):
+            camera.TriggerActivation.Value = "RisingEdge"
+        self._has_chunk = _enable_chunk(camera)
 
     def _expose(self, camera: Any, exposure_s: float, stop: StopToken) -> Frame:
         _exposure_node(camera).Value = exposure_s * 1e6
-        settings = _settings(camera)
+        settings = _settings(camera, "software" if self._pulse is None else "hardware")
         self._acquisitions += 1
         camera.StartGrabbingMax(1)
         try:
             if not camera.WaitForFrameTriggerReady(int(READY_S * 1000), self._pylon.TimeoutHandling_Return):
                 raise RigError(ErrorCode.CAMERA_TIMEOUT, "The camera does not get ready for its trigger.")
             taken_at = time.time()
-            camera.ExecuteSoftwareTrigger()
-            pixels, place = self._retrieve(camera, time.monotonic() + self._config.timeout_s + exposure_s, stop)
+            if self._pulse is None:
+                camera.ExecuteSoftwareTrigger()
+            else:
+                self._pulse()
+            pixels, place, had_s = self._retrieve(camera, time.monotonic() + self._config.timeout_s + exposure_s, stop)
         finally:
             camera.StopGrabbing()
-        return Frame(pixels, settings.exposure_s, taken_at, self._acquisitions + place, settings, _temperature(camera))
+        taken_at += settings.exposure_s / 2
+        number = self._acquisitions + place
+        return Frame(pixels, had_s or settings.exposure_s, taken_at, number, settings, _temperature(camera))
 
-    def _retrieve(self, camera: Any, deadline: float, stop: StopToken) -> tuple[npt.NDArray[np.uint16], int]:
-        """The frame and its place in its acquisition, from 0."""
+    def _retrieve(
+        self, camera: Any, deadline: float, stop: StopToken
+    ) -> tuple[npt.NDArray[np.uint16], int, float | None]:
+        """The frame, its place in its acquisition, from 0, and the exposure time, s, that it says it had."""
         while not stop.is_set():
             result = camera.RetrieveResult(POLL_MS, self._pylon.TimeoutHandling_Return)
             if result.IsValid():
@@ -139,7 +155,8 @@ class PylonCamera:
                     block = int(result.GetBlockID())
                     if self._first_block is None:
                         self._first_block = block
-                    return np.array(result.Array, dtype=np.uint16), block - self._first_block
+                    had_s = float(result.ChunkExposureTime.Value) * 1e-6 if self._has_chunk else None
+                    return np.array(result.Array, dtype=np.uint16), block - self._first_block, had_s
             if time.monotonic() > deadline:
                 detail = f"The camera sent no complete frame within {self._config.timeout_s:.0f} s after the exposure."
                 raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
@@ -155,7 +172,7 @@ def _capabilities(camera: Any, name: str) -> CameraCapabilities:
         height=settings.height,
         bits=int(digits or 8),
         mosaic=mosaic_of(settings.pixel_format),
-        triggers=("software",),
+        triggers=("software", "hardware"),
         min_exposure_s=float(exposure.Min) * 1e-6,
         max_exposure_s=float(exposure.Max) * 1e-6,
         black_level=settings.black_level is not None,
@@ -164,7 +181,19 @@ def _capabilities(camera: Any, name: str) -> CameraCapabilities:
     )
 
 
-def _settings(camera: Any) -> CameraSettings:
+def _enable_chunk(camera: Any) -> bool:
+    """Has each frame carry the exposure time that it had; False where the model has no such chunk."""
+    if not (_present(camera, "ChunkModeActive") and _readable(camera, "ChunkSelector")):
+        return False
+    if _CHUNK not in camera.ChunkSelector.Symbolics:
+        return False
+    camera.ChunkModeActive.Value = True
+    camera.ChunkSelector.Value = _CHUNK
+    camera.ChunkEnable.Value = True
+    return True
+
+
+def _settings(camera: Any, trigger: TriggerKind = "software") -> CameraSettings:
     """The settings as the camera reads them back."""
     gain, black = (_number(camera, names) for names in (("Gain", "GainRaw"), ("BlackLevel", "BlackLevelRaw")))
     other = [(name, str(getattr(camera, name).Value)) for name in (*_AUTOMATIC, "Gamma") if _readable(camera, name)]
@@ -175,6 +204,7 @@ def _settings(camera: Any) -> CameraSettings:
         height=int(camera.Height.Value),
         gain=gain,
         black_level=black,
+        trigger=trigger,
         other=tuple(other),
     )
 

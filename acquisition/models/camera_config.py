@@ -1,6 +1,6 @@
 """The `[camera]` section of a cell file, one class for each kind of camera."""
 
-from typing import Annotated, Literal, cast
+from typing import Annotated, Literal, Self, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -46,16 +46,34 @@ class SimCameraConfig(CameraConfig):
     port: int = Field(default=30100, gt=0, lt=65536)
 
 
-class PylonCameraConfig(CameraConfig):
+class LineTriggerConfig(CameraConfig):
+    """Settings of a camera whose input may be wired to an output of the arm's controller."""
+
+    trigger: TriggerKind = Field(
+        default="software", description="`hardware`: an output of the arm's controller is wired to the camera's input"
+    )
+    trigger_output: int | None = Field(default=None, ge=0, le=17, description="That output, numbered as the lamp's")
+    trigger_source: str = Field(default="Line0", description="The camera's name of that input")
+
+    @model_validator(mode="after")
+    def _names_its_output(self) -> Self:
+        """Refuses a hardware trigger without an output."""
+        if self.trigger == "hardware" and self.trigger_output is None:
+            raise ValueError("a hardware trigger needs `trigger_output`")
+        return self
+
+
+class PylonCameraConfig(LineTriggerConfig):
     """A Basler camera (GigE or USB3) by its serial number; needs the extra `basler`."""
 
     kind: Literal["pylon"]
     serial: str = Field(min_length=1)
     pixel_format: GenicamFormat = "Mono12"
     gain: float | None = Field(default=None, ge=0, description="In dB or the model's unit; default: its minimum")
+    trigger_source: str = Field(default="Line1", description="The camera's name of that input")
 
 
-class AravisCameraConfig(CameraConfig):
+class AravisCameraConfig(LineTriggerConfig):
     """A GigE Vision or USB3 Vision camera of any maker, through Aravis of the system."""
 
     kind: Literal["aravis"]
@@ -69,18 +87,6 @@ class AravisCameraConfig(CameraConfig):
     )
     height: int | None = Field(default=None, gt=0, description="Likewise")
     gain: float | None = Field(default=None, ge=0, description="In dB or the model's unit; default: its minimum")
-    trigger: TriggerKind = Field(
-        default="software", description="`hardware`: an output of the arm's controller is wired to the camera's input"
-    )
-    trigger_output: int | None = Field(default=None, ge=0, le=17, description="That output, numbered as the lamp's")
-    trigger_source: str = Field(default="Line0", description="The camera's name of that input")
-
-    @model_validator(mode="after")
-    def _names_its_output(self) -> "AravisCameraConfig":
-        """Refuses a hardware trigger without an output."""
-        if self.trigger == "hardware" and self.trigger_output is None:
-            raise ValueError("a hardware trigger needs `trigger_output`")
-        return self
 
 
 class FolderCameraConfig(CameraConfig):

@@ -167,7 +167,7 @@ def _driver(camera: AnyCamera, pulse_output: Callable[[int], None] | None) -> Ca
         case SimCameraConfig():
             return SimCamera(camera)
         case PylonCameraConfig():
-            return PylonCamera(camera)
+            return PylonCamera(camera, _pulse(pulse_output, camera.trigger_output))
         case AravisCameraConfig():
             return AravisCamera(camera, _pulse(pulse_output, camera.trigger_output))
         case MicromanagerCameraConfig():

@@ -2,6 +2,7 @@
 
 import threading
 import time
+import types
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from acquisition.devices import StopToken
 from acquisition.devices.camera_aravis import AravisCamera
 from acquisition.devices.frame_accounting import AccountedCamera
+from acquisition.models.camera import CameraCapabilities
 from acquisition.models.camera_config import AravisCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 from tests.acquisition.devices.camera_return import expose_when_back
@@ -106,6 +108,31 @@ def test_aravis_camera_of_another_program_is_refused(camera: AccountedCamera) ->
     with pytest.raises(RigError, match="nother program") as raised:
         AravisCamera(CONFIG).connect()
     assert raised.value.code is ErrorCode.CAMERA_UNREACHABLE
+
+
+@needs_aravis
+def test_aravis_chunk_exposure_is_compared_with_what_was_asked(gige: Gige) -> None:
+    """Aravis' simulated camera has no chunks: a stand-in for its parser says what a frame with one does."""
+    gige.say("lost 0")
+    driver = AravisCamera(CONFIG)
+    camera = AccountedCamera(driver, CONFIG)
+    camera.connect()
+    assert camera.capabilities is not None
+    assert not camera.capabilities.chunk_exposure
+    said = iter([8000.0, 4000.0])  # µs
+    driver._chunks = types.SimpleNamespace(get_float_value=lambda _buffer, name: next(said) if name else 0.0)
+    set_up = driver.connect
+
+    def connect() -> CameraCapabilities:
+        known, chunks = set_up(), types.SimpleNamespace(get_float_value=lambda _buffer, name: next(said))
+        driver._chunks = chunks
+        return known
+
+    driver.connect = connect  # type: ignore[method-assign]
+    frame = camera.expose(0.004, 0, NEVER)
+    assert frame.exposure_s == pytest.approx(0.004)
+    assert camera.counts["settings"] == 1
+    camera.close()
 
 
 @needs_aravis
