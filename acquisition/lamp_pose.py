@@ -6,6 +6,7 @@ by directions, but the arm reaches some positions only: each ideal direction is 
 candidate, and a set of candidates that cannot surround the object is refused before anything moves.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +16,7 @@ from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
+from acquisition.models.shot import Shot
 
 MIN_SUPPORT = 0.05
 """Smallest extent of the candidates (sine of the slant) towards every azimuth; below it they lie in one half-plane."""
@@ -101,6 +103,16 @@ def light_from_tool(base_from_tool: FloatArray, calibration: Calibration) -> Lig
         return Light(position=(x, y, z), axis=(u, v, w))
     i, j, k = (view_from_lamp[:3, :2] @ np.array(calibration.lobe.tilt)).tolist()
     return Light(position=(x, y, z), axis=(u, v, w), tilt=(i, j, k))
+
+
+def with_motion(calibration: Calibration, shots: Sequence[Shot]) -> Calibration:
+    """The calibration with the lamp's position σ that images have of which some were taken on the way: root of the mean
+    variance, that of the lamp's motion and of its time included."""
+    variances = [0.0 if shot.motion is None else shot.motion.sigma_m**2 for shot in shots]
+    if not any(variances):
+        return calibration
+    sigma_m = math.sqrt(calibration.lamp_position_sigma_m**2 + float(np.mean(variances)))
+    return calibration.model_copy(update={"lamp_position_sigma_m": sigma_m})
 
 
 def common_errors(base_from_tools: FloatArray, calibration: Calibration) -> FloatArray | None:

@@ -62,6 +62,7 @@ from acquisition.models.step import (
     SolveNormals,
     Step,
     TakeDark,
+    TakeScan,
     TakeShot,
 )
 
@@ -97,7 +98,6 @@ ARM_STATE: dict[State, str] = {
     State.STOPPED: "The arm is not this session's.",
     State.FAILED: "The arm is not this session's.",
 }
-
 """Each state, as a sentence for people about the arm."""
 
 RIG_HOLDING = frozenset({State.RUNNING, State.PAUSING, State.PAUSED, State.STOPPING, State.INTERRUPTED})
@@ -263,11 +263,11 @@ def next_step(record: SessionRecord, joints: tuple[float, ...], home: tuple[floa
         if record.unverified and newest is not None and (left or any(dark not in current.darks for dark in darks)):
             return RepeatReference(newest, reference_key)
         if left:
-            leg = None if current.route is None else _next_leg(current.route, left, joints)
-            if leg is None:
+            legs = [] if current.route is None else _next_legs(current.route, left, joints)
+            if not legs:
                 return PlanRoute(number, left)
-            light_number, waypoint = leg
-            return TakeShot(ShotKey(pass_number=number, number=light_number), waypoint)
+            shots = [TakeShot(ShotKey(pass_number=number, number=light), waypoint) for light, waypoint in legs]
+            return TakeScan(tuple(shots)) if while_moving(record.recipe) and len(shots) > 1 else shots[0]
         if not same_joints(joints, home):
             return GoHome(number, current.route)
         for dark_number, exposure_s in enumerate(darks):
@@ -302,7 +302,7 @@ def stage(record: SessionRecord, step: Step | None) -> Stage:
             return Stage.PLAN
         case PlanRoute():
             return Stage.WAYPOINTS
-        case RepeatReference() | TakeShot() | TakeDark() | GoHome():
+        case RepeatReference() | TakeShot() | TakeScan() | TakeDark() | GoHome():
             return Stage.CAPTURE
         case SolveNormals():
             return Stage.NORMALS if isinstance(record.recipe, Recipe) else Stage.ESTIMATE
@@ -342,6 +342,11 @@ def _is_pilot(recipe: AnyRecipe, pass_number: int) -> bool:
     return pass_number == 0 and isinstance(recipe, Recipe) and recipe.method == "optimal"
 
 
+def while_moving(recipe: AnyRecipe) -> bool:
+    """Whether images are taken as the arm arrives."""
+    return isinstance(recipe, Recipe) and recipe.capture.while_moving
+
+
 def _takes_darks(recipe: AnyRecipe) -> bool:
     """Whether each exposure time of a pass has a lamp-off frame."""
     return isinstance(recipe, Recipe) or recipe.takes_darks
@@ -378,14 +383,18 @@ def _newest_image(record: SessionRecord, pass_number: int) -> Shot | None:
     return max(shots, key=lambda shot: shot.taken_at) if shots else None
 
 
-def _next_leg(route: Route, left: tuple[int, ...], joints: tuple[float, ...]) -> tuple[int, Waypoint] | None:
-    """The first remaining light and its waypoint, if the arm is at the start (or the end) of that leg."""
+def _next_legs(route: Route, left: tuple[int, ...], joints: tuple[float, ...]) -> list[tuple[int, Waypoint]]:
+    """The remaining lights and waypoints from the leg at whose start (or end) the arm is, as far as without a gap."""
     if not set(left) <= set(route.light_numbers):
-        return None
+        return []
     leg_start: tuple[float, ...] = route.start
+    legs: list[tuple[int, Waypoint]] = []
     for light_number, waypoint in zip(route.light_numbers, route.waypoints, strict=True):
         if light_number in left:
-            on_leg = same_joints(joints, leg_start) or same_joints(joints, waypoint.joints)
-            return (light_number, waypoint) if on_leg else None
+            if not legs and not (same_joints(joints, leg_start) or same_joints(joints, waypoint.joints)):
+                return []
+            legs.append((light_number, waypoint))
+        elif legs:
+            break
         leg_start = waypoint.joints
-    return None
+    return legs

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from acquisition.devices import ArmReading, Frame, MotionLimits, Rig, StopToken
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.shot import ShotMotion
 
 MAX_EXPOSURE_MOTION_RAD = 5e-4
 """Largest movement, rad, of a joint during an exposure (0.5 mm at 1 m); a larger one rejects the frame."""
@@ -20,10 +21,11 @@ MOST_RETURNS = 5
 
 @dataclass(frozen=True)
 class Exposed:
-    """A frame and the arm's reading in the middle of it."""
+    """A frame and the arm's reading in the middle of it; `motion` where it was taken while the arm moved."""
 
     frame: Frame
     reading: ArmReading
+    motion: ShotMotion | None = None
 
 
 def follow_path(rig: Rig, path: Sequence[Sequence[float]], speeds: Sequence[float], stop: StopToken) -> None:

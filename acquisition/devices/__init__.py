@@ -63,6 +63,16 @@ class ArmReading:
 
 
 @dataclass(frozen=True)
+class TrackPoint:
+    """Where the arm was at a moment of the controller's own clock, s; `received_at` is time.monotonic() of arrival."""
+
+    timestamp: float
+    received_at: float
+    joints: tuple[float, ...]  # rad
+    base_from_tool: FloatArray  # (4, 4), as the controller measures it
+
+
+@dataclass(frozen=True)
 class Finding:
     """One disagreement found by preflight, and its remedy."""
 
@@ -108,6 +118,10 @@ class Arm(Protocol):
     @property
     def reading(self) -> ArmReading:
         """The newest reading; cached, never blocks, any thread."""
+        ...
+
+    def track(self, seconds: float) -> Sequence[TrackPoint]:
+        """Where the arm was in the newest `seconds`, oldest first; cached, never blocks, any thread."""
         ...
 
     def connect(self) -> ArmIdentity:

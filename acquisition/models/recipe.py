@@ -27,6 +27,17 @@ class Exposure(Value):
     )
 
 
+class Capture(Value):
+    """How images are taken."""
+
+    while_moving: bool = Field(
+        default=False,
+        description="Whether images are taken as the arm arrives at each light and leaves it, with the lamp on all the "
+        "way: an exposure begins as soon as the lamp will move by less than its calibrated 1 σ until it ends; what "
+        "moved further is taken again at rest",
+    )
+
+
 class Recipe(Value):
     """Parameters of a capture session; the defaults, `{}`, are a complete recipe."""
 
@@ -60,6 +71,7 @@ class Recipe(Value):
         default=0, ge=0, le=2**31 - 1, description="Seed of everything random: the same images give the same plan"
     )
     exposure: Exposure = Field(default=Exposure(), description="Exposure of the images")
+    capture: Capture = Field(default=Capture(), description="How images are taken")
     retakes: int = Field(default=2, ge=0, le=10, description="How often an image that was rejected is taken again")
     review_plan: bool = Field(
         default=False, description="Pause after planning, so that a person can review and change the lights"

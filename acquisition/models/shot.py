@@ -44,6 +44,15 @@ class FrameQuality(Value):
     reason: str = Field(default="", description="Why it was rejected; empty: it was not")
 
 
+class ShotMotion(Value):
+    """How the lamp moved while an image was exposed: it was taken on the way (`capture.while_moving`)."""
+
+    moved_m: float = Field(description="Largest distance between two places of the lamp during the exposure, m")
+    sigma_m: float = Field(
+        description="1 σ per axis of its place about the one recorded, by that motion and by the clocks; m"
+    )
+
+
 class Shot(Value):
     """One image and what was measured while it was exposed."""
 
@@ -69,6 +78,9 @@ class Shot(Value):
     quality: FrameQuality = Field(description="What the check of the frame found")
     camera: CameraRecord | None = Field(
         default=None, description="The camera's settings and the frame's number; null: the camera does not tell"
+    )
+    motion: ShotMotion | None = Field(
+        default=None, description="The lamp's motion during the exposure; null: the arm was at rest"
     )
 
 

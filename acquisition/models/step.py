@@ -54,6 +54,18 @@ class TakeShot:
 
 
 @dataclass(frozen=True)
+class TakeScan:
+    """Follow consecutive waypoints of a route and take the image of each as the arm arrives there."""
+
+    shots: tuple[TakeShot, ...]
+
+    @property
+    def pass_number(self) -> int:
+        """The pass that the images belong to."""
+        return self.shots[0].key.pass_number
+
+
+@dataclass(frozen=True)
 class GoHome:
     """Follow a collision-free path home, so that the arm is out of the picture."""
 
@@ -77,5 +89,14 @@ class SolveNormals:
 
 
 Step = (
-    ChooseLights | AwaitReview | AwaitTarget | RepeatReference | PlanRoute | TakeShot | GoHome | TakeDark | SolveNormals
+    ChooseLights
+    | AwaitReview
+    | AwaitTarget
+    | RepeatReference
+    | PlanRoute
+    | TakeShot
+    | TakeScan
+    | GoHome
+    | TakeDark
+    | SolveNormals
 )

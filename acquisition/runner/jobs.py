@@ -202,6 +202,13 @@ def plan_route(lights: list[Light], start: tuple[float, ...], cell: CellConfig, 
     return routing.route(lights, start, cell, calibration)
 
 
+def plan_route_on_the_way(
+    lights: list[Light], start: tuple[float, ...], cell: CellConfig, calibration: Calibration
+) -> Route:
+    """The same for images that are taken on the way: moves are nearly all of the time, and are searched for longer."""
+    return routing.route(lights, start, cell, calibration, routing.DENSE_NODES)
+
+
 def plan_route_of_views(
     lights: list[Light], joints: list[Joints], start: tuple[float, ...], cell: CellConfig, calibration: Calibration
 ) -> Route:

@@ -25,6 +25,7 @@ def solve_in_cell(
     The object is inside the keep-out cylinder, whose centre is the initial depth, and stands on the cell's table.
     `block_map` solves the blocks of the final solve. Raises RigError normals.infeasible.
     """
+    calibration = lamp_pose.with_motion(calibration, observations.shots)
     return solve(
         observations,
         calibration,

@@ -12,6 +12,7 @@ from typing import Any, assert_never
 
 import numpy as np
 
+from acquisition import session
 from acquisition.capture import region
 from acquisition.devices import Rig, StopToken
 from acquisition.models.calibration import Calibration
@@ -32,12 +33,14 @@ from acquisition.models.step import (
     SolveNormals,
     Step,
     TakeDark,
+    TakeScan,
     TakeShot,
 )
 from acquisition.runner import calibration_checks, estimates, re_solve
 from acquisition.runner.board_shots import BoardShots
 from acquisition.runner.compute import Compute
 from acquisition.runner.lamp_shots import LampShots
+from acquisition.runner.moving_shots import MovingShotCapture
 from acquisition.runner.re_solve import SolveRequest
 from acquisition.runner.response_shots import ResponseShots
 from acquisition.runner.rig_choices import RigChoices
@@ -55,7 +58,7 @@ class StepExecutor:
         self._rig = rig
         self._choices = choices
         self._compute = compute
-        self._shots = ShotCapture(store, rig, choices, compute)
+        self._shots = MovingShotCapture(store, rig, choices, compute)
         self._board_shots = BoardShots(store, rig, choices, compute)
         self._lamp_shots = LampShots(store, rig, choices, compute)
         self._response_shots = ResponseShots(store, rig, choices, compute)
@@ -107,6 +110,8 @@ class StepExecutor:
                 self._plan_route(record, step, stop)
             case TakeShot():
                 shots.take_shot(record, step, stop)
+            case TakeScan():
+                self._shots.take_scan(record, step, stop)
             case GoHome():
                 shots.go_home(record, step, stop)
             case TakeDark():
@@ -239,7 +244,8 @@ class StepExecutor:
             known = (start, self._shots.cell_of(record), self._calibration)
             try:
                 if plan.joints is None:
-                    route = self._compute.run(stop, "plan_route", lights, *known)
+                    job = "plan_route_on_the_way" if session.while_moving(record.recipe) else "plan_route"
+                    route = self._compute.run(stop, job, lights, *known)
                 else:
                     joints = [plan.joints[light] for light in step.light_numbers]
                     route = self._compute.run(stop, "plan_route_of_views", lights, joints, *known)

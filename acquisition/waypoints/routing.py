@@ -28,7 +28,13 @@ from acquisition.waypoints import order_kernels
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.ik_solutions import IkSolutions
 from acquisition.waypoints.motion import legs
-from acquisition.waypoints.roadmap import ConnectedSolutions, Roadmap, connected_solutions, roadmap
+from acquisition.waypoints.roadmap import (
+    CONFIGURATIONS,
+    ConnectedSolutions,
+    Roadmap,
+    connected_solutions,
+    roadmap,
+)  # fmt: skip
 
 _MAX_EXACT_STOPS = 12
 """Lights up to which dynamic programming finds the optimal tour; more lights: iterated local search."""
@@ -36,8 +42,10 @@ _MAX_TOURS = 12
 """Maximum rounds of lazy certification; each computes one tour."""
 _BLOCKED_FACTOR = 1.2
 """Assumed ratio of detour time to straight time for a blocked leg whose detour has not been computed."""
-_NODES = 400
+NODES = 400
 """Approximate number of configurations over all lights: 24 a light for few lights, fewer for many."""
+DENSE_NODES = 1600
+"""The same where travel is most of the session's time: for 32 lights 3 s more of a processor make it 15 % shorter."""
 _MIN_PER_LIGHT = 6
 """Minimum number of configurations a light."""
 _ROUNDS, _WARM_ROUNDS = 40, 2
@@ -48,16 +56,22 @@ _SAMPLES = 5
 """Samples along a leg for the speed limits while the tour is searched; the legs that are driven get 33."""
 
 
-def route(lights: Sequence[Light], start_joints: Sequence[float], cell: CellConfig, calibration: Calibration) -> Route:
+def route(
+    lights: Sequence[Light], start_joints: Sequence[float], cell: CellConfig, calibration: Calibration,
+    nodes: int = NODES,
+) -> Route:  # fmt: skip
     """Generalised travelling-salesman tour from `start_joints` (6, rad) through all lights (view frame) and home.
+
+    `nodes` is about the number of configurations over all lights that are considered.
 
     Raises RigError waypoints.unreachable when lights have no valid configuration, and waypoints.collision when no
     collision-free path exists to them or from the start; `lights` in the context lists {number, reason, detail} of
     each. Nothing moves.
     """
-    connected = connected_solutions(lights, cell, calibration)
+    first = max(CONFIGURATIONS, nodes // max(len(lights), 1))
+    connected = connected_solutions(lights, cell, calibration, first)
     _require_solutions(connected.solutions)
-    return _tour(lights, connected, start_joints, cell, calibration)
+    return _tour(lights, connected, start_joints, cell, calibration, nodes)
 
 
 def route_of_views(
@@ -78,10 +92,10 @@ def route_of_views(
 
 def _tour(
     lights: Sequence[Light], connected: ConnectedSolutions, start_joints: Sequence[float], cell: CellConfig,
-    calibration: Calibration,
+    calibration: Calibration, nodes: int = NODES,
 ) -> Route:  # fmt: skip
     arm, hubs = scene(cell, calibration), connected.roadmap
-    network = _Network(connected.solutions, _start(start_joints, arm, hubs), cell, arm, hubs)
+    network = _Network(connected.solutions, _start(start_joints, arm, hubs), cell, arm, hubs, nodes)
     tour, lower_bound_s = network.tour()
     waypoints: list[Waypoint] = []
     for before, node in pairwise([network.start, *tour]):
@@ -153,9 +167,10 @@ class _Network:
     """Graph of the configurations of all lights, then start, then home; legs are certified on demand and kept."""
 
     def __init__(
-        self, solutions: Sequence[IkSolutions], start: FloatArray, cell: CellConfig, arm: Scene, hubs: Roadmap
-    ) -> None:
-        each = max(_MIN_PER_LIGHT, _NODES // max(len(solutions), 1))
+        self, solutions: Sequence[IkSolutions], start: FloatArray, cell: CellConfig, arm: Scene, hubs: Roadmap,
+        nodes: int = NODES,
+    ) -> None:  # fmt: skip
+        each = max(_MIN_PER_LIGHT, nodes // max(len(solutions), 1))
         kept = [station.joints[:each] for station in solutions]
         counts = np.array([len(joints) for joints in kept], dtype=np.int64)
         self.first: npt.NDArray[np.int64] = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

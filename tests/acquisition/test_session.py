@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from acquisition import session
 from acquisition.models.calibration_recipe import LampRecipe
 from acquisition.models.light_plan import Light, LightPlan
-from acquisition.models.recipe import Recipe
+from acquisition.models.recipe import Capture, Recipe
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.models.step import (
@@ -25,6 +25,7 @@ from acquisition.models.step import (
     SolveNormals,
     Step,
     TakeDark,
+    TakeScan,
     TakeShot,
 )
 from acquisition.session import Actor, PassRecord, SessionRecord, Stage, State, Trigger
@@ -329,3 +330,19 @@ def test_next_step_lamp_session_repeats_images_of_the_same_target() -> None:
     closing = session.next_step(record(recipe, sphere, full), HOME, HOME)
     assert isinstance(closing, RepeatReference)
     assert closing.shot.key.pass_number == 1
+
+
+def test_next_step_on_the_way_scans_what_follows_without_a_gap() -> None:
+    recipe = Recipe(method="two-rings", capture=Capture(while_moving=True))
+    work = PassRecord(plan=plan(4), route=route([0, 1, 2, 3]))
+    whole = session.next_step(record(recipe, work), HOME, HOME)
+    assert isinstance(whole, TakeScan)
+    assert [step.key.number for step in whole.shots] == [0, 1, 2, 3]
+    assert whole.pass_number == 0
+    gap = replace(work, shots={0: shot(0), 2: shot(2)})
+    single = session.next_step(record(recipe, gap), joints(0), HOME)
+    assert isinstance(single, TakeShot)  # 1 alone; 3 follows by a leg that begins at 2
+    assert single.key.number == 1
+    assert isinstance(session.next_step(record(recipe, gap), HOME, HOME), PlanRoute)
+    assert isinstance(session.next_step(record(Recipe(method="two-rings"), work), HOME, HOME), TakeShot)
+    assert session.stage(record(recipe, work), whole) is session.Stage.CAPTURE

@@ -6,7 +6,7 @@ import pytest
 
 from acquisition.models import cell_config
 from acquisition.models.recipe import Recipe
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session import ENDED, State
 from api.rest import settings, wiring
 from hardware_sim import grade
 from hardware_sim import truth as truth_file
@@ -35,7 +35,7 @@ def mean_error_deg(cell: Cell, cell_file: Path, data: Path) -> float:
     with ControlClient(cell.address) as control:
         rig = simulated_rig.Rig(service.runner, service.store, control)
         session_id = simulated_rig.new(rig, RECIPE)
-        service.runner.act(session_id, Trigger.START, "a")
+        simulated_rig.start(rig, session_id)
         assert simulated_rig.wait_for(rig, session_id, *ENDED, within_s=900.0) is State.COMPLETED
         shots = service.store.journal.shots(session_id)
         assert len({shot.camera.settings for shot in shots if shot.camera is not None}) == 1

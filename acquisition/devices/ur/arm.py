@@ -93,6 +93,10 @@ class UrArm:
         fresh = self.is_open and time.monotonic() - sample.received_at < protocol.HEARTBEAT_S
         return readings.reading_of(sample, fresh, self._lost_reason, self._priority, self._taking_control)
 
+    def track(self, seconds: float) -> readings.Track:
+        """Where the arm was in the newest `seconds`; see the Protocol `Arm`."""
+        return [readings.point_of(values) for values in self._memory.track(seconds)]
+
     @property
     def wakeups(self) -> dict[float, int]:
         """How often the driver has woken late, by upper bound of the lateness, s; for monitoring."""
@@ -217,11 +221,8 @@ class UrArm:
         )
         if not move.path:
             return
-        deadline_s = (
-            REQUEST_DEADLINE_S
-            + 2.0 * move.seconds(self.reading.joints, self.reading.speed_fraction)
-            + protocol.ACKNOWLEDGE_S
-        )
+        seconds = move.seconds(self.reading.joints, self.reading.speed_fraction)
+        deadline_s = REQUEST_DEADLINE_S + 2.0 * seconds + protocol.ACKNOWLEDGE_S
         halted, renewed_at = False, None
 
         def renew_lease() -> None:
@@ -262,9 +263,8 @@ class UrArm:
     def set_output(self, output: int, on: bool) -> None:
         """Sets the lamp's output and waits for its read-back; for `UrLamp`."""
         if output != self._lamp_output:
-            raise RigError(
-                ErrorCode.CONFIG_INVALID, f"The arm was given lamp output {self._lamp_output}, not {output}."
-            )
+            detail = f"The arm was given lamp output {self._lamp_output}, not {output}."
+            raise RigError(ErrorCode.CONFIG_INVALID, detail)
         self._switch(protocol.SetLamp(on), halts=on)
 
     def pulse_output(self, output: int) -> None:

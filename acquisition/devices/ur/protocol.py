@@ -198,6 +198,7 @@ class Field(IntEnum):
     HALT_DONE = 2  # driver: the newest halt request that it has carried out
     LEASE = 3  # service: time of the last renewal of the lease
     HEARTBEAT = 4  # driver: time of the last iteration of its loop
+    TRACKED = 6  # driver: how many points of the track it has written
     PRIORITY = 5  # driver: what the machine has granted it, a `process_priority.Priority`; 0 before the first driver
 
 
@@ -207,12 +208,19 @@ LATENESS_BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, ma
 _SAMPLE = struct.Struct("<21d6q")
 _SAMPLE_AT = 64
 _CHECKSUM = struct.Struct("<I")
-_SIZE = mmap.PAGESIZE
+_POINT = struct.Struct("<14d")
+_POINT_SIZE = _POINT.size + 8  # with its checksum
+_TRACK_AT = mmap.PAGESIZE
+TRACK_LENGTH = 512
+"""Points of the track that are kept: 4 s at 125 Hz."""
+
+_SIZE = mmap.PAGESIZE * (2 + TRACK_LENGTH * _POINT_SIZE // mmap.PAGESIZE)
 _LATENESS = 256  # index of the first counter of wake-ups, far behind the sample
 
 
 class SharedMemory:
-    """One shared page: 64-bit fields with atomic access, and the newest sample with a checksum.
+    """Shared memory: 64-bit fields with atomic access, the newest sample with a checksum, and a ring of the last points
+    of the arm's track with a checksum each.
 
     A sample that is copied while it is being written does not match its checksum and is copied again; this needs no
     lock and holds on any memory order.
@@ -222,6 +230,7 @@ class SharedMemory:
         self.descriptor = descriptor
         self._page = mmap.mmap(descriptor, _SIZE)
         self._fields = memoryview(self._page).cast("q")
+        self._tracked_at = -1.0  # controller's time of the last point written
 
     @classmethod
     def create(cls) -> "SharedMemory":
@@ -275,6 +284,31 @@ class SharedMemory:
             sample.link,
         )
         self._page[_SAMPLE_AT : _SAMPLE_AT + len(data) + _CHECKSUM.size] = data + _CHECKSUM.pack(zlib.crc32(data))
+        if sample.timestamp != self._tracked_at:
+            self._tracked_at = sample.timestamp
+            self._add_point(sample)
+
+    def _add_point(self, sample: Sample) -> None:
+        count = self.read(Field.TRACKED)
+        data = _POINT.pack(sample.timestamp, sample.received_at, *sample.joints, *sample.base_from_tool)
+        at = _TRACK_AT + count % TRACK_LENGTH * _POINT_SIZE
+        self._page[at : at + len(data) + _CHECKSUM.size] = data + _CHECKSUM.pack(zlib.crc32(data))
+        self.write(Field.TRACKED, count + 1)
+
+    def track(self, seconds: float) -> list[tuple[float, ...]]:
+        """The points of the newest `seconds`, oldest first: controller's time, time of arrival, joints and pose; one
+        that is being overwritten is left out."""
+        count, points = self.read(Field.TRACKED), list[tuple[float, ...]]()
+        for number in range(count - 1, max(count - TRACK_LENGTH, -1), -1):
+            at = _TRACK_AT + number % TRACK_LENGTH * _POINT_SIZE
+            data = self._page[at : at + _POINT.size + _CHECKSUM.size]
+            if zlib.crc32(data[: _POINT.size]) != _CHECKSUM.unpack_from(data, _POINT.size)[0]:
+                continue
+            point = _POINT.unpack(data[: _POINT.size])
+            if points and point[1] < points[0][1] - seconds:
+                break
+            points.append(point)
+        return points[::-1]
 
     def sample(self) -> Sample | None:
         """The newest sample; None before the first one, or when its writer died in mid-write."""

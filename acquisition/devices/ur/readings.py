@@ -1,7 +1,9 @@
 """Readings of the arm as the service knows them, from the driver's samples."""
 
+from collections.abc import Sequence
+
 from acquisition import geometry
-from acquisition.devices import ArmReading, DriverPriority
+from acquisition.devices import ArmReading, DriverPriority, TrackPoint
 from acquisition.devices.process_priority import Priority
 from acquisition.devices.ur.protocol import Link, Sample
 
@@ -16,6 +18,9 @@ NO_READING = ArmReading(
     False, (0.0,) * 6, (0.0,) * 6, geometry.pose((0, 0, 0), (0, 0, 0)), 0.0, -1, 0, -1, False, 0.0, 0, 0.0
 )
 """The value before the first connection."""
+
+Track = list[TrackPoint]
+"""Where the arm was, oldest first."""
 
 
 def reading_of(
@@ -40,3 +45,8 @@ def reading_of(
         driver_priority=priority,
         taking_control=taking_control,
     )
+
+
+def point_of(values: Sequence[float]) -> TrackPoint:
+    """A point of the track from its values in the shared memory."""
+    return TrackPoint(values[0], values[1], tuple(values[2:8]), geometry.pose(values[8:11], values[11:14]))

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from acquisition.devices.ur.protocol import Field, Link, Sample, SharedMemory
+from acquisition.devices.ur.protocol import TRACK_LENGTH, Field, Link, Sample, SharedMemory
 
 SAMPLE = Sample(
     joints=(0.1, -0.2, 0.3, -0.4, 0.5, -0.6),
@@ -94,3 +94,21 @@ def test_shared_memory_concurrent_reader_sees_no_mixed_sample() -> None:
         finally:
             writer.kill()
     assert samples - {None} == {SAMPLE, other}
+
+
+def test_shared_memory_track_keeps_the_newest_points_in_order() -> None:
+    memory = SharedMemory.create()
+    assert memory.track(1.0) == []
+    for number in range(TRACK_LENGTH + 40):
+        memory.publish(dataclasses.replace(SAMPLE, timestamp=0.008 * number, received_at=0.008 * number + 0.003))
+        memory.publish(dataclasses.replace(SAMPLE, timestamp=0.008 * number, robot_mode=3))  # no new data
+    points = memory.track(100.0)
+    assert [round(point[0] / 0.008) for point in points] == list(
+        range(41, TRACK_LENGTH + 40)
+    )  # the oldest may be overwritten
+    assert points[-1][2:8] == SAMPLE.joints
+    assert points[-1][8:] == SAMPLE.base_from_tool
+    assert len(memory.track(0.1)) == 13
+    other = SharedMemory(memory.descriptor)  # the next driver's: its points follow
+    other.publish(dataclasses.replace(SAMPLE, timestamp=99.0))
+    assert memory.track(0.0)[-1][0] == 99.0

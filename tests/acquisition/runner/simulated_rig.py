@@ -10,7 +10,7 @@ from typing import Any, Literal
 import pytest
 
 from acquisition.models.calibration_recipe import AnyRecipe
-from acquisition.models.errors import RigError
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.runner.runner import Runner
 from acquisition.session import ENDED, State, Trigger
@@ -60,6 +60,20 @@ def new(rig: Rig, recipe: AnyRecipe = SMALL) -> str:
     return rig.runner.create(recipe)[0].id
 
 
+def start(rig: Rig, session_id: str, within_s: float = 300.0) -> None:
+    """Starts a session; again, as a person does, while a machine that is too busy has not connected everything."""
+    deadline = time.monotonic() + within_s
+    while True:
+        try:
+            rig.runner.act(session_id, Trigger.START, "a")
+        except RigError as error:
+            if error.code is not ErrorCode.RIG_NOT_READY or time.monotonic() > deadline:
+                raise
+            time.sleep(0.5)
+        else:
+            return
+
+
 def wait_for(rig: Rig, session_id: str, *states: State, within_s: float = 90.0) -> State:
     deadline = time.monotonic() + within_s
     while (state := rig.store.journal.session(session_id).state) not in states:
@@ -89,7 +103,7 @@ def refusal(rig: Rig, session_id: str) -> RigError:
 def after_first_image(rig: Rig, recipe: AnyRecipe = LONG, within_s: float = 90.0) -> str:
     """A session that runs and has taken its first image."""
     session_id = new(rig, recipe)
-    rig.runner.act(session_id, Trigger.START, "a")
+    start(rig, session_id)
     deadline = time.monotonic() + within_s
     while not rig.store.journal.shots(session_id):
         assert time.monotonic() < deadline, rig.store.journal.session(session_id)
