@@ -6,6 +6,7 @@ how fast it moves; the camera sees grey when the lamp is on. The jobs give light
 
 import threading
 import time
+from collections import deque
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.devices import ArmIdentity, ArmReading, Finding, Frame, MotionLimits, RecoveryStep, Rig, StopToken
+from acquisition.devices import (
+    ArmIdentity,
+    ArmReading,
+    Finding,
+    Frame,
+    MotionLimits,
+    RecoveryStep,
+    Rig,
+    StopToken,
+    TrackPoint,
+)
 from acquisition.devices.frame_accounting import AccountedCamera
 from acquisition.models import cell_config
 from acquisition.models.base import Vector3, as_joints
@@ -51,6 +62,7 @@ class QuickArm:
         self._safety_bits = NORMAL
         self.lamp = False
         self.moves: list[float] = []  # when each began, time.monotonic()
+        self._points: deque[TrackPoint] = deque(maxlen=1000)
 
     @property
     def reading(self) -> ArmReading:
@@ -69,6 +81,11 @@ class QuickArm:
             digital_outputs=int(self.lamp),
             received_at=time.monotonic(),
         )
+
+    def track(self, seconds: float) -> list[TrackPoint]:
+        now = time.monotonic()
+        self._points.append(TrackPoint(now, now, self._joints, np.eye(4)))
+        return [point for point in self._points if point.received_at >= now - seconds]
 
     def connect(self) -> ArmIdentity:
         return ArmIdentity("UR5", "1", "5.12")
@@ -193,6 +210,9 @@ class QuickCompute(Compute):
             seconds=LEG_S * len(lights),
             lower_bound_s=LEG_S * len(lights),
         )
+
+    def _plan_route_on_the_way(self, *known: Any) -> Route:
+        return self._plan_route(*known)
 
     def _rejoin_route(self, *_: Any) -> Route:
         raise RigError(ErrorCode.WAYPOINTS_COLLISION, "There is no way back to the route")

@@ -113,7 +113,11 @@ def test_pylon_hardware_trigger_takes_the_lines_frame() -> None:
     opened.connect()
     assert opened._camera.TriggerSource.Value == "Line1"
     opened.close()
-    wired = PylonCamera(line.model_copy(update={"trigger_source": "Software"}), wired._camera.ExecuteSoftwareTrigger)
+
+    def pulse() -> None:
+        wired._camera.ExecuteSoftwareTrigger()
+
+    wired = PylonCamera(line.model_copy(update={"trigger_source": "Software"}), pulse)
     wired.connect()
     frame = wired.expose(0.01, 0, StopToken())
     wired.close()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken
+from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken, TrackPoint
 from acquisition.models.base import Vector3
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.runner.safety_monitor import Latch, SafetyMonitor, classify
@@ -36,6 +36,9 @@ class ScriptedArm:
 
     def __init__(self, reading: ArmReading) -> None:
         self.reading = reading
+
+    def track(self, seconds: float) -> list[TrackPoint]:
+        raise NotImplementedError
 
     def connect(self) -> ArmIdentity:
         raise NotImplementedError
