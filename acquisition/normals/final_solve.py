@@ -17,6 +17,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import FisherInformation, NormalMap
+from acquisition.models.tuned import tuned
 from acquisition.normals import (
     alternation,
     error_variance,
@@ -36,11 +37,18 @@ from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, PixelSol
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 from acquisition.normals.specular import HighlightDerivatives
 
-MAX_INDIRECT_SHARE = 0.3
-"""Share of indirect light in a pixel's images above which its σ is flagged as unreliable (`NormalMap.doubtful`)."""
 
-PRELIMINARY_ITERATIONS = 3
-"""Iterations of a solve whose albedo and normals only serve to subtract light."""
+@dataclass(frozen=True)
+class FinalSolveSettings:
+    """Tuned numbers of the solve at full resolution."""
+
+    max_indirect_share: float = tuned(0.3, "share")
+    """Share of indirect light in a pixel's images above which its σ is flagged as unreliable (`NormalMap.doubtful`)."""
+    preliminary_iterations: int = tuned(3, "iterations")
+    """Iterations of a solve whose albedo and normals only serve to subtract light."""
+
+
+SETTINGS = FinalSolveSettings()
 
 SAMPLE_PIXELS = 4000
 """Pixels that the noise is estimated from, and pixels at most whose Fisher information the planner is given."""
@@ -124,7 +132,7 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
         solution = _solve_pixels(sample, state, replace(scene, noise=noise))
         estimated = residual_noise.estimate(
             solution.estimate, solution.values, noise, scene.noise, ray_direction, scene.lamps,
-            photometry.OFFSET_SIGMA_M, solution.extra_variance,
+            photometry.SETTINGS.offset_sigma_m, solution.extra_variance,
         )  # fmt: skip
         return estimated, solution
 
@@ -293,7 +301,7 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "sigma_deg": np.where(solved, sigma, np.nan),
         "mask": solved,
         "silhouette": np.ones_like(solved),
-        "doubtful": solved & ((used < 3) | (share > MAX_INDIRECT_SHARE)),
+        "doubtful": solved & ((used < 3) | (share > SETTINGS.max_indirect_share)),
         "variance": estimate.variance,
         "start": local.depth_m,
         "continuity_weight": local.continuity_weight,
@@ -327,15 +335,17 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
         return pixel_solve.solve_lit(
             pixels, values, lighting, scene,
             PixelSolveOptions(
-                scene.settings.shadow_threshold, photometry.OFFSET_SIGMA_M, scene.cauchy_scale, iterations
+                scene.settings.shadow_threshold, photometry.SETTINGS.offset_sigma_m, scene.cauchy_scale, iterations
             ),
             extra_variance=extra, highlight_by_g=None if gloss is None else gloss.by_g,
         )  # fmt: skip
 
     values, extra, indirect = measured, None, None
     complete = _direct_diffuse(state)
-    estimate = once(values, extra, pixel_solve.IRLS_ITERATIONS if complete else PRELIMINARY_ITERATIONS)
-    for iterations in () if complete else (PRELIMINARY_ITERATIONS, pixel_solve.IRLS_ITERATIONS):
+    estimate = once(
+        values, extra, pixel_solve.SETTINGS.irls_iterations if complete else SETTINGS.preliminary_iterations
+    )
+    for iterations in () if complete else (SETTINGS.preliminary_iterations, pixel_solve.SETTINGS.irls_iterations):
         gloss = state.lobe.derivatives(estimate, lighting.ray_direction)
         direct, values, extra = np.sum(values, axis=0), measured, None
         if gloss is not None:
@@ -347,7 +357,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
                 state.indirect_irradiance, np.sum(values, axis=0) - other, direct - other, estimate.albedo
             )
             values = values - indirect
-            added = np.square(np.float32(photometry.PREDICTED_INDIRECT_SIGMA) * indirect)
+            added = np.square(np.float32(photometry.SETTINGS.predicted_indirect_sigma) * indirect)
             extra = added if extra is None else extra + added
         estimate = once(values, extra, iterations, gloss)
     extra = np.zeros_like(measured) if extra is None else extra

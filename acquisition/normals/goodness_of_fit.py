@@ -15,6 +15,7 @@ import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import GoodnessOfFit
+from acquisition.models.tuned import tuned
 from acquisition.normals import residual_noise
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
@@ -22,22 +23,30 @@ from acquisition.photometry import Noise
 GAUSSIAN_MEDIAN_SQUARE = residual_noise.GAUSSIAN_MEDIAN_DEVIATION**2
 """Median of the square of a standard Gaussian."""
 
-LOG_MISFIT_MEAN, LOG_MISFIT_SD = -0.35, 0.4
-"""Mean and standard deviation of the logarithm of the misfit of sound captures, set between two samples of design
-seeds: −0.45 and 0.55 over 44 Lambertian captures, −0.16 and 0.48 over 160 with rough and translucent ones among them.
-With the first a misfit of 2.5 has a probability of 0.7 %, with the second of 1.2 %, with these of 0.1 %."""
 
-MIN_MEASUREMENTS = 30
-"""Measurements below which a misfit is not stated."""
+@dataclass(frozen=True)
+class GoodnessOfFitSettings:
+    """Tuned numbers of the probability of a misfit."""
 
-GRID = 4
-"""Regions of the object: cells of a grid of so many rows and columns over its bounding box."""
+    log_misfit_mean: float = tuned(-0.35, "1")
+    """Mean of the logarithm of the misfit of sound captures. Set between two samples of design seeds: −0.45 over 44
+    Lambertian captures, −0.16 over 160 with rough and translucent ones among them."""
+    log_misfit_sd: float = tuned(0.4, "1")
+    """Standard deviation of the logarithm of the misfit of sound captures. 0.55 and 0.48 in the same samples. With the
+    first a misfit of 2.5 has a probability of 0.7 %, with the second of 1.2 %, with these numbers of 0.1 %."""
+    min_measurements: int = tuned(30, "measurements")
+    """Measurements below which a misfit is not stated."""
+    grid: int = tuned(4, "cells")
+    """Regions of the object: cells of a grid of so many rows and columns over its bounding box."""
+
+
+SETTINGS = GoodnessOfFitSettings()
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Misfit of all measurements, of each image (F,) and of each region (GRID, GRID); NaN where there are too few; and
-    the median residual as a share of the value, which knows of no noise model."""
+    """Misfit of all measurements, of each image (F,) and of each region (`grid`, `grid`), NaN where they are too few;
+    and the median residual as a share of the value, which knows of no noise model."""
 
     misfit: float
     share: float
@@ -68,7 +77,7 @@ class Fit:
 
 def probability(misfit: float) -> float:
     """Upper tail of the log-normal distribution of sound captures' misfit."""
-    return 0.5 * erfc((log(max(misfit, 1e-6)) - LOG_MISFIT_MEAN) / LOG_MISFIT_SD / sqrt(2))
+    return 0.5 * erfc((log(max(misfit, 1e-6)) - SETTINGS.log_misfit_mean) / SETTINGS.log_misfit_sd / sqrt(2))
 
 
 def evaluate(
@@ -83,10 +92,10 @@ def evaluate(
     squares, relative, used = residual_noise.studentised_squares(
         estimate, values, stated, ray_direction, lamps, offset_sigma_m, extra
     )
-    cell = np.clip((place * GRID).astype(int), 0, GRID - 1)
-    regions = np.full((GRID, GRID), np.nan)
-    for row in range(GRID):
-        for column in range(GRID):
+    cell = np.clip((place * SETTINGS.grid).astype(int), 0, SETTINGS.grid - 1)
+    regions = np.full((SETTINGS.grid, SETTINGS.grid), np.nan)
+    for row in range(SETTINGS.grid):
+        for column in range(SETTINGS.grid):
             inside = (cell[0] == row) & (cell[1] == column)
             regions[row, column] = _misfit(squares[:, inside], used[:, inside])
     images = np.array([_misfit(one, valid) for one, valid in zip(squares, used, strict=True)])
@@ -95,6 +104,6 @@ def evaluate(
 
 
 def _misfit(squares: FloatArray, used: BoolArray) -> float:
-    if np.count_nonzero(used) < MIN_MEASUREMENTS:
+    if np.count_nonzero(used) < SETTINGS.min_measurements:
         return float("nan")
     return float(np.sqrt(np.median(squares[used]) / GAUSSIAN_MEDIAN_SQUARE))

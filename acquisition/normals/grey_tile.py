@@ -16,24 +16,30 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import ModelFinding
 from acquisition.models.shot import Observations, Shot
+from acquisition.models.tuned import tuned
 from acquisition.normals import session_images, silhouette
 
-MODEL_SIGMA = photometry.FLAT_FIELD_SIGMA
+MODEL_SIGMA = photometry.SETTINGS.flat_field_sigma
 """1 σ of the tile's value against that of the light model, as a fraction: the lamp is seen from the tile some 10° from
 where the object sees it, and the object sends the tile some light."""
 
-MAX_CLIPPED_SHARE = 0.02
-"""Share of clipped pixels of the tile above which an image counts as saturated there."""
 
-MIN_EVENNESS = 0.9
-"""Median over the 90th percentile of the tile's pixels, each over its own median of all images, below which a shadow
-lies on part of it: noise of a tile of 25 pixels at a tenth of full scale leaves 0.97."""
+@dataclass(frozen=True)
+class GreyTileSettings:
+    """Tuned numbers of the intensities from a grey tile."""
 
-MIN_BRIGHTNESS = 0.6
-"""Value over the median of all images below which the whole tile lies in a shadow: no lamp loses so much."""
+    max_clipped_share: float = tuned(0.02, "share")
+    """Share of clipped pixels of the tile above which an image counts as saturated there."""
+    min_evenness: float = tuned(0.9, "1")
+    """Median over the 90th percentile of the tile's pixels, each over its own median of all images, below which a
+    shadow lies on part of it: noise of a tile of 25 pixels at a tenth of full scale leaves 0.97."""
+    min_brightness: float = tuned(0.6, "of the median")
+    """Value over the median of all images below which the whole tile lies in a shadow: no lamp loses so much."""
+    min_share: float = tuned(0.5, "share")
+    """Share of the images in which the tile has to be seen."""
 
-MIN_SHARE = 0.5
-"""Share of the images in which the tile has to be seen."""
+
+SETTINGS = GreyTileSettings()
 
 
 @dataclass(frozen=True)
@@ -62,7 +68,7 @@ class TileIntensities:
 
 
 def measure(observations: Observations, calibration: Calibration, tile: GreyTile) -> TileIntensities | None:
-    """Measures the images' relative intensities on a tile; none where less than MIN_SHARE of the images show it lit.
+    """Measures the images' relative intensities on a tile; none where less than `min_share` of the images show it lit.
 
     Raises RigError normals.infeasible as `session_images.read` does.
     """
@@ -77,12 +83,12 @@ def measure(observations: Observations, calibration: Calibration, tile: GreyTile
     ratio = values[:, inside] / np.maximum(shading, 1e-6)
     brightness = np.mean(ratio, axis=1).astype(np.float64)
     even = _evenness(ratio)
-    saturated = np.mean(clipped[:, inside], axis=1) > MAX_CLIPPED_SHARE
-    lit = (shading.min(axis=1) > 0) & (even > MIN_EVENNESS)
+    saturated = np.mean(clipped[:, inside], axis=1) > SETTINGS.max_clipped_share
+    lit = (shading.min(axis=1) > 0) & (even > SETTINGS.min_evenness)
     typical = float(np.median(brightness[lit & ~saturated])) if np.any(lit & ~saturated) else 1.0
-    shadowed = ~saturated & (~lit | (brightness < MIN_BRIGHTNESS * typical))
+    shadowed = ~saturated & (~lit | (brightness < SETTINGS.min_brightness * typical))
     usable = ~saturated & ~shadowed
-    if np.mean(usable) < MIN_SHARE:
+    if np.mean(usable) < SETTINGS.min_share:
         return None
     log = np.log(np.where(usable, brightness, typical) / np.median(brightness[usable]))
     level = np.mean(values[:, inside], axis=1)

@@ -14,10 +14,19 @@ import numpy.typing as npt
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.tuned import tuned
 
-MIN_DIRECTION_SPREAD = 0.02
-"""Least `direction_spread` of distant lights, below which they count as lying in one plane. The directions are stated
-and hold at all pixels, so that it is lower than the one of near lights in `solve`."""
+
+@dataclass(frozen=True)
+class ImageCheckSettings:
+    """Tuned numbers of the check of distant lights."""
+
+    min_direction_spread: float = tuned(0.02, "1")
+    """Least `direction_spread` of distant lights, below which they count as lying in one plane. The directions are
+    stated and hold at all pixels, so that it is lower than the one of near lights in `solve`."""
+
+
+SETTINGS = ImageCheckSettings()
 
 StoredValues = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 
@@ -180,7 +189,7 @@ def check(images: ImageSet) -> None:
         )
     if isinstance(lights, DistantLights):
         spread = direction_spread(first)
-        if not spread > MIN_DIRECTION_SPREAD:
+        if not spread > SETTINGS.min_direction_spread:
             raise RigError(
                 ErrorCode.NORMALS_INFEASIBLE,
                 f"the lights of {images.names[0]} … {images.names[-1]} are parallel or lie in one plane: take images "

@@ -15,23 +15,37 @@ problem, with one multiplier per cell, is solved by Jacobi-preconditioned conjug
 Kernels compile at import, into numba's cache.
 """
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 
 from acquisition.models.base import Float32Array
-from acquisition.normals.regularisation import UNSURE_DEG
+from acquisition.models.tuned import tuned
+from acquisition.normals import regularisation
 
-CIRCULATION_LIMIT = 2.5
-"""Circulation round a cell, in its 1 σ, beyond which it is not noise alone."""
 
-CURVATURE_SIGMA = 0.05
-"""1 σ of the circulation as a share of the slope differences within the cell: pixels are areas, not points."""
+@dataclass(frozen=True)
+class IntegrabilitySettings:
+    """Tuned numbers of the projection to integrable normals."""
 
-LEAST_COSINE = 0.05
-"""Cosine to the viewing ray, that of 87°, below which a slope is too uncertain to constrain its neighbours."""
+    circulation_limit: float = tuned(2.5, "σ")
+    """Circulation round a cell, in its 1 σ, beyond which it is not noise alone."""
+    curvature_sigma: float = tuned(0.05, "share")
+    """1 σ of the circulation as a share of the slope differences within the cell: pixels are areas, not points."""
+    least_cosine: float = tuned(0.05, "cosine")
+    """Cosine to the viewing ray, that of 87°, below which a slope is too uncertain to constrain its neighbours."""
+    rounds: int = tuned(10, "iterations")
+    """Iterations of conjugate gradients: noise is local, and after five of them errors fall by less than a
+    hundredth."""
 
-ROUNDS = 10
-"""Iterations of conjugate gradients: noise is local, and after five of them errors fall by less than a hundredth."""
+
+SETTINGS = IntegrabilitySettings()
+
+CIRCULATION_LIMIT = SETTINGS.circulation_limit
+CURVATURE_SIGMA = SETTINGS.curvature_sigma
+LEAST_COSINE = SETTINGS.least_cosine
+
 
 STRIP_ROWS, OVERLAP_ROWS = 256, 12
 """Rows of a strip, and the rows above and below that are solved with it so that strips leave no seam."""
@@ -42,7 +56,8 @@ def project_integrable(
 ) -> None:
     """Projects unit normals (H, W, 3), view frame, onto integrable ones by least squares, and lowers their σ, in place.
 
-    Where σ is above UNSURE_DEG it comes from too few lights, an error that neighbours share, and is not lowered.
+    Where σ is above the regularisation's `unsure_deg` it comes from too few lights, an error that neighbours share, and
+    is not lowered.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal; `variance`
     (H, W) in rad² is the part of its square that comes from errors which pixels do not share, and is lowered as well;
@@ -65,7 +80,9 @@ def project_integrable(
             continue
         left = _project_strip(strip, before, ray[:, start - first : below], pitch)[first:last]
         normals[start:stop] = strip[first:last]
-        removed = np.where(sigma_deg[start:stop] > UNSURE_DEG, 0, (1 - left) * before[first:last])
+        removed = np.where(
+            sigma_deg[start:stop] > regularisation.SETTINGS.unsure_deg, 0, (1 - left) * before[first:last]
+        )
         sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - removed))
         variance[start:stop] -= removed
 
@@ -87,7 +104,7 @@ def _project_strip(normals: Float32Array, variance: Float32Array, ray: Float32Ar
     direction, image = inverse * circulation, np.zeros(shape, np.float32)
     residual = circulation
     power = float(np.vdot(residual, direction))
-    for _ in range(ROUNDS):
+    for _ in range(SETTINGS.rounds):
         if power <= 0:
             break
         _slope_changes(direction, slope, change)

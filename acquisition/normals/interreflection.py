@@ -21,42 +21,46 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
+from acquisition.models.tuned import tuned
 from acquisition.normals import interreflection_kernels, pixel_solve
 from acquisition.normals.pixel_solve import Estimate, Pixels
 
 AZIMUTHS, WALL_AZIMUTHS = 24, 12
 """Planes in which light is gathered, for pixels and for walls, whose reflected light needs fewer."""
 
-WALL_BOUNCES = 1
-"""Bounces of light between visible surfaces and the walls that the camera does not see."""
 
-BACKGROUND_DEPTH_FACTOR = 2.0
-"""Depth of the background, in multiples of the object's largest depth, where there is no table."""
+@dataclass(frozen=True)
+class InterreflectionSettings:
+    """Tuned numbers of the indirect light."""
 
-LEAST_SHADOW_MEASUREMENTS = 30
-"""Measurements in shadow without which the prediction is taken as it is."""
+    wall_bounces: int = tuned(1, "bounces")
+    """Bounces of light between visible surfaces and the walls that the camera does not see."""
+    background_depth_factor: float = tuned(2.0, "1")
+    """Depth of the background, in multiples of the object's largest depth, where there is no table."""
+    least_shadow_measurements: int = tuned(30, "measurements")
+    """Measurements in shadow without which the prediction is taken as it is."""
+    least_prediction: float = tuned(0.002, "y")
+    """Predicted indirect light, in units of y, below which a measurement in shadow says nothing."""
+    detection_threshold: float = tuned(0.35, "1")
+    """Measured / predicted light in shadows from which indirect light is detected. Where there is only direct light,
+    shadows are black everywhere."""
+    detection_quantile: float = tuned(0.75, "quantile")
+    """Quantile of measured / predicted in shadows, weighted by the prediction, that is compared. An upper quartile,
+    because a shape that is still wrong predicts light where none falls as well."""
+    common_mode_sigma: float = tuned(0.2, "share")
+    """1 σ of the factor by which a pixel's predicted indirect light is wrong under all lights alike."""
+    scale_bounds: tuple[float, float] = tuned((1.0, 1.1), "1")
+    """Bounds of the prediction's scale: 1 is the visible radiosity, the rest is that of surfaces which the camera does
+    not see; 1.1 is the best single scale on five path-traced objects."""
+    attached_cosine: float = tuned(-0.1, "cosine")
+    """Cosine to the lamp below which a pixel is in attached shadow."""
+    facing_cosine: float = tuned(0.35, "cosine")
+    """Cosine to the lamp above which a dark pixel is in cast shadow."""
+    cast_shadow_ratio: float = tuned(0.4, "share")
+    """Share of its direct light below which a pixel that faces the lamp is in cast shadow."""
 
-LEAST_PREDICTION = 0.002
-"""Predicted indirect light, in units of y, below which a measurement in shadow says nothing."""
 
-DETECTION_THRESHOLD = 0.35
-DETECTION_QUANTILE = 0.75
-"""Indirect light is detected when, in shadows, this quantile of measured / predicted, weighted by the prediction, is at
-least the threshold. An upper quartile, because a shape that is still wrong predicts light where none falls as well;
-where there is only direct light, shadows are black everywhere."""
-
-COMMON_MODE_SIGMA = 0.2
-"""1 σ of the factor by which a pixel's predicted indirect light is wrong under all lights alike."""
-
-SCALE_BOUNDS = (1.0, 1.1)
-"""Bounds of the prediction's scale: 1 is the visible radiosity, the rest is that of surfaces which the camera does not
-see; 1.1 is the best single scale on five path-traced objects."""
-
-ATTACHED_COSINE = -0.1
-FACING_COSINE = 0.35
-CAST_SHADOW_RATIO = 0.4
-"""A pixel is in cast shadow when its cosine to the lamp is above FACING_COSINE and it sends less than CAST_SHADOW_RATIO
-of its direct light; it is in attached shadow when the cosine is below ATTACHED_COSINE."""
+SETTINGS = InterreflectionSettings()
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,7 @@ def received_irradiance(
     ray = np.where(inside, pixels.image(pixels.ray), np.stack(rays_around)).astype(np.float32)
     direction = photometry.ray_directions(ray)
     table = surface.table
-    background_m = BACKGROUND_DEPTH_FACTOR * float(np.max(surface.depth_m))
+    background_m = SETTINGS.background_depth_factor * float(np.max(surface.depth_m))
     depth = np.full(pixels.shape, background_m) if table is None else table.depth_m
     bright = np.float32(0) if table is None else table.values
     depth = np.where(inside, pixels.image(surface.depth_m), depth)
@@ -145,39 +149,39 @@ def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Arr
     """Scale of the predicted indirect light (F, N) by a test on shadows in measured `values` (F, N); 0: not detected.
 
     Shadows decide only whether there is indirect light, weighted by its prediction; the amount stays within
-    SCALE_BOUNDS, because shadows understate it while the shape is still wrong.
+    `scale_bounds`, because shadows understate it while the shape is still wrong.
     """
     upper, median = _shadow_ratios(pixels, values, predicted, estimate)
-    return 0.0 if upper < DETECTION_THRESHOLD else float(np.clip(median, *SCALE_BOUNDS))
+    return 0.0 if upper < SETTINGS.detection_threshold else float(np.clip(median, *SETTINGS.scale_bounds))
 
 
 def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
-    """Linear error propagation of COMMON_MODE_SIGMA: variance (N,) in rad² of the normals, both tangential directions.
+    """Error propagation of `common_mode_sigma`: variance (N,) in rad² of the normals, both tangential directions.
 
     A pixel's indirect light (F, N) is wrong by one factor under all lights: a hidden surface is missing from each.
     """
     right = np.einsum("fn,fn,fan->na", estimate.weights, indirect, estimate.light, optimize=True).astype(np.float64)
     moved = pixel_solve.normal_perturbation(estimate, right[:, :, None])
-    return (COMMON_MODE_SIGMA**2 * np.sum(moved * moved, axis=(1, 2))).astype(np.float32)
+    return (SETTINGS.common_mode_sigma**2 * np.sum(moved * moved, axis=(1, 2))).astype(np.float32)
 
 
 def _shadow_ratios(
     pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate
 ) -> tuple[float, float]:
-    """Weighted DETECTION_QUANTILE and median of measured / predicted in shadows; 1 where there are too few."""
+    """Weighted `detection_quantile` and median of measured / predicted in shadows; 1 where there are too few."""
     direct = np.einsum("fcn,cn->fn", estimate.light, estimate.g)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
-    cast = (direct > FACING_COSINE * strength) & (values < CAST_SHADOW_RATIO * direct)
-    dark = ((direct < ATTACHED_COSINE * strength) | cast) & ~pixels.clipped
+    cast = (direct > SETTINGS.facing_cosine * strength) & (values < SETTINGS.cast_shadow_ratio * direct)
+    dark = ((direct < SETTINGS.attached_cosine * strength) | cast) & ~pixels.clipped
     kernel = np.ones((3, 3), np.uint8)
     umbra = np.stack([pixels.take(cv2.erode(pixels.image(mask.astype(np.uint8)), kernel)) > 0 for mask in dark])
-    used = umbra & (predicted > LEAST_PREDICTION)
-    if np.count_nonzero(used) < LEAST_SHADOW_MEASUREMENTS:
+    used = umbra & (predicted > SETTINGS.least_prediction)
+    if np.count_nonzero(used) < SETTINGS.least_shadow_measurements:
         return 1.0, 1.0
     ratio, weight = values[used] / predicted[used], predicted[used]
     order = np.argsort(ratio)
     summed = np.cumsum(weight[order])
-    upper, median = ratio[order][np.searchsorted(summed, summed[-1] * np.array([DETECTION_QUANTILE, 0.5]))]
+    upper, median = ratio[order][np.searchsorted(summed, summed[-1] * np.array([SETTINGS.detection_quantile, 0.5]))]
     return float(upper), float(median)
 
 
@@ -191,9 +195,11 @@ def _walls(point: Float32Array, inside: BoolArray, albedo: Float32Array) -> _Wal
     """Vertical walls under the depth discontinuities of points (h, w, 3), divided into LEVELS."""
     number, cell, normal, top = interreflection_kernels.find_walls(point, inside)
     foot = point[cell[:, 0], cell[:, 1]]
-    middle = np.repeat(foot[:, None], interreflection_kernels.LEVELS, axis=1)
+    middle = np.repeat(foot[:, None], interreflection_kernels.SETTINGS.levels, axis=1)
     middle[:, :, 2] += (
-        (np.arange(interreflection_kernels.LEVELS) + 0.5) / interreflection_kernels.LEVELS * (top - foot[:, 2])[:, None]
+        (np.arange(interreflection_kernels.SETTINGS.levels) + 0.5)
+        / interreflection_kernels.SETTINGS.levels
+        * (top - foot[:, 2])[:, None]
     )
     # The albedo of a wall that the camera does not see is taken to be that of its surroundings.
     weight = inside.astype(np.float32)
@@ -201,9 +207,11 @@ def _walls(point: Float32Array, inside: BoolArray, albedo: Float32Array) -> _Wal
     return _Walls(
         number=number,
         point=np.ascontiguousarray(middle.reshape(-1, 3), np.float32),
-        normal=np.repeat(normal, interreflection_kernels.LEVELS, axis=0),
-        cell=np.repeat(cell, interreflection_kernels.LEVELS, axis=0),
-        albedo=np.repeat(np.asarray(around, np.float32)[cell[:, 0], cell[:, 1]], interreflection_kernels.LEVELS),
+        normal=np.repeat(normal, interreflection_kernels.SETTINGS.levels, axis=0),
+        cell=np.repeat(cell, interreflection_kernels.SETTINGS.levels, axis=0),
+        albedo=np.repeat(
+            np.asarray(around, np.float32)[cell[:, 0], cell[:, 1]], interreflection_kernels.SETTINGS.levels
+        ),
     )
 
 
@@ -211,18 +219,22 @@ def _wall_radiosity(
     walls: _Walls, point: Float32Array, radiosity: Float32Array, lamp: Float32Array, calibration: Calibration,
     affine: np.ndarray,
 ) -> Float32Array:  # fmt: skip
-    """Radiosity of each wall at each level and light (W, LEVELS, F): unoccluded lamp light plus WALL_BOUNCES."""
+    """Radiosity of each wall at each level and light (W, LEVELS, F): unoccluded lamp light plus `wall_bounces`."""
     count = len(lamp)
-    shape = (len(walls.point) // interreflection_kernels.LEVELS, interreflection_kernels.LEVELS, count)
+    shape = (
+        len(walls.point) // interreflection_kernels.SETTINGS.levels,
+        interreflection_kernels.SETTINGS.levels,
+        count,
+    )
     if shape[0] == 0:
-        return np.zeros((0, interreflection_kernels.LEVELS, count), np.float32)
+        return np.zeros((0, interreflection_kernels.SETTINGS.levels, count), np.float32)
     visible = np.empty((len(walls.point), count), np.float32)
     interreflection_kernels.lamp_visibility(point, walls.point, walls.normal, lamp, affine, visible)
     light = photometry.light_vectors(np.ascontiguousarray(walls.point.T), lamp, calibration)
     irradiance = np.clip(np.einsum("fcn,nc->nf", light, walls.normal), 0, None) * visible
     direct = np.ascontiguousarray(walls.albedo[:, None] * irradiance, np.float32)  # einsum may answer by columns
     total = direct
-    for _ in range(WALL_BOUNCES):
+    for _ in range(SETTINGS.wall_bounces):
         indirect = np.empty_like(direct)
         interreflection_kernels.gather(
             point, walls.point, walls.normal, walls.cell, radiosity, walls.number, total.reshape(shape),

@@ -8,22 +8,35 @@ receivers, so it is tabulated once.
 Kernels compile at import, into numba's cache.
 """
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.tuned import tuned
 
-LEVELS = 3
-"""Parts of a wall's height that have a radiosity of their own."""
 
-WALL_SLOPE = 2.5
-"""Rise over run between neighbouring cells from which there is a wall between them."""
+@dataclass(frozen=True)
+class RadiosityKernelSettings:
+    """Tuned numbers of the kernels of indirect light."""
 
-SHADOW_CLEARANCE_M = 0.0003
-"""Height, m, above a shadow ray from which the surface occludes it."""
+    levels: int = tuned(3, "levels")
+    """Parts of a wall's height that have a radiosity of their own."""
+    wall_slope: float = tuned(2.5, "slope")
+    """Rise over run between neighbouring cells from which there is a wall between them."""
+    shadow_clearance_m: float = tuned(0.0003, "m")
+    """Height, m, above a shadow ray from which the surface occludes it."""
+    beyond_image: float = tuned(0.5, "share")
+    """Radiosity of the table beyond the image, as a share of that at its border."""
 
-BEYOND_IMAGE = 0.5
-"""Radiosity of the table beyond the image, as a share of that at its border."""
+
+SETTINGS = RadiosityKernelSettings()
+
+LEVELS = SETTINGS.levels
+WALL_SLOPE = SETTINGS.wall_slope
+SHADOW_CLEARANCE_M = SETTINGS.shadow_clearance_m
+BEYOND_IMAGE = SETTINGS.beyond_image
 
 
 @numba.njit("Tuple((float32[:,::1], int64[:,:,::1], float32[:,::1]))(int64, int64)", cache=True, error_model="numpy")

@@ -16,19 +16,26 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
+from acquisition.models.tuned import tuned
 from acquisition.normals.pixel_solve import Pixels
 
 MAX_SWAP_PIXELS = 400
 """Pixels of the swap test; with F lights it solves F (F − 1) / 2 times as many systems of three."""
 
-SHADOW_SHARE = 0.1
-"""Share of a pixel's largest value below which a measurement does not take part."""
 
-RIM_PX = 3
-"""Width of the rim along the silhouette whose normals count, in pixels of the coarse grid."""
+@dataclass(frozen=True)
+class LightTestSettings:
+    """Tuned numbers of the tests of lamps and axes."""
 
-MIN_RIM_PIXELS = 60
-"""Rim pixels below which the outline says nothing."""
+    shadow_share: float = tuned(0.1, "of the peak")
+    """Share of a pixel's largest value below which a measurement does not take part."""
+    rim_px: int = tuned(3, "px")
+    """Width of the rim along the silhouette whose normals count, in pixels of the coarse grid."""
+    min_rim_pixels: int = tuned(60, "pixels")
+    """Rim pixels below which the outline says nothing."""
+
+
+SETTINGS = LightTestSettings()
 
 Axes = tuple[tuple[int, int], tuple[int, int]]
 """A signed permutation of image axes: rows of the 2 × 2 matrix that the lamps' x and y are multiplied by."""
@@ -54,11 +61,13 @@ class Outline:
 def outline(pixels: Pixels) -> Outline:
     """The rim of the object's silhouette and its outward directions."""
     inside = pixels.image(np.ones(len(pixels.index), np.float32))
-    padded = cv2.copyMakeBorder(inside, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_CONSTANT, value=0)
-    core = cv2.erode(padded, np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), np.uint8))
-    smooth = cv2.GaussianBlur(padded, (0, 0), RIM_PX)
+    padded = cv2.copyMakeBorder(
+        inside, SETTINGS.rim_px, SETTINGS.rim_px, SETTINGS.rim_px, SETTINGS.rim_px, cv2.BORDER_CONSTANT, value=0
+    )
+    core = cv2.erode(padded, np.ones((2 * SETTINGS.rim_px + 1, 2 * SETTINGS.rim_px + 1), np.uint8))
+    smooth = cv2.GaussianBlur(padded, (0, 0), SETTINGS.rim_px)
     slope = np.stack([-cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)])
-    window = (slice(RIM_PX, -RIM_PX), slice(RIM_PX, -RIM_PX))
+    window = (slice(SETTINGS.rim_px, -SETTINGS.rim_px), slice(SETTINGS.rim_px, -SETTINGS.rim_px))
     length = np.linalg.norm(slope, axis=0)[window]
     rim = (inside > 0) & (core[window] == 0) & (length > 0.1)
     numbers = np.flatnonzero(pixels.take(rim))
@@ -74,7 +83,7 @@ def outwardness(normals: Float32Array, rim: Outline, axes: Axes = STATED_AXES) -
 
 def best_axes(normals: Float32Array, rim: Outline) -> tuple[Axes, float]:
     """The axes under which the rim's normals point outwards most, and by how much more than under the stated ones."""
-    if len(rim.numbers) < MIN_RIM_PIXELS:
+    if len(rim.numbers) < SETTINGS.min_rim_pixels:
         return STATED_AXES, 0.0
     values = [outwardness(normals, rim, axes) for axes in ALL_AXES]
     best = int(np.argmax(values))
@@ -108,7 +117,7 @@ def swapped_pair(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, cal
     light = photometry.light_vectors(photometry.points(few.ray, depth_m[np.unique(chosen)]), lamps, calibration)
     rows = light.transpose(2, 0, 1).astype(np.float64)  # (K, F, 3)
     values = few.values.T.astype(np.float64)
-    used = (values > SHADOW_SHARE * np.max(values, axis=1, keepdims=True)) & ~few.clipped.T
+    used = (values > SETTINGS.shadow_share * np.max(values, axis=1, keepdims=True)) & ~few.clipped.T
     before = _residual(rows, values, used)
     best = min(
         (

@@ -3,20 +3,38 @@
 Kernels compile at import, into numba's cache.
 """
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
+from acquisition.models.tuned import tuned
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
 
-ATTACHED_COSINE = 0.1
-"""Predicted cosine to the light below which a dark measurement is flagged as attached shadow, else as cast shadow."""
 
-HIGHLIGHT_DEVIATIONS, MIN_HIGHLIGHT = 4, 0.03
-"""Excess over the diffuse prediction from which a measurement is flagged as highlight: in σ, and as a share of ρ|s|."""
+@dataclass(frozen=True)
+class FlagSettings:
+    """Tuned numbers of the flags of measurements."""
+
+    attached_cosine: float = tuned(0.1, "cosine")
+    """Predicted cosine to the light below which a dark measurement is flagged as attached shadow, else as cast
+    shadow."""
+    highlight_deviations: int = tuned(4, "σ")
+    """Excess over the diffuse prediction, in σ, from which a measurement is flagged as highlight."""
+    min_highlight: float = tuned(0.03, "share")
+    """The same as a share of ρ|s|; both are needed."""
+
+
+SETTINGS = FlagSettings()
+
+ATTACHED_COSINE = SETTINGS.attached_cosine
+HIGHLIGHT_DEVIATIONS = SETTINGS.highlight_deviations
+MIN_HIGHLIGHT = SETTINGS.min_highlight
+PREDICTED_INDIRECT_SIGMA = photometry.SETTINGS.predicted_indirect_sigma
 
 
 def classify(
@@ -82,7 +100,7 @@ def _classify(
                     + floor_sigma[f]
                     + shares[0] * abs(predicted)
                     + shares[1] * strength
-                    + np.float32(photometry.PREDICTED_INDIRECT_SIGMA) * indirect[f, n]
+                    + np.float32(PREDICTED_INDIRECT_SIGMA) * indirect[f, n]
                 )
                 excess = measured[f, n] - indirect[f, n] - predicted
                 least = max(np.float32(HIGHLIGHT_DEVIATIONS) * spread, np.float32(MIN_HIGHLIGHT) * strength)

@@ -7,23 +7,25 @@ other faults.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acquisition import mosaic
 from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals import (
     alternation,
     changed_images,
     light_tests,
+    model_trial,
     registration,
     surface_diffusion,
     translucency,
 )
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
-from acquisition.normals.model_trial import BETTER_AT_LEAST, WORSE_AT_MOST, Alternative, Solution
+from acquisition.normals.model_trial import Alternative, Solution
 from acquisition.normals.surface_diffusion import SurfaceGraph
 from acquisition.normals.term_tests import TermScore
 
@@ -36,54 +38,61 @@ MIN_SWAP_IMAGES, SWAP_SHARE = 5, 0.5
 """Images from which lamps are tested for a swap, four being explained by any; and least-squares residual after over
 before an exchange of two lamps, below which they count as swapped."""
 
-MIN_GAIN = 4.0
-"""Gain of the log likelihood from which a term is tried. Of sound Lambertian captures (design seeds 20, 30, 40, 41, ten
-lights) 27 of 28 have less than 3 for every positive amount, one has 3.4; ambient light of 10 % has 4.3–143 in eight of
-ten (seeds 20 and 22), other faults 5–400."""
 
-MIN_STEP = ImageTerms(roughness=0.03, ambient=0.02, offset=0.005)
-"""Values of the terms, by one step from zero, below which they are not tried: less changes no normal visibly."""
+@dataclass(frozen=True)
+class AlternativeSettings:
+    """Tuned numbers of the choice between models."""
 
-GLOSS_START = 0.2
-"""Roughness α from which gloss is estimated. From 0.12 and 0.25 it ends at the same (0.158 and 0.39, six families)."""
+    min_gain: float = tuned(4.0, "1")
+    """Gain of the log likelihood from which a term is tried. Of sound Lambertian captures (design seeds 20, 30, 40, 41,
+    ten lights) 27 of 28 have less than 3 for every positive amount, one has 3.4; ambient light of 10 % has 4.3–143 in
+    eight of ten (seeds 20 and 22), other faults 5–400."""
+    min_step: ImageTerms = tuned(ImageTerms(roughness=0.03, ambient=0.02, offset=0.005), "term")
+    """Values of the terms, by one step from zero, below which they are not tried: less changes no normal visibly."""
+    gloss_start: float = tuned(0.2, "α")
+    """Roughness α from which gloss is estimated. From 0.12 and 0.25 it ends at the same (0.158 and 0.39, six
+    families)."""
+    min_gloss_step: float = tuned(0.05, "share")
+    """Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried."""
+    gloss_better: float = tuned(0.9, "misfit ratio")
+    """Misfit after over before, up to which gloss is accepted."""
+    metal_start: float = tuned(0.3, "α")
+    """Roughness α from which a metal's is estimated in a poor fit."""
+    metal_better: float = tuned(0.7, "misfit ratio")
+    """Misfit after over before, up to which the surface counts as metal."""
+    term_sigma: ImageTerms = tuned(ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0), "term")
+    """1 σ of the priors of terms that are estimated; those of gloss and metal say next to nothing."""
+    second_starts: tuple[ImageTerms, ...] = tuned(
+        (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(offset=0.03), ImageTerms(offset=0.1)), "term"
+    )
+    """Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
+    min_leak: float = tuned(5.0, "σ")
+    """Significance of light in shadows from which images are sharpened on trial."""
+    min_leak_share: float = tuned(0.3, "share")
+    """The same as a share of what a mean free path of one pixel of the coarse grid makes. 0.5–2.5 of translucent
+    objects, 0.2 of a mean free path of half a pixel, 0.1 of gloss on a smooth solid."""
+    sharpened_worse: float = tuned(1.6, "misfit ratio")
+    """Misfit of sharpened images over that before, up to which they are accepted. It rises to 1.2–1.4 times by noise
+    alone, since where a pixel is lit, a residual does not know of blur."""
+    coded_exponent: float = tuned(2.2, "1")
+    """Exponent that undoes the usual coding of eight-bit images. As a free parameter it would explain metal."""
+    min_translation_px: float = tuned(0.4, "px")
+    """Translation of images from which a registration is tried."""
+    registered_better: float = tuned(0.9, "misfit ratio")
+    """Misfit of registered images over that before, up to which it is accepted."""
+    bad_image_ratio: float = tuned(3.0, "misfit ratio")
+    """Misfit of an image over the median of the others from which it is left out on trial."""
+    min_images_left: int = tuned(4, "images")
+    """Images that must stay."""
+    max_log_intensity: float = tuned(0.1, "1")
+    """Logarithm of an image's intensity against the others' from which the image is scaled before the next descent: the
+    prior of a few per cent would leave a part of a large error."""
+    held_shift_better: float = tuned(0.8, "misfit ratio")
+    """Misfit with the object held where it is stated to be, over that before, below which that is kept: on a strongly
+    curved sheet close to the camera the shift drifted by 70 mm, and the misfit rose from 1.3 to 2.5."""
 
-MIN_GLOSS_STEP, GLOSS_BETTER = 0.05, 0.9
-"""Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried; and misfit after over
-before, up to which it is accepted."""
 
-METAL_START, METAL_BETTER = 0.3, 0.7
-"""Roughness α from which a metal's is estimated in a poor fit, and misfit after over before, up to which the surface
-counts as metal."""
-
-TERM_SIGMA = ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0)
-"""1 σ of the priors of terms that are estimated; those of gloss and metal say next to nothing."""
-
-SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(offset=0.03), ImageTerms(offset=0.1))
-"""Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
-
-MIN_LEAK, MIN_LEAK_SHARE, SHARPENED_WORSE = 5.0, 0.3, 1.6
-"""Significance of light in shadows, and its share of what a mean free path of one pixel of the coarse grid makes, from
-which images are sharpened on trial: 0.5–2.5 of translucent objects, 0.2 of a mean free path of half a pixel, 0.1 of
-gloss on a smooth solid. And misfit of sharpened images over that before, up to which they are accepted: it rises to
-1.2–1.4 times by noise alone, since where a pixel is lit, a residual does not know of blur."""
-
-CODED_EXPONENT = 2.2
-"""Exponent that undoes the usual coding of eight-bit images. As a free parameter it would explain metal."""
-
-MIN_TRANSLATION_PX, REGISTERED_BETTER = 0.4, 0.9
-"""Translation of images, in pixels, from which a registration is tried, and misfit of registered images over that
-before, up to which it is accepted."""
-
-BAD_IMAGE_RATIO, MIN_IMAGES_LEFT = 3.0, 4
-"""Misfit of an image over the median of the others from which it is left out on trial, and images that must stay."""
-
-MAX_LOG_INTENSITY = 0.1
-"""Logarithm of an image's intensity against the others' from which the image is scaled before the next descent: the
-prior of a few per cent would leave a part of a large error."""
-
-HELD_SHIFT_BETTER = 0.8
-"""Misfit with the object held where it is stated to be, over that before, below which that is kept: on a strongly
-curved sheet close to the camera the shift drifted by 70 mm, and the misfit rose from 1.3 to 2.5."""
+SETTINGS = AlternativeSettings()
 
 
 def other_axes(present: Solution) -> list[Alternative]:
@@ -136,8 +145,8 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     shading = translucency.shading(
         coarse, state.depth_m, state.normals, present.scene.lamps, problem.nominal.calibration
     )
-    leak = translucency.leak(coarse, values, shading, over, min_significance=MIN_LEAK)
-    if leak is None or leak.length_px == 0 or leak.coefficient < MIN_LEAK_SHARE:
+    leak = translucency.leak(coarse, values, shading, over, min_significance=SETTINGS.min_leak)
+    if leak is None or leak.length_px == 0 or leak.coefficient < SETTINGS.min_leak_share:
         return []
     length_px = level.factor * leak.length_px
     # Noise of neighbours alike: what a block of the coarse grid has, not a pixel's own.
@@ -145,7 +154,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     sharpened = changed_images.sharpened(problem.masked.images, *_full_surface(present, shading), length_px, gain)
     length_mm = 1000 * length_px * float(np.mean(state.depth_m)) / problem.nominal.calibration.camera_matrix[0][0]
     message = f"light spreads by {length_mm:.1f} mm below the surface, or images are out of focus: they are sharpened"
-    return [Alternative(TRANSLUCENT, message, problem.reread(sharpened), SHARPENED_WORSE, length_mm)]
+    return [Alternative(TRANSLUCENT, message, problem.reread(sharpened), SETTINGS.sharpened_worse, length_mm)]
 
 
 def _full_surface(present: Solution, shading: Float32Array) -> tuple[SurfaceGraph, Float32Array]:
@@ -181,27 +190,36 @@ def other_formation(present: Solution) -> list[Alternative]:
     alternatives: list[Alternative] = []
 
     def with_term(name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
-        sigma = replace(LAMBERTIAN, **{name: getattr(TERM_SIGMA, name)})
+        sigma = replace(LAMBERTIAN, **{name: getattr(SETTINGS.term_sigma, name)})
         changed = replace(problem, nominal=replace(nominal, terms=start), term_sigma=sigma)
         return Alternative(*TERMS[name], changed, most, step=step)
 
     if nominal.terms is None and present.scores is not None:
         gloss = present.scores.gloss
-        if present.state.lobe.strength > 0 or (gloss.gain > MIN_GAIN and gloss.step > MIN_GLOSS_STEP):
-            alternatives.append(with_term("gloss", ImageTerms(gloss=GLOSS_START), GLOSS_BETTER))
+        if present.state.lobe.strength > 0 or (gloss.gain > SETTINGS.min_gain and gloss.step > SETTINGS.min_gloss_step):
+            alternatives.append(with_term("gloss", ImageTerms(gloss=SETTINGS.gloss_start), SETTINGS.gloss_better))
         for name in ("roughness", "ambient", "offset"):
             score: TermScore = getattr(present.scores, name)
-            if score.gain > MIN_GAIN and score.step > getattr(MIN_STEP, name):
-                alternatives.append(with_term(name, LAMBERTIAN, WORSE_AT_MOST, score.step))
+            if score.gain > SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
+                alternatives.append(with_term(name, LAMBERTIAN, model_trial.SETTINGS.worse_at_most, score.step))
     if nominal.terms is None and present.poor:
-        alternatives.append(with_term("metal", ImageTerms(metal=METAL_START), METAL_BETTER))
-        for start in SECOND_STARTS:
-            alternatives.append(with_term("ambient" if start.ambient else "offset", start, BETTER_AT_LEAST))
+        alternatives.append(with_term("metal", ImageTerms(metal=SETTINGS.metal_start), SETTINGS.metal_better))
+        for start in SETTINGS.second_starts:
+            alternatives.append(
+                with_term("ambient" if start.ambient else "offset", start, model_trial.SETTINGS.better_at_least)
+            )
     if present.poor:
-        linear = problem.reread(changed_images.linearised(problem.masked.images, CODED_EXPONENT))
-        message = f"the images are not linear: values are taken to the power of {CODED_EXPONENT}"
+        linear = problem.reread(changed_images.linearised(problem.masked.images, SETTINGS.coded_exponent))
+        message = f"the images are not linear: values are taken to the power of {SETTINGS.coded_exponent}"
         alternatives.append(
-            Alternative("coded values", message, linear, BETTER_AT_LEAST, CODED_EXPONENT, coding=CODED_EXPONENT)
+            Alternative(
+                "coded values",
+                message,
+                linear,
+                model_trial.SETTINGS.better_at_least,
+                SETTINGS.coded_exponent,
+                coding=SETTINGS.coded_exponent,
+            )
         )
     return alternatives
 
@@ -215,12 +233,12 @@ def moved_object(present: Solution) -> list[Alternative]:
         problem.level.coarse, present.state.depth_m, present.scene, present.state.shared.log_intensity
     )
     distance = float(np.max(np.linalg.norm(moves, axis=1)))
-    if distance <= MIN_TRANSLATION_PX:
+    if distance <= SETTINGS.min_translation_px:
         return []
     message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
     spacing = 1 if problem.masked.channel is None else mosaic.CELL
     registered = problem.reread(changed_images.translated(problem.masked.images, moves, spacing))
-    return [Alternative("moved object", message, registered, REGISTERED_BETTER, distance)]
+    return [Alternative("moved object", message, registered, SETTINGS.registered_better, distance)]
 
 
 def bad_image(present: Solution) -> list[Alternative]:
@@ -235,16 +253,16 @@ def bad_image(present: Solution) -> list[Alternative]:
 
 def _worst_image(fit: Fit) -> int | None:
     """Number of an image that fits far worse than the others, of which there have to be enough."""
-    if np.count_nonzero(np.isfinite(fit.images)) <= MIN_IMAGES_LEFT:
+    if np.count_nonzero(np.isfinite(fit.images)) <= SETTINGS.min_images_left:
         return None
     worst = int(np.nanargmax(fit.images))
-    return worst if fit.images[worst] > BAD_IMAGE_RATIO * np.nanmedian(np.delete(fit.images, worst)) else None
+    return worst if fit.images[worst] > SETTINGS.bad_image_ratio * np.nanmedian(np.delete(fit.images, worst)) else None
 
 
 def other_intensities(present: Solution) -> list[Alternative]:
     """Images scaled whose intensity is far from what is stated, unless most are."""
     log: FloatArray = present.state.shared.log_intensity - np.median(present.state.shared.log_intensity)
-    far = np.abs(log) > MAX_LOG_INTENSITY
+    far = np.abs(log) > SETTINGS.max_log_intensity
     if not np.any(far) or np.count_nonzero(far) > len(log) // 2:
         return []
     factors = np.where(far, np.exp(log), 1.0)
@@ -252,7 +270,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
     scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
-    return [Alternative("intensities", message, scaled, WORSE_AT_MOST, float(factors[far][0]))]
+    return [Alternative("intensities", message, scaled, model_trial.SETTINGS.worse_at_most, float(factors[far][0]))]
 
 
 def held_shift(present: Solution) -> list[Alternative]:
@@ -260,7 +278,9 @@ def held_shift(present: Solution) -> list[Alternative]:
     if not present.poor:
         return []
     held = replace(present.problem, shift_sigma_m=0.0)
-    return [Alternative("shift", "the object is held at its stated place", held, HELD_SHIFT_BETTER, silent=True)]
+    return [
+        Alternative("shift", "the object is held at its stated place", held, SETTINGS.held_shift_better, silent=True)
+    ]
 
 
 ALTERNATIVES: tuple[Callable[[Solution], list[Alternative]], ...] = (

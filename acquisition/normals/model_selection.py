@@ -6,23 +6,31 @@ is tried, by another descent from its own start, and only a trial that fits the 
 stays wrong is said in a finding that is not corrected, and raises σ (`error_variance`).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import Float32Array
 from acquisition.models.result import ModelFinding
+from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, final_solve, goodness_of_fit, term_tests
 from acquisition.normals.model_alternatives import ALTERNATIVES
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.self_calibration import Priors
 
-MAX_SELECTIONS = 3
-"""Faults that are put right one after another."""
 
-MIN_SOUND_PROBABILITY = 0.01
-"""Probability of the misfit below which a result is named as badly fitting."""
+@dataclass(frozen=True)
+class SelectionSettings:
+    """Tuned numbers of the selection of a model."""
+
+    max_selections: int = tuned(3, "models")
+    """Faults that are put right one after another."""
+    min_sound_probability: float = tuned(0.01, "probability")
+    """Probability of the misfit below which a result is named as badly fitting."""
+
+
+SETTINGS = SelectionSettings()
 
 
 def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
@@ -30,7 +38,7 @@ def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
     corrected findings first."""
     present = solve(problem)
     findings: list[ModelFinding] = []
-    for _ in range(MAX_SELECTIONS):
+    for _ in range(SETTINGS.max_selections):
         accepted = _best_trial(present)
         if accepted is None:
             break
@@ -54,7 +62,7 @@ def solve(problem: Problem) -> Solution:
     ray_direction = photometry.ray_directions(level.sample.ray)
     fit = goodness_of_fit.evaluate(
         sample.estimate, sample.values, nominal.noise, sample.extra_variance, ray_direction, scene.lamps,
-        photometry.OFFSET_SIGMA_M, _place(level.sample.ray),
+        photometry.SETTINGS.offset_sigma_m, _place(level.sample.ray),
     )  # fmt: skip
     gloss = state.lobe.derivatives(sample.estimate, ray_direction)
     scores = term_tests.scores(sample.estimate, sample.values, scene, state.shared, priors, gloss)
@@ -75,7 +83,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
                 corrected=False,
             )
         )
-    if fit.probability < MIN_SOUND_PROBABILITY:
+    if fit.probability < SETTINGS.min_sound_probability:
         findings.append(
             ModelFinding(
                 kind="misfit",

@@ -10,6 +10,7 @@ import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import ModelFinding
+from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, final_solve
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.changed_images import Changed
@@ -19,28 +20,40 @@ from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 from acquisition.normals.term_tests import TermScores
 
-MIN_STEP_SHARE, TERM_BETTER = 0.5, 0.88
-"""Estimate of a term over what one step promised, above which it is accepted, and misfit after over before, up to which
-it is accepted anyway. Interreflection that is not predicted scores as ambient light; the descent takes most of it back,
-and the fit stays as it was. Of true ambient light of 10 % a step promises up to 46 %, and misfits fall to 0.21–0.84; an
-offset that a sheet's interreflection resembled left 0.85 (design seeds 20–23, 30, 31, 40 and 41;
-`python -m tests.unseen table FILE --trials`)."""
 
-WORSE_AT_MOST, BETTER_AT_LEAST = 1.1, 0.5
-"""Misfit over that before, up to which the fit of a demanded term is accepted; and of a second start. A fall by a
-hundredth once accepted ambient light on a gear, whose error rose from 3.9° to 8.3°."""
+@dataclass(frozen=True)
+class TrialSettings:
+    """Tuned numbers of the trial of a model."""
 
-CODED_SHARE = 0.18
-"""Relative residual of linearised values, divided by the exponent, over that before, up to which the values count as
-coded: 0.07–0.15 for coded images, 0.19 and more for offsets, which a power law resembles."""
+    min_step_share: float = tuned(0.5, "share")
+    """Estimate of a term over what one step promised, above which it is accepted."""
+    term_better: float = tuned(0.88, "misfit ratio")
+    """Misfit after over before, up to which a term is accepted anyway. Interreflection that is not predicted scores as
+    ambient light; the descent takes most of it back, and the fit stays as it was. Of true ambient light of 10 % a step
+    promises up to 46 %, and misfits fall to 0.21–0.84; an offset that a sheet's interreflection resembled left 0.85
+    (design seeds 20–23, 30, 31, 40 and 41; `python -m tests.unseen table FILE --trials`)."""
+    worse_at_most: float = tuned(1.1, "misfit ratio")
+    """Misfit over that before, up to which the fit of a demanded term is accepted."""
+    better_at_least: float = tuned(0.5, "misfit ratio")
+    """The same of a second start. A fall by a hundredth once accepted ambient light on a gear, whose error rose from
+    3.9° to 8.3°."""
+    coded_share: float = tuned(0.18, "share")
+    """Relative residual of linearised values, divided by the exponent, over that before, up to which the values count
+    as coded: 0.07–0.15 for coded images, 0.19 and more for offsets, which a power law resembles."""
+    min_probability: float = tuned(0.05, "probability")
+    """Probability of the misfit below which a solution counts as poor: then second starts, swaps and moves are
+    tried."""
+    max_direction_rad: float = tuned(0.04, "rad")
+    """Noise component of directions that no sound capture reaches."""
+    max_intensity: float = tuned(0.03, "share")
+    """Noise component of intensities that no sound capture reaches."""
+    max_move_m: float = tuned(0.07, "m")
+    """Distance of the object from where it was stated that no sound capture reaches. The shift is 50 mm at most over 96
+    Lambertian captures of design seeds by two rings; where it has drifted, as on one rough machined part and on metal,
+    it ends at 80 mm, the largest that the alternation allows."""
 
-MIN_PROBABILITY = 0.05
-"""Probability of the misfit below which a solution counts as poor: then second starts, swaps and moves are tried."""
 
-MAX_DIRECTION_RAD, MAX_INTENSITY, MAX_MOVE_M = 0.04, 0.03, 0.07
-"""Noise components, and distance of the object from where it was stated, that no sound capture reaches: its shift is
-50 mm at most over 96 Lambertian captures of design seeds by two rings; where it has drifted, as on one rough machined
-part and on metal, it ends at 80 mm (`alternation.MAX_SHIFT_M`)."""
+SETTINGS = TrialSettings()
 
 
 @dataclass(frozen=True)
@@ -54,7 +67,7 @@ class Problem:
     start_m: Float32Array
     nominal: Scene
     term_sigma: ImageTerms = LAMBERTIAN
-    shift_sigma_m: float = alternation.SHIFT_SIGMA_M
+    shift_sigma_m: float = alternation.SETTINGS.shift_sigma_m
     corrected: tuple[str, ...] = ()
     factors: FloatArray | float = 1.0
 
@@ -94,18 +107,22 @@ class Solution:
     @property
     def out_of_place(self) -> bool:
         """Whether the object is so far from where it was stated that it must have drifted there."""
-        return abs(self.moved_m) >= MAX_MOVE_M
+        return abs(self.moved_m) >= SETTINGS.max_move_m
 
     @property
     def at_end_of_range(self) -> bool:
         """Whether components of the noise, or the object's place, are beyond what any sound capture needs."""
         noise = self.scene.noise
-        return noise.direction >= MAX_DIRECTION_RAD or noise.intensity >= MAX_INTENSITY or self.out_of_place
+        return (
+            noise.direction >= SETTINGS.max_direction_rad
+            or noise.intensity >= SETTINGS.max_intensity
+            or self.out_of_place
+        )
 
     @property
     def poor(self) -> bool:
         """Whether the fit is so bad that costly alternatives are worth a trial."""
-        return self.fit.probability < MIN_PROBABILITY or self.at_end_of_range
+        return self.fit.probability < SETTINGS.min_probability or self.at_end_of_range
 
 
 @dataclass(frozen=True)
@@ -136,12 +153,15 @@ class Alternative:
             return False
         if self.step > 0:
             estimated = max(terms.roughness, terms.ambient, terms.offset)
-            return estimated > MIN_STEP_SHARE * self.step or after.misfit <= TERM_BETTER * before_fit.misfit
-        if self.worse_at_most > BETTER_AT_LEAST:
+            return (
+                estimated > SETTINGS.min_step_share * self.step
+                or after.misfit <= SETTINGS.term_better * before_fit.misfit
+            )
+        if self.worse_at_most > SETTINGS.better_at_least:
             return True
         # Undoing a coding changes the noise model with the values, so the residuals' share of the values decides too.
-        most = self.worse_at_most if self.coding == 1 else CODED_SHARE * self.coding
-        return after.share <= most * before_fit.share and after.probability > MIN_PROBABILITY
+        most = self.worse_at_most if self.coding == 1 else SETTINGS.coded_share * self.coding
+        return after.share <= most * before_fit.share and after.probability > SETTINGS.min_probability
 
     def finding(self, terms: ImageTerms) -> ModelFinding:
         """The finding of an accepted trial, with the amount that it has estimated."""

@@ -15,6 +15,7 @@ from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
+from acquisition.models.tuned import tuned
 from acquisition.normals import colour_albedo, colour_channels, pixel_noise, session_images, silhouette
 from acquisition.normals.distant import pixel_blocks, point_lights
 from acquisition.normals.distant.distant_solve import refuse_unusable, solve_blocks
@@ -22,20 +23,27 @@ from acquisition.normals.image_set import ImageSet, NearLights, check
 from acquisition.normals.session_images import ImageStack, StoredImages, ValuesAndClipped
 from acquisition.normals.solve import solve_stack
 
-FULL_WELL_E = 10_000.0
-"""Default electrons at full scale, of a small pixel, for shot noise."""
 
-READ_NOISE_E = 5.0
-"""Default read noise, e⁻."""
+@dataclass(frozen=True)
+class FolderDefaults:
+    """What is assumed of near-light folders that do not say."""
 
-INTENSITY_SIGMA, POSITION_SIGMA_M = 0.01, 0.001
-"""Default 1 σ of each light's intensity, a fraction, and position per axis, m."""
+    full_well_e: float = tuned(10_000.0, "e⁻")
+    """Default electrons at full scale, of a small pixel, for shot noise."""
+    read_noise_e: float = tuned(5.0, "e⁻")
+    """Default read noise, e⁻."""
+    intensity_sigma: float = tuned(0.01, "share")
+    """1 σ of each light's intensity."""
+    position_sigma_m: float = tuned(0.001, "m")
+    """1 σ of each light's position per axis."""
+    depth_rounds: int = tuned(1, "rounds")
+    """Solves after the first, each at the depth integrated from the one before."""
+
+
+SETTINGS = FolderDefaults()
 
 SAMPLE_PIXELS = 900
 """Pixels that are checked for unusable images."""
-
-DEPTH_ROUNDS = 1
-"""Solves after the first, each at the depth integrated from the one before."""
 
 
 def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
@@ -97,7 +105,7 @@ def solve_least_squares(images: ImageSet, *, keep_steps: bool = False) -> Normal
             images, point_lights.least_squares(images, depth), luma=False, notes=notes, keep_steps=keep_steps
         )
 
-    for _ in range(DEPTH_ROUNDS):
+    for _ in range(SETTINGS.depth_rounds):
         normal_map = solved()
         depth = np.where(normal_map.mask, normal_map.depth, depth)
         del normal_map  # before the next one takes as much memory
@@ -109,7 +117,7 @@ def windowed_images(images: ImageSet) -> ImageStack | StoredImages:
     lights = _lights(images)
     rows, columns = silhouette.bounding_box(images.mask)
     floor = (
-        (READ_NOISE_E / FULL_WELL_E / lights.intensity) ** 2 + _quantisation_step(images) ** 2 / 12
+        (SETTINGS.read_noise_e / SETTINGS.full_well_e / lights.intensity) ** 2 + _quantisation_step(images) ** 2 / 12
     ) / images.channels
     middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
     return session_images.held_if_small(
@@ -118,7 +126,7 @@ def windowed_images(images: ImageSet) -> ImageStack | StoredImages:
             lights=tuple(_light(place, middle) for place in lights.positions_m),
             rows=rows,
             columns=columns,
-            shot=1 / (FULL_WELL_E * images.channels * lights.intensity),
+            shot=1 / (SETTINGS.full_well_e * images.channels * lights.intensity),
             floor=floor,
         )
     )
@@ -188,13 +196,13 @@ def calibration_of(images: ImageSet) -> Calibration:
         lobe_exponent=0.0,
         sensor=SensorModel(
             bits=16 if top > 255 else 8,
-            gain_e_per_dn=FULL_WELL_E / top,
-            read_noise_e=READ_NOISE_E,
-            full_well_e=FULL_WELL_E,
+            gain_e_per_dn=SETTINGS.full_well_e / top,
+            read_noise_e=SETTINGS.read_noise_e,
+            full_well_e=SETTINGS.full_well_e,
             black_level_dn=0.0,
         ),
-        intensity_sigma=INTENSITY_SIGMA,
-        lamp_position_sigma_m=POSITION_SIGMA_M,
+        intensity_sigma=SETTINGS.intensity_sigma,
+        lamp_position_sigma_m=SETTINGS.position_sigma_m,
         made_at="1970-01-01T00:00:00+00:00",  # unknown, and of no use here
         valid_days=1.0,
     )

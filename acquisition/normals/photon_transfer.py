@@ -13,18 +13,37 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from acquisition.models.base import FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 
-BINS = 24
-"""Bins of brightness, of equal width in its square root, as the noise is. Each is many times as wide as the noise,
-which would otherwise sort pixels of one brightness into bright and dark ones and flatten the curve."""
 
-MIN_BIN_COUNT = 100
-"""Differences below which a bin is dropped."""
+@dataclass(frozen=True)
+class TransferSettings:
+    """Tuned numbers of the photon-transfer curve."""
 
-MIN_VARIANCE_STEPS = 0.3
-"""Variance, in squared quantisation steps, below which a bin is dropped: values hardly scatter over their steps, and
-quantisation adds something else than a twelfth."""
+    bins: int = tuned(24, "bins")
+    """Bins of brightness, of equal width in its square root, as the noise is. Each is many times as wide as the noise,
+    which would otherwise sort pixels of one brightness into bright and dark ones and flatten the curve."""
+    min_bin_count: int = tuned(100, "differences")
+    """Differences below which a bin is dropped."""
+    min_variance_steps: float = tuned(0.3, "steps²")
+    """Variance, in squared quantisation steps, below which a bin is dropped: values hardly scatter over their steps,
+    and quantisation adds something else than a twelfth."""
+    max_tail_share: float = tuned(0.04, "share")
+    """Share of a bin's differences beyond CLIP_SIGMA σ, 0.003 for a Gaussian, from which the bin is dropped: edges of
+    shadows, or all edges when the scene has moved."""
+    variance_sigma: float = tuned(0.01, "share")
+    """1 σ of a bin's variance beyond its sampling error, as a share of it: tails are not quite Gaussian."""
+    rounding_sigma: float = tuned(0.06, "1")
+    """The same, by clipping of quantised values, times the squared step over the variance."""
+    pattern_sigma: float = tuned(0.001, "share")
+    """1 σ of the difference of two frames from pixel to pixel in proportion to brightness, where a lamp came back
+    displaced: a term in the square of brightness, which would otherwise be counted as photons."""
+    outlier_sigma: float = tuned(4.0, "σ")
+    """Residual, in σ, at which a point's robust weight is a quarter."""
+
+
+SETTINGS = TransferSettings()
 
 CLIP_SIGMA = 3.0
 """σ beyond which differences are clipped."""
@@ -32,28 +51,11 @@ CLIP_SIGMA = 3.0
 CLIPPED_GAUSSIAN_VARIANCE = 0.97334
 """Variance of a Gaussian cut off at CLIP_SIGMA σ, as a share of the full one's."""
 
-MAX_TAIL_SHARE = 0.04
-"""Share of a bin's differences beyond CLIP_SIGMA σ, 0.003 for a Gaussian, from which the bin is dropped: edges of
-shadows, or all edges when the scene has moved."""
-
 CLIP_ITERATIONS = 12
 """Iterations of σ-clipping at most."""
 
 INITIAL_SAMPLE = 2000
 """Differences of a bin that its first variance is estimated from."""
-
-VARIANCE_SIGMA = 0.01
-"""1 σ of a bin's variance beyond its sampling error, as a share of it: tails are not quite Gaussian."""
-
-ROUNDING_SIGMA = 0.06
-"""The same, by clipping of quantised values, times the squared step over the variance."""
-
-PATTERN_SIGMA = 0.001
-"""1 σ of the difference of two frames from pixel to pixel in proportion to brightness, where a lamp came back
-displaced: a term in the square of brightness, which would otherwise be counted as photons."""
-
-OUTLIER_SIGMA = 4.0
-"""Residual, in σ, at which a point's robust weight is a quarter."""
 
 IRLS_ITERATIONS = 8
 """Iterations of the reweighted line fit."""
@@ -86,20 +88,24 @@ def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: 
 
     `step` is the quantisation of values; bins that scatter over less than it are dropped.
     """
-    bin_number = np.clip(np.sqrt(np.maximum(level, 0)) * (BINS / np.sqrt(top)), 0, BINS - 1).astype(np.uint8)
+    bin_number = np.clip(np.sqrt(np.maximum(level, 0)) * (SETTINGS.bins / np.sqrt(top)), 0, SETTINGS.bins - 1).astype(
+        np.uint8
+    )
     order = np.argsort(bin_number, kind="stable")
-    ends = np.cumsum(np.bincount(bin_number, minlength=BINS))
+    ends = np.cumsum(np.bincount(bin_number, minlength=SETTINGS.bins))
     squares = np.square(difference[order], dtype=np.float64)
     level = level[order]
     bins: list[tuple[float, float, float, float]] = []
     for start, stop in zip(np.concatenate([[0], ends[:-1]]), ends, strict=True):
-        if stop - start >= MIN_BIN_COUNT:
+        if stop - start >= SETTINGS.min_bin_count:
             members = squares[start:stop]
             mean = float(np.mean(level[start:stop], dtype=np.float64))
             variance = _core_variance(members, step)
-            if variance > MIN_VARIANCE_STEPS * step**2:
+            if variance > SETTINGS.min_variance_steps * step**2:
                 sampling = 2.3 / (stop - start)  # clipping costs a little of the efficiency
-                relative = np.sqrt(sampling + VARIANCE_SIGMA**2 + (ROUNDING_SIGMA * step**2 / variance) ** 2)
+                relative = np.sqrt(
+                    sampling + SETTINGS.variance_sigma**2 + (SETTINGS.rounding_sigma * step**2 / variance) ** 2
+                )
                 bins.append((mean, variance, float(relative), float(np.sqrt(sampling))))
     return TransferCurve(*np.array(bins).reshape(-1, 4).T)
 
@@ -120,7 +126,7 @@ def fit_line(curve: TransferCurve) -> LinearFit | None:
     if len(curve.level) < 3:
         return None
     design = np.stack([curve.level, np.ones_like(curve.level), curve.level**2], axis=1)
-    prior = np.diag([0.0, 0.0, PATTERN_SIGMA**-4])
+    prior = np.diag([0.0, 0.0, SETTINGS.pattern_sigma**-4])
     expected = np.maximum(curve.variance, 1e-30)
     robust = np.ones_like(expected)
     solution, inverse, off = np.zeros(3), np.zeros((3, 3)), np.zeros_like(expected)
@@ -132,7 +138,7 @@ def fit_line(curve: TransferCurve) -> LinearFit | None:
         solution = inverse @ (design.T @ (weight * curve.variance))
         expected = np.maximum(design @ solution, 0.2 * expected)
         off = (curve.variance - design @ solution) / (curve.relative * expected)
-        robust = 1 / (1 + (off / OUTLIER_SIGMA) ** 2) ** 2
+        robust = 1 / (1 + (off / SETTINGS.outlier_sigma) ** 2) ** 2
     misfit = np.sum(robust * off**2) / max(float(np.sum(robust)) - 2, 1.0)
     larger = np.sqrt(max(1.0, float(misfit)))
     sigma = larger * np.sqrt(np.diag(inverse))
@@ -151,4 +157,8 @@ def _core_variance(squares: FloatArray, step: float) -> float:
         before, variance = variance, float(np.mean(kept)) / CLIPPED_GAUSSIAN_VARIANCE
         if abs(variance - before) < 1e-4 * before:
             break
-    return variance if np.count_nonzero(squares > CLIP_SIGMA**2 * variance) < MAX_TAIL_SHARE * len(squares) else 0.0
+    return (
+        variance
+        if np.count_nonzero(squares > CLIP_SIGMA**2 * variance) < SETTINGS.max_tail_share * len(squares)
+        else 0.0
+    )

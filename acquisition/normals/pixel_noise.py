@@ -14,22 +14,28 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
+from acquisition.models.tuned import tuned
 from acquisition.normals import photon_transfer, pixel_solve
 from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.pyramid import MaskedImages
 from acquisition.normals.session_images import ImageStack, StoredImages
 
-MAX_RELATIVE_SIGMA = 0.15
-"""1 σ of the shot noise, as a fraction, up to which the estimate replaces the guess."""
 
-MIN_LIGHTS = 5
-"""Lights below which there is no redundancy to estimate from."""
+@dataclass(frozen=True)
+class PixelNoiseSettings:
+    """Tuned numbers of the noise from differences of residuals."""
 
-SHADOW_THRESHOLD = 0.15
-"""Share of a pixel's peak normalised value from which it is lit: the model is least exact in grazing light."""
+    max_relative_sigma: float = tuned(0.15, "share")
+    """1 σ of the shot noise, as a fraction, up to which the estimate replaces the guess."""
+    min_lights: int = tuned(5, "lights")
+    """Lights below which there is no redundancy to estimate from."""
+    shadow_threshold: float = tuned(0.15, "of the peak")
+    """Share of a pixel's peak normalised value from which it is lit: the model is least exact in grazing light."""
+    min_residual_share: float = tuned(0.2, "share")
+    """Share of a measurement's variance that its residual has at least."""
 
-MIN_RESIDUAL_SHARE = 0.2
-"""Share of a measurement's variance that its residual has at least."""
+
+SETTINGS = PixelNoiseSettings()
 
 STRIPS = 16
 """Groups of rows, spread over the window, that are read."""
@@ -58,7 +64,7 @@ def estimate(
     `images` have a guess of it, which scales values to electrons; `mask` and the rough `depth_m` are (h, w), `steps`
     (F,) the quantisation of values, 0 for none. Where too few pixels determine it, the guess stays.
     """
-    if len(images.lights) < MIN_LIGHTS:
+    if len(images.lights) < SETTINGS.min_lights:
         return PixelNoiseEstimate(images, f"guessed: {len(images.lights)} lights leave nothing over")
     lamp = photometry.lamps(images.lights)
     step = float(np.max(steps / images.shot))
@@ -69,7 +75,7 @@ def estimate(
     ]
     level, apart = (np.concatenate(one) for one in zip(*parts, strict=True))
     line = photon_transfer.fit_line(photon_transfer.transfer_curve(level, apart, float(np.max(1 / images.shot)), step))
-    if line is None or line.slope <= 0 or line.slope_sigma > MAX_RELATIVE_SIGMA * line.slope:
+    if line is None or line.slope <= 0 or line.slope_sigma > SETTINGS.max_relative_sigma * line.slope:
         return PixelNoiseEstimate(images, "guessed: too few pixels tell")
     # Few lit pixels are dark, so the floor is hardly known by itself; with the slope it gives the noise of lit ones.
     shot, floor = images.shot * line.slope, np.maximum(line.floor * images.shot**2, images.floor)
@@ -93,7 +99,7 @@ def _differences(
     """Brightness (K,) and differences (K,) with one measurement's variance, both in electrons by the guessed gain."""
     light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    usable, _, _ = pixel_solve.classify_measurements(pixels, pixels.values, light, SHADOW_THRESHOLD)
+    usable, _, _ = pixel_solve.classify_measurements(pixels, pixels.values, light, SETTINGS.shadow_threshold)
     weighted = light * (usable / np.maximum(strength, np.float32(1e-9)) ** 2)[:, None]
     inner = np.einsum("fan,fbn->nab", weighted, light, optimize=True) + 1e-6 * np.eye(3)
     solver = np.linalg.solve(inner, weighted.transpose(2, 1, 0))  # (N, 3, F): g from values
@@ -105,10 +111,10 @@ def _differences(
 
     one, right, below, across = four = _quads(pixels)
     alike = np.logical_and.reduce([np.all(usable[:, one] == usable[:, other], axis=0) for other in four])
-    good = usable[:, one] & alike & (np.min([share[:, at] for at in four], axis=0) > MIN_RESIDUAL_SHARE)
+    good = usable[:, one] & alike & (np.min([share[:, at] for at in four], axis=0) > SETTINGS.min_residual_share)
     level, spread, bright = (np.mean([all_[..., at] for at in four], axis=0) for all_ in (pixels.values, share, albedo))
     apart = (residual[:, one] - residual[:, right] - residual[:, below] + residual[:, across]) / 2
-    apart = apart * bright / np.sqrt(np.maximum(spread, MIN_RESIDUAL_SHARE)) / shot[:, None]
+    apart = apart * bright / np.sqrt(np.maximum(spread, SETTINGS.min_residual_share)) / shot[:, None]
     return (level / shot[:, None])[good].astype(np.float32), apart[good].astype(np.float32)
 
 

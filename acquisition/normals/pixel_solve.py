@@ -15,28 +15,33 @@ from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import SolveSettings
+from acquisition.models.tuned import tuned
 from acquisition.mosaic import Sites
 from acquisition.normals import pixel_solve_kernels, term_solve
 from acquisition.normals.estimate import Estimate
 from acquisition.normals.image_terms import ImageTerms, TermValues
 from acquisition.normals.term_solve import TermProblem
 
-PENUMBRA_SIGMA = 0.1
-"""1 σ added in the eight neighbours of shadowed pixels, as a share of the pixel's peak value. Half or twice as much
-changes the mean error on path-traced objects by 1–2 %."""
 
-CAUCHY_SCALE: float | None = 2.5
-"""Scale of Cauchy's weight function, in σ of the residual; none: least squares without reweighting."""
+@dataclass(frozen=True)
+class PixelSolveSettings:
+    """Tuned numbers of the solve of single pixels."""
+
+    penumbra_sigma: float = tuned(0.1, "of the peak")
+    """1 σ added in the eight neighbours of shadowed pixels, as a share of the pixel's peak value. Half or twice as much
+    changes the mean error on path-traced objects by 1–2 %."""
+    cauchy_scale: float | None = tuned(2.5, "σ")
+    """Scale of Cauchy's weight function, in σ of the residual; none: least squares without reweighting."""
+    irls_iterations: int = tuned(6, "iterations")
+    """Gauss–Newton steps with reweighting."""
+    min_view_cosine: float = tuned(0.02, "cosine")
+    """Least cosine between a normal and the direction to the camera."""
 
 
-IRLS_ITERATIONS = 6
-"""Gauss–Newton steps with reweighting."""
+SETTINGS = PixelSolveSettings()
 
 NO_OFFSET_SIGMA_M = 1e-6
 """1 σ of the depth offset, m, that switches it off."""
-
-MIN_VIEW_COSINE = 0.02
-"""Least cosine between a normal and the direction to the camera."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class Scene:
     @property
     def cauchy_scale(self) -> float | None:
         """Of Cauchy's weights as the settings want them; none: not robust."""
-        return CAUCHY_SCALE if self.settings.robust else None
+        return SETTINGS.cauchy_scale if self.settings.robust else None
 
 
 @dataclass(frozen=True)
@@ -77,8 +82,8 @@ class PixelSolveOptions:
 
     shadow_threshold: float
     offset_sigma_m: float = NO_OFFSET_SIGMA_M
-    cauchy_scale: float | None = CAUCHY_SCALE
-    iterations: int = IRLS_ITERATIONS
+    cauchy_scale: float | None = SETTINGS.cauchy_scale
+    iterations: int = SETTINGS.irls_iterations
 
 
 @dataclass(frozen=True)
@@ -165,7 +170,7 @@ def classify_measurements(
     usable, variance = np.empty(values.shape, np.bool_), np.empty(values.shape, np.float32)
     pixel_solve_kernels.classify(
         np.ascontiguousarray(values, np.float32), light, np.ascontiguousarray(pixels.clipped), peak, threshold,
-        (row + 1) * width + column + 1, width, PENUMBRA_SIGMA, usable, variance,
+        (row + 1) * width + column + 1, width, SETTINGS.penumbra_sigma, usable, variance,
     )  # fmt: skip
     return usable, variance, peak
 
@@ -280,7 +285,7 @@ def _solve(
             [noise.intensity, noise.direction, options.cauchy_scale or 0.0, options.offset_sigma_m], dtype=np.float32
         ),
         np.ascontiguousarray(lighting.view * albedo, dtype=np.float32),
-        (1.0 / (photometry.PRIOR_SCALE * albedo) ** 2).astype(np.float32),
+        (1.0 / (photometry.SETTINGS.prior_scale * albedo) ** 2).astype(np.float32),
         options.iterations,
         out.g,
         out.offset_m,
@@ -292,10 +297,10 @@ def _solve(
 
 
 def clamp_to_visible(normals: Float32Array, ray_direction: Float32Array) -> Float32Array:
-    """Rotates normals (3, N) just far enough towards the camera that each is visible (cosine ≥ MIN_VIEW_COSINE)."""
+    """Rotates normals (3, N) just far enough towards the camera that each is visible (cosine ≥ `min_view_cosine`)."""
     axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
     cosine = np.sum(normals * axis, axis=0)
-    least = np.float32(MIN_VIEW_COSINE)
+    least = np.float32(SETTINGS.min_view_cosine)
     visible = normals + np.maximum(least - cosine, 0) * axis
     return (visible / np.sqrt(np.sum(visible * visible, axis=0))).astype(np.float32)
 

@@ -15,6 +15,7 @@ import numba
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals import pixel_solve, pixel_solve_kernels
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
@@ -22,31 +23,34 @@ from acquisition.photometry import Noise
 GAUSSIAN_MEDIAN_DEVIATION = 0.6745
 """Median absolute deviation of a Gaussian, in σ."""
 
-BRIGHT_COSINE, GRAZING_COSINE = 0.7, 0.4
-"""Cosines to the light above which measurements determine c, and below which σ_d."""
 
-MAX_LEVERAGE = 0.8
-"""Leverage above which a residual has too little of its noise left to be used."""
+@dataclass(frozen=True)
+class ResidualNoiseSettings:
+    """Tuned numbers of the noise from residuals."""
 
-MIN_LIGHTS = 5
-"""Usable lights from which a pixel takes part."""
+    bright_cosine: float = tuned(0.7, "cosine")
+    """Cosine to the light above which measurements determine c."""
+    grazing_cosine: float = tuned(0.4, "cosine")
+    """Cosine to the light below which measurements determine σ_d."""
+    max_leverage: float = tuned(0.8, "share")
+    """Leverage above which a residual has too little of its noise left to be used."""
+    min_lights: int = tuned(5, "lights")
+    """Usable lights from which a pixel takes part."""
+    min_measurements: int = tuned(300, "measurements")
+    """Measurements below which c or σ_d is not estimated."""
+    min_pixel_share: float = tuned(0.1, "share")
+    """Share of the pixels that must have such measurements. On a machined part, whose faces meet light steeply, only
+    edges and penumbrae at the foot of walls are grazing; errors there are not those of lamp directions, and σ of all
+    faces would be too large by them."""
+    intensity_range: tuple[float, float] = tuned((0.001, 0.1), "share")
+    """Bounds of c, a fraction."""
+    direction_range: tuple[float, float] = tuned((0.001, 0.05), "rad")
+    """Bounds of σ_d, rad."""
+    rounds: int = tuned(2, "rounds")
+    """Alternations of c and σ_d."""
 
-MIN_MEASUREMENTS = 300
-"""Measurements below which c or σ_d is not estimated."""
 
-MIN_PIXEL_SHARE = 0.1
-"""Share of the pixels that must have such measurements. On a machined part, whose faces meet light steeply, only edges
-and penumbrae at the foot of walls are grazing; errors there are not those of lamp directions, and σ of all faces would
-be too large by them."""
-
-INTENSITY_RANGE = (0.001, 0.1)
-"""Bounds of c, a fraction."""
-
-DIRECTION_RANGE = (0.001, 0.05)
-"""Bounds of σ_d, rad."""
-
-ROUNDS = 2
-"""Alternations of c and σ_d."""
+SETTINGS = ResidualNoiseSettings()
 
 
 def estimate(
@@ -59,7 +63,7 @@ def estimate(
     solved with less knowledge. `values` (F, K) are what `solution` was solved from, `extra` (F, K) its variance beside
     the noise model's.
     """
-    enough = np.count_nonzero(solution.weights > 0, axis=0) >= MIN_LIGHTS
+    enough = np.count_nonzero(solution.weights > 0, axis=0) >= SETTINGS.min_lights
     design = _design(solution, ray_direction, lamps, enough)
     y, strength = values[:, enough].astype(np.float64), design.strength
     leverage = np.empty(y.shape)
@@ -67,20 +71,20 @@ def estimate(
     used = solution.weights[:, enough] > 0
     residual = y - design.predicted
     added = extra[:, enough]
-    for _ in range(ROUNDS):
+    for _ in range(SETTINGS.rounds):
         variance = noise.variance(np.maximum(y, 0), strength) + added
         _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
-        usable = used & (leverage < MAX_LEVERAGE)
+        usable = used & (leverage < SETTINGS.max_leverage)
         unleveraged = residual**2 / np.maximum(1 - leverage, 0.05)
-        bright, grazing = usable & (cosine > BRIGHT_COSINE), usable & (cosine < GRAZING_COSINE)
+        bright, grazing = usable & (cosine > SETTINGS.bright_cosine), usable & (cosine < SETTINGS.grazing_cosine)
         by_intensity, by_direction = y**2, strength**2
         intensity = _median_matched_share(
-            unleveraged, variance - noise.intensity**2 * by_intensity, by_intensity, bright, INTENSITY_RANGE
+            unleveraged, variance - noise.intensity**2 * by_intensity, by_intensity, bright, SETTINGS.intensity_range
         )
         intensity = stated.intensity if intensity is None else intensity
         variance = variance + (intensity**2 - noise.intensity**2) * by_intensity
         direction = _median_matched_share(
-            unleveraged, variance - noise.direction**2 * by_direction, by_direction, grazing, DIRECTION_RANGE
+            unleveraged, variance - noise.direction**2 * by_direction, by_direction, grazing, SETTINGS.direction_range
         )
         noise = replace(noise, intensity=intensity, direction=stated.direction if direction is None else direction)
     return noise
@@ -93,7 +97,7 @@ def studentised_squares(
     """Squared residuals (F, K) over their expectation v (1 − h) in the given `noise`, over the squared value and 1 − h,
     and which of them count.
 
-    Those of pixels with fewer than MIN_LIGHTS usable lights, or of leverage above MAX_LEVERAGE, do not count.
+    Those of pixels with fewer than `min_lights` usable lights, or of leverage above `max_leverage`, do not count.
     Arguments as of `estimate`.
     """
     design = _design(solution, ray_direction, lamps, np.ones(values.shape[1], np.bool_))
@@ -101,7 +105,7 @@ def studentised_squares(
     used = solution.weights > 0
     leverage = np.empty(values.shape)
     _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
-    counted = used & (leverage < MAX_LEVERAGE) & (np.count_nonzero(used, axis=0) >= MIN_LIGHTS)
+    counted = used & (leverage < SETTINGS.max_leverage) & (np.count_nonzero(used, axis=0) >= SETTINGS.min_lights)
     unleveraged = (values - design.predicted) ** 2 / np.maximum(1 - leverage, 0.05)
     return unleveraged / variance, unleveraged / np.maximum(values, 1e-6) ** 2, counted
 
@@ -134,7 +138,7 @@ def _median_matched_share(
 ) -> float | None:
     """The q for which the median of squares / (rest + q² by) is a Gaussian's; none where too few measurements count."""
     where = where & (by > 0)  # where nothing is predicted, as of metal between highlights, nothing is told
-    if np.count_nonzero(where) < MIN_MEASUREMENTS or np.mean(np.any(where, axis=0)) < MIN_PIXEL_SHARE:
+    if np.count_nonzero(where) < SETTINGS.min_measurements or np.mean(np.any(where, axis=0)) < SETTINGS.min_pixel_share:
         return None
     squares, rest, by = squares[where], rest[where], by[where]
     # squares / (rest + q² by) is above the Gaussian's median where q² is below this.

@@ -4,7 +4,7 @@ Each pixel with more than four usable lights has redundant measurements. Its own
 offset) are eliminated (Schur complement); what is left is linear in the few parameters that all pixels share, which are
 stepped by Gauss–Newton with Gaussian priors from the calibration. The depth column keeps wrong depth at discontinuities
 from being explained by wrong intensities. Model errors of neighbouring pixels are correlated, so the pixels'
-information is divided by `EFFECTIVE_SAMPLE_DIVISOR` before it meets the priors.
+information is divided by `effective_sample_divisor` before it meets the priors.
 
 Lamp positions are unknowns because a lamp that is a millimetre off rotates all normals, and without them its effect is
 explained by intensities: with them errors of smooth objects fall by a twentieth, and those of unlucky draws by a fifth.
@@ -19,30 +19,36 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals import pixel_solve, pixel_solve_kernels
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.normals.specular import HighlightDerivatives
 
-EFFECTIVE_SAMPLE_DIVISOR = 20.0
-"""Pixels whose model errors are correlated, errors of lamp positions included, which all pixels of an image share. With
-10 the object's shift is wrong by up to 8 mm where few lights determine it, with 30 discontinuities calibrate worse."""
 
-LOBE_LOG_SIGMA = 0.5
-"""1 σ of the logarithms of a lobe's strength and exponent."""
+@dataclass(frozen=True)
+class SelfCalibrationSettings:
+    """Tuned numbers of the self-calibration of lamps."""
 
-MAX_SIGMA_SCALE, LOG_SCALE_SIGMA = 4.0, 0.6
-"""Prior of the intensity σ in `evidence_maximised_sigma`: at most this many times the stated one, and 1 σ of the
-logarithm of that factor."""
+    effective_sample_divisor: float = tuned(20.0, "pixels")
+    """Pixels whose model errors are correlated, errors of lamp positions included, which all pixels of an image share.
+    With 10 the object's shift is wrong by up to 8 mm where few lights determine it, with 30 discontinuities calibrate
+    worse."""
+    lobe_log_sigma: float = tuned(0.5, "1")
+    """1 σ of the logarithms of a lobe's strength and exponent."""
+    max_sigma_scale: float = tuned(4.0, "1")
+    """Largest factor of the stated σ of intensities in `evidence_maximised_sigma`."""
+    log_scale_sigma: float = tuned(0.6, "1")
+    """Prior 1 σ of the logarithm of that factor."""
+    min_log_bayes_factor: float = tuned(3.0, "1")
+    """Log Bayes factor against the stated σ from which a larger one is taken."""
+    min_lights: int = tuned(4, "lights")
+    """Usable lights from which a pixel takes part."""
+    min_pixels: int = tuned(50, "pixels")
+    """Pixels below which nothing is estimated."""
 
-MIN_LOG_BAYES_FACTOR = 3.0
-"""Log Bayes factor against the stated σ from which a larger one is taken."""
 
-MIN_LIGHTS = 4
-"""Usable lights from which a pixel takes part."""
-
-MIN_PIXELS = 50
-"""Pixels below which nothing is estimated."""
+SETTINGS = SelfCalibrationSettings()
 
 
 @dataclass(frozen=True)
@@ -125,8 +131,8 @@ def normal_equations(
     None where too few pixels have enough lights.
     """
     count = len(values)
-    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= MIN_LIGHTS
-    if np.count_nonzero(enough) < MIN_PIXELS:
+    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= SETTINGS.min_lights
+    if np.count_nonzero(enough) < SETTINGS.min_pixels:
         return None
     terms = estimate.terms
     derivatives: list[Float32Array] = []
@@ -139,7 +145,7 @@ def normal_equations(
         [
             [priors.shift_m],
             [] if terms is None else astuple(priors.terms),
-            [] if gloss is None else [LOBE_LOG_SIGMA] * gloss.by_lobe.shape[1],
+            [] if gloss is None else [SETTINGS.lobe_log_sigma] * gloss.by_lobe.shape[1],
         ]
     )
     size = 4 * count + len(sigma)
@@ -167,7 +173,10 @@ def normal_equations(
         offset_sigma_m,
         sums,
     )
-    matrix, right = sums[:-1, :-1] / EFFECTIVE_SAMPLE_DIVISOR, sums[:-1, -1] / EFFECTIVE_SAMPLE_DIVISOR
+    matrix, right = (
+        sums[:-1, :-1] / SETTINGS.effective_sample_divisor,
+        sums[:-1, -1] / SETTINGS.effective_sample_divisor,
+    )
     before = np.zeros(size)
     before[: 4 * count + 1] = np.concatenate(
         [present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m]]
@@ -221,7 +230,7 @@ def position_derivative(estimate: Estimate, lamps: Float32Array) -> Float32Array
 def evidence_maximised_sigma(matrix: FloatArray, right: FloatArray, others: FloatArray, stated: float) -> float:
     """Evidence maximisation (MacKay 1992, Bayesian interpolation) of the 1 σ of log intensities.
 
-    It is `stated`, unless the log Bayes factor of a larger one exceeds MIN_LOG_BAYES_FACTOR. The images' normal
+    It is `stated`, unless the log Bayes factor of a larger one exceeds `min_log_bayes_factor`. The images' normal
     equations `matrix` x = `right` are in the log intensities (F,) and then the other shared parameters (M,), of which
     the prior has precision `others` (M, M). These are marginalised, and so are the intensities, for each σ. Directions
     that images do not determine, the scale of all intensities and the tilt of a plane, add no evidence.
@@ -232,12 +241,12 @@ def evidence_maximised_sigma(matrix: FloatArray, right: FloatArray, others: Floa
     marginal = right[:count] - across @ np.linalg.solve(last, right[count:])
     precision, axes = np.linalg.eigh((schur + schur.T) / 2)
     precision = np.maximum(precision, 0)
-    times = np.geomspace(1, MAX_SIGMA_SCALE, 21)
+    times = np.geomspace(1, SETTINGS.max_sigma_scale, 21)
     variance = (times[:, None] * stated) ** 2
     gained = (axes.T @ marginal) ** 2 / (precision + 1 / variance) - np.log1p(precision * variance)
-    evidence = (np.sum(gained, axis=1) - (np.log(times) / LOG_SCALE_SIGMA) ** 2) / 2
+    evidence = (np.sum(gained, axis=1) - (np.log(times) / SETTINGS.log_scale_sigma) ** 2) / 2
     best = int(np.argmax(evidence))
-    return stated * float(times[best]) if evidence[best] > evidence[0] + MIN_LOG_BAYES_FACTOR else stated
+    return stated * float(times[best]) if evidence[best] > evidence[0] + SETTINGS.min_log_bayes_factor else stated
 
 
 def _precision(sigma: FloatArray) -> FloatArray:

@@ -21,21 +21,29 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.shot import FrameRef, FrameSource, Observations, Shot
+from acquisition.models.tuned import tuned
 from acquisition.normals import photon_transfer
 from acquisition.normals.photon_transfer import TransferCurve
 
 MAX_GAIN_SIGMA, MAX_READ_NOISE_SIGMA = 0.05, 0.15
 """1 σ, as fractions, up to which the frames' estimate replaces the calibration's value."""
 
-MAX_EXPOSURE_RATIO = 1.27
-"""Of the exposure times of two lamp-off frames that count as a pair: neighbours in the series of exposure times."""
+
+@dataclass(frozen=True)
+class SensorEstimateSettings:
+    """Tuned numbers of the sensor's estimate."""
+
+    max_exposure_ratio: float = tuned(1.27, "1")
+    """Of the exposure times of two lamp-off frames that count as a pair: neighbours in the series of exposure times."""
+    max_level_share: float = tuned(0.95, "share")
+    """Share of the clipping level up to which pixels are used: above it, noise itself is clipped."""
+
+
+SETTINGS = SensorEstimateSettings()
 
 MAX_PIXELS = 1_000_000
 STRIPS = 16
 """Of a frame at most so many pixels are read, in so many strips of rows: more do not improve the estimate."""
-
-MAX_LEVEL_SHARE = 0.95
-"""Share of the clipping level up to which pixels are used: above it, noise itself is clipped."""
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
@@ -148,7 +156,7 @@ def _pair_curve(
     first -= black
     second -= black
     level = (first + second) * np.float32(0.5)
-    good &= level < MAX_LEVEL_SHARE * (clipping - black)
+    good &= level < SETTINGS.max_level_share * (clipping - black)
     power = float(np.sum(second * second * good, dtype=np.float64))
     if power == 0:
         return EMPTY_CURVE
@@ -169,7 +177,7 @@ def _dark_curve(
         return EMPTY_CURVE, "no lamp-off frame"
     black = np.float32(sensor.black_level_dn)
     for shorter, other in sorted(pairwise(by_exposure), key=lambda pair: pair[1].exposure_s / pair[0].exposure_s):
-        if other.exposure_s > MAX_EXPOSURE_RATIO * shorter.exposure_s:
+        if other.exposure_s > SETTINGS.max_exposure_ratio * shorter.exposure_s:
             break
         first, second = (_read(frames, shot.frame, strips, columns) for shot in (shorter, other))
         if not np.array_equal(first, second):  # else one frame stored twice

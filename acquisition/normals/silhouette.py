@@ -8,17 +8,29 @@ largest connected component with its holes filled is the silhouette: steep walls
 object.
 """
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.tuned import tuned
 
-MIN_CONTRAST = 1.5
-"""Ratio of object to table below which the region is assumed to hold only the object."""
 
-TABLE_DEVIATIONS, TABLE_MARGIN = 6.0, 1.35
-"""The threshold lies so many σ of the table's log brightness above its median, and at least by this factor."""
+@dataclass(frozen=True)
+class SilhouetteSettings:
+    """Tuned numbers of the mask by brightness."""
+
+    min_contrast: float = tuned(1.5, "1")
+    """Ratio of object to table below which the region is assumed to hold only the object."""
+    table_deviations: float = tuned(6.0, "σ")
+    """σ of the table's log brightness by which the threshold lies above its median."""
+    table_margin: float = tuned(1.35, "1")
+    """Factor by which it lies above it at least."""
+
+
+SETTINGS = SilhouetteSettings()
 
 
 def bounding_box(mask: BoolArray) -> tuple[slice, slice]:
@@ -63,11 +75,11 @@ def segment(albedo_bound: Float32Array, region: BoolArray) -> BoolArray:
     level = np.log(np.clip(measured, 1e-4, None))
     threshold = _otsu(level)
     table, bright = level[level < threshold], level[level >= threshold]
-    if table.size < 16 or float(np.median(bright) - np.median(table)) < np.log(MIN_CONTRAST):
+    if table.size < 16 or float(np.median(bright) - np.median(table)) < np.log(SETTINGS.min_contrast):
         return largest_component(region & (albedo_bound > np.exp(np.median(level)) * 0.05))
     middle = float(np.median(table))
     scatter = 1.4826 * float(np.median(np.abs(table - middle)))
-    threshold = min(threshold, middle + max(TABLE_DEVIATIONS * scatter, np.log(TABLE_MARGIN)))
+    threshold = min(threshold, middle + max(SETTINGS.table_deviations * scatter, np.log(SETTINGS.table_margin)))
     candidate = region & (albedo_bound > np.exp(threshold))
     return largest_component(
         cv2.morphologyEx(candidate.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0

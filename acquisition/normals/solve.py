@@ -5,7 +5,7 @@ on a coarse grid, whose block means are gathered block by block. So the images a
 silhouette where it is not given, for the coarse grid, and for the final solve.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
+from acquisition.models.tuned import tuned
 from acquisition.normals import (
     alternation,
     colour_albedo,
@@ -34,12 +35,19 @@ from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages
 from acquisition.normals.session_images import Images
 
-MIN_DIRECTION_SPREAD = 0.05
-"""Least `direction_spread` of near lights, below which they count as lying in one plane with the object. Directions are
-those at the centroid at a rough depth, so that it is higher than the one of distant lights in `image_set`."""
 
-MIN_PIXELS = 16
-"""Object pixels below which nothing is solved."""
+@dataclass(frozen=True)
+class SolveCheckSettings:
+    """Tuned numbers of the check of near lights."""
+
+    min_direction_spread: float = tuned(0.05, "1")
+    """Least `direction_spread` of near lights, below which they count as lying in one plane with the object. Directions
+    are those at the centroid at a rough depth, so that it is higher than the one of distant lights in `image_set`."""
+    min_pixels: int = tuned(16, "pixels")
+    """Object pixels below which nothing is solved."""
+
+
+SETTINGS = SolveCheckSettings()
 
 
 def solve(
@@ -128,7 +136,7 @@ def solve_stack(
         mask = silhouette.segment(pyramid.albedo_bound(masked, rough, lamps, calibration), inside)
         masked = replace(masked, mask=mask)
     count = int(np.count_nonzero(masked.mask))
-    if count < MIN_PIXELS:
+    if count < SETTINGS.min_pixels:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
     factor = alternation.coarse_factor(count, 1 if channel is None else mosaic.CELL)
     table = None if table_depth_m is None else table_depth_m[rows, columns]
@@ -186,7 +194,7 @@ def _centroid(masked: MaskedImages, depth_m: Float32Array) -> Float32Array:
 
 def _refuse_coplanar_lights(lamps: Float32Array, centroid: Float32Array) -> None:
     spread = direction_spread(lamps[:, :3] - centroid)
-    if not spread > MIN_DIRECTION_SPREAD:
+    if not spread > SETTINGS.min_direction_spread:
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
             "the lights are parallel or lie in one plane with the object: take lights from other sides",

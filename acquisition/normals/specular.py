@@ -17,31 +17,37 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals import microfacet, pixel_solve, pixel_solve_kernels
 from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, PixelSolveOptions, Scene
 
 EXPONENTS = (12.0, 18.0, 25.0, 35.0, 50.0, 80.0, 120.0)
 """Exponents α of the grid. Between facing flat walls interreflection looks like a lobe wider than the first."""
 
-HIGHLIGHT_SIGMA = photometry.PREDICTED_HIGHLIGHT_SIGMA
+HIGHLIGHT_SIGMA = photometry.SETTINGS.predicted_highlight_sigma
 """1 σ of the subtracted highlight, as a share of it."""
 
-WIDE_CAUCHY_SCALE = 10.0
-"""Scale of Cauchy's weights, in σ, while the lobe is fitted: a narrow one rejects the highlights."""
 
-FIT_ROUNDS = 4
-"""Alternations of solve and lobe fit."""
+@dataclass(frozen=True)
+class LobeSettings:
+    """Tuned numbers of the fit of a specular lobe."""
 
-MIN_LIGHTS = 5
-"""Usable lights from which a pixel takes part."""
+    wide_cauchy_scale: float = tuned(10.0, "σ")
+    """Scale of Cauchy's weights, in σ, while the lobe is fitted: a narrow one rejects the highlights."""
+    fit_rounds: int = tuned(4, "rounds")
+    """Alternations of solve and lobe fit."""
+    min_lights: int = tuned(5, "lights")
+    """Usable lights from which a pixel takes part."""
+    min_pixels: int = tuned(100, "pixels")
+    """Pixels below which no lobe is fitted."""
+    min_strength: float = tuned(0.02, "of the albedo")
+    """Strength of the lobe below which a surface is diffuse."""
+    min_explained_share: float = tuned(0.15, "share")
+    """Share of the squared residuals that the lobe has to explain. On curved path-traced objects gloss explains a third
+    and more, a diffuse surface in direct light a few per cent."""
 
-MIN_PIXELS = 100
-"""Pixels below which no lobe is fitted."""
 
-MIN_STRENGTH, MIN_EXPLAINED_SHARE = 0.02, 0.15
-"""A surface is diffuse unless the lobe is stronger than the first, in units of albedo, and explains more than the
-second of the squared residuals: on curved path-traced objects gloss explains a third and more, a diffuse surface in
-direct light a few per cent."""
+SETTINGS = LobeSettings()
 
 
 @dataclass(frozen=True)
@@ -110,16 +116,16 @@ def fit(
     """Least-squares Blinn–Phong lobe of K pixels from values (F, K) without indirect light; `NO_LOBE` if diffuse.
 
     Alternates with the pixels' solve at depth (K,), shadow threshold `threshold`, from the lobe `start`. It needs
-    MIN_LIGHTS usable lights at MIN_PIXELS pixels, else it is `NO_LOBE`, as where the scene's terms have a lobe of
+    `min_lights` usable lights at `min_pixels` pixels, else it is `NO_LOBE`, as where the scene's terms have a lobe of
     their own.
     """
     if scene.terms is not None and scene.terms.specular:
         return NO_LOBE
     lighting = Lighting.at(pixels, depth_m, scene)
     ray_direction = lighting.ray_direction
-    robust, wide = PixelSolveOptions(threshold), PixelSolveOptions(threshold, cauchy_scale=WIDE_CAUCHY_SCALE)
+    robust, wide = PixelSolveOptions(threshold), PixelSolveOptions(threshold, cauchy_scale=SETTINGS.wide_cauchy_scale)
     lobe = start
-    for _ in range(FIT_ROUNDS):
+    for _ in range(SETTINGS.fit_rounds):
         added = np.zeros_like(values)
         if lobe.strength > 0:
             guess = pixel_solve.solve_lit(pixels, values, lighting, scene, robust)
@@ -129,7 +135,7 @@ def fit(
         )
         diffuse = values if estimate.terms is None else values - estimate.terms.value
         lobe, explained = _fit_strength(diffuse, estimate, ray_direction, scene.lamps)
-        if lobe.strength <= MIN_STRENGTH or explained < MIN_EXPLAINED_SHARE:
+        if lobe.strength <= SETTINGS.min_strength or explained < SETTINGS.min_explained_share:
             return NO_LOBE
     return lobe
 
@@ -142,8 +148,8 @@ def _fit_strength(
 
     Projected out are g of each pixel and a shift of the whole object: flat surfaces show much the same for either.
     """
-    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= MIN_LIGHTS
-    if np.count_nonzero(enough) < MIN_PIXELS:
+    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= SETTINGS.min_lights
+    if np.count_nonzero(enough) < SETTINGS.min_pixels:
         return NO_LOBE, 0.0
     change = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, lamp)
     half, length = _half_vectors(estimate.light, ray_direction)

@@ -18,11 +18,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 
-DAMPING = 0.15
-"""d of the inverse, ratio of noise to signal where nothing is blurred: the inverse never amplifies more than 1.5 times.
-With the true ℓ (design seed 5 of blob, knot, sheet and turned, 8 and 20 lights, scratch script) mean errors fall by 17
-% with it, by 11 % with 0.05 and by 12 % with 0.4; with 0.05 they rise where 8 images are noisy."""
+
+@dataclass(frozen=True)
+class DiffusionSettings:
+    """Tuned numbers of diffusion on the surface."""
+
+    damping: float = tuned(0.15, "share")
+    """d of the inverse, ratio of noise to signal where nothing is blurred: the inverse never amplifies more than 1.5
+    times. With the true ℓ (design seed 5 of blob, knot, sheet and turned, 8 and 20 lights, scratch script) mean errors
+    fall by 17 % with it, by 11 % with 0.05 and by 12 % with 0.4; with 0.05 they rise where 8 images are noisy."""
+
+
+SETTINGS = DiffusionSettings()
 
 MAX_EIGENVALUE = 8.0
 """Bound of the eigenvalues of L with weights up to 1."""
@@ -86,7 +95,7 @@ def reach(length_px: float) -> int:
 def _inverse(length_px: float) -> Callable[[FloatArray], FloatArray]:
     def response(t: FloatArray) -> FloatArray:
         squared = 1 + length_px**2 * t
-        return (1 + DAMPING) * np.sqrt(squared) / (1 + DAMPING * squared)
+        return (1 + SETTINGS.damping) * np.sqrt(squared) / (1 + SETTINGS.damping * squared)
 
     return response
 

@@ -12,15 +12,24 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals import image_terms, pixel_solve, self_calibration
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms, TermValues
 from acquisition.normals.pixel_solve import Estimate, Scene
 from acquisition.normals.self_calibration import Equations, Priors, SharedParameters
 from acquisition.normals.specular import HighlightDerivatives
 
-GLOSS_TESTED = 0.3
-"""Roughness α at which gloss is tested, in the middle of what is common. Sharper gloss leaves highlights, which the
-specular lobe finds first."""
+
+@dataclass(frozen=True)
+class TermTestSettings:
+    """Tuned numbers of the score tests."""
+
+    gloss_tested: float = tuned(0.3, "α")
+    """Roughness α at which gloss is tested, in the middle of what is common. Sharper gloss leaves highlights, which the
+    specular lobe finds first."""
+
+
+SETTINGS = TermTestSettings()
 
 
 @dataclass(frozen=True)
@@ -34,7 +43,7 @@ class TermScore:
 @dataclass(frozen=True)
 class TermScores:
     """Scores of the weight of a rough diffuse term, of ambient light, and of an offset, as in `ImageTerms`; and of a
-    dielectric's gloss of GLOSS_TESTED as a whole, whose value would be 1."""
+    dielectric's gloss of `gloss_tested` as a whole, whose value would be 1."""
 
     roughness: TermScore
     ambient: TermScore
@@ -56,13 +65,13 @@ def scores(
     def evaluated(terms: ImageTerms) -> TermValues:
         return image_terms.evaluate(terms, estimate.g, estimate.light, estimate.usable, axis, estimate.response)
 
-    present, glossy = evaluated(scene.terms or LAMBERTIAN), evaluated(ImageTerms(gloss=GLOSS_TESTED))
+    present, glossy = evaluated(scene.terms or LAMBERTIAN), evaluated(ImageTerms(gloss=SETTINGS.gloss_tested))
     columns = np.concatenate([present.by_parameter[:, :3], glossy.value[:, None], present.by_parameter[:, 4:]], axis=1)
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
     equations = self_calibration.normal_equations(
         replace(estimate, terms=replace(present, by_parameter=columns)), by_depth, values, scene.lamps, shared,
         replace(priors, terms=LAMBERTIAN),
-        photometry.OFFSET_SIGMA_M, gloss,
+        photometry.SETTINGS.offset_sigma_m, gloss,
     )  # fmt: skip
     if equations is None:
         return None

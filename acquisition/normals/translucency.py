@@ -8,8 +8,8 @@ ones, both without their local mean, which indirect light makes; irradiance, the
 texture has edges of its own. The coefficient is nothing but the score of the blur in the pixels that have a say: 1 at
 the right mean free path, and near 0 on opaque surfaces. Not all of these: what a glossy one mirrors, or the walls of a
 recess send, reaches into shadows as well (decision 48 names the false alarms), so that `model_alternatives` looks for
-no leak once gloss or metal is modelled, and shadows have to cover MIN_COVER of the object. A defocused image looks the
-same as a translucent surface, and is cured alike.
+no leak once gloss or metal is modelled, and shadows have to cover `min_cover` of the object. A defocused image looks
+the same as a translucent surface, and is cured alike.
 """
 
 from dataclasses import dataclass
@@ -20,58 +20,65 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
+from acquisition.models.tuned import tuned
 from acquisition.normals import surface_diffusion
 from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 from acquisition.normals.surface_diffusion import SurfaceGraph
 
-LENGTHS_PX = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
-"""Mean free paths, pixels of the coarse grid, that are compared when light leaks; shorter ones stay within the pixels
-at the edge, and sharpening by a longer one would bring up noise."""
 
-TESTED_PX = 1.0
-"""Mean free path for which the regression is tested."""
+@dataclass(frozen=True)
+class TranslucencySettings:
+    """Tuned numbers of the test for light in shadows."""
 
-LIT_SHARE = 0.5
-"""Share of the predicted direct light above which a pixel counts as lit."""
+    lengths_px: tuple[float, ...] = tuned((0.5, 0.7, 1.0, 1.4, 2.0, 2.8), "px")
+    """Mean free paths, pixels of the coarse grid, that are compared when light leaks; shorter ones stay within the
+    pixels at the edge, and sharpening by a longer one would bring up noise."""
+    tested_px: float = tuned(1.0, "px")
+    """Mean free path for which the regression is tested."""
+    lit_share: float = tuned(0.5, "share")
+    """Share of the predicted direct light above which a pixel counts as lit."""
+    near_px: int = tuned(6, "px")
+    """Distance from lit pixels up to which dark ones take part."""
+    local_px: float = tuned(3.0, "px")
+    """Standard deviation of the Gaussian of the local mean."""
+    level_px: float = tuned(4.0, "px")
+    """Standard deviation of the Gaussian of the brightness of the lit pixels around."""
+    min_dark_share: float = tuned(0.3, "share")
+    """Share of dark pixels among 5 × 5 below which a pixel's local mean rests on too few."""
+    min_weight: float = tuned(0.1, "1")
+    """Weight of the surface's graph below which two pixels count as divided by a depth step."""
+    albedo_rounds: int = tuned(2, "rounds")
+    """Alternations of albedo and lit images."""
+    min_pixels: int = tuned(200, "pixels")
+    """Dark pixels of all images below which nothing is said."""
+    min_pixels_in_image: int = tuned(20, "pixels")
+    """Dark pixels of an image below which nothing is said of it."""
+    min_cover: float = tuned(0.07, "share")
+    """Share of the object's pixels that have to be dark in some image. Light that the walls of one recess send into
+    their shadow falls off from its edge as well: shadows in a turned recess of 4–5 % of the object, alike in all
+    images, gave a coefficient of 1.4 (Lambertian design seed 6); translucent objects that were recognised had 9 % and
+    more."""
+    grid: int = tuned(6, "cells")
+    """Parts of the object that are left out in turn: cells of a grid of so many rows and columns over its bounding
+    box."""
+    robust_rounds: int = tuned(8, "rounds")
+    """Reweightings of the regression."""
+    cauchy_scale: float = tuned(2.0, "σ")
+    """Scale of its Cauchy weights, in standard deviations of the residual."""
+    neighbours_alike: float = tuned(2.0, "1")
+    """Factor of the standard error for residuals that neighbours share."""
+
+
+SETTINGS = TranslucencySettings()
 
 MIN_LIGHTS = 3
 """Images in which a pixel has to be lit for its prediction to count."""
 
-NEAR_PX, LOCAL_PX, LEVEL_PX = 6, 3.0, 4.0
-"""Distance from lit pixels up to which dark ones take part, and standard deviations of the Gaussians of the local mean
-and of the brightness of the lit pixels around, in pixels."""
-
-MIN_DARK_SHARE = 0.3
-"""Share of dark pixels among 5 × 5 below which a pixel's local mean rests on too few."""
-
-MIN_WEIGHT = 0.1
-"""Weight of the surface's graph below which two pixels count as divided by a depth step."""
-
-ALBEDO_ROUNDS = 2
-"""Alternations of albedo and lit images."""
-
-MIN_PIXELS, MIN_PIXELS_IN_IMAGE = 200, 20
-"""Dark pixels below which nothing is said, in all images and in one."""
-
-MIN_COVER = 0.07
-"""Share of the object's pixels that have to be dark in some image. Light that the walls of one recess send into their
-shadow falls off from its edge as well: shadows in a turned recess of 4–5 % of the object, alike in all images, gave a
-coefficient of 1.4 (Lambertian design seed 6); translucent objects that were recognised had 9 % and more."""
-
-GRID = 6
-"""Parts of the object that are left out in turn: cells of a grid of so many rows and columns over its bounding box."""
-
-ROBUST_ROUNDS, CAUCHY_SCALE = 8, 2.0
-"""Reweightings of the regression, and the scale of its weights in standard deviations of the residual."""
-
-NEIGHBOURS_ALIKE = 2.0
-"""Factor of the standard error for residuals that neighbours share."""
-
 
 @dataclass(frozen=True)
 class Leak:
-    """Regression of light in shadows on what a mean free path predicts: coefficient and standard error at TESTED_PX,
+    """Regression of light in shadows on what a mean free path predicts: coefficient and standard error at `tested_px`,
     and the mean free path in pixels at which the coefficient is 1, 0 where it is insignificant or below the least."""
 
     coefficient: float
@@ -104,13 +111,16 @@ def leak(
     shadows = _shadows(pixels, values, shading, over)
     place = _cells(pixels)
     cell = np.concatenate([place[one.dark] for one in shadows] or [np.zeros(0, int)])
-    if len(cell) < MIN_PIXELS or np.mean(np.any([pixels.take(one.dark) for one in shadows], axis=0)) < MIN_COVER:
+    if (
+        len(cell) < SETTINGS.min_pixels
+        or np.mean(np.any([pixels.take(one.dark) for one in shadows], axis=0)) < SETTINGS.min_cover
+    ):
         return None
     observed = np.concatenate([_relative(one, one.image) for one in shadows])
-    coefficient, error = _regressed(shadows, observed, over, TESTED_PX, cell)
+    coefficient, error = _regressed(shadows, observed, over, SETTINGS.tested_px, cell)
     if coefficient < min_significance * error:
         return Leak(coefficient, error, 0.0)
-    coefficients = [_regressed(shadows, observed, over, length, cell)[0] for length in LENGTHS_PX]
+    coefficients = [_regressed(shadows, observed, over, length, cell)[0] for length in SETTINGS.lengths_px]
     return Leak(coefficient, error, _length_at_one(np.array(coefficients)))
 
 
@@ -124,25 +134,27 @@ def shading(
 
 def albedo_and_lit(values: Float32Array, shading: Float32Array) -> tuple[Float32Array, BoolArray]:
     """Albedo (N,) from the images in which a pixel is lit, 0 where they are too few, and which these are (F, N)."""
-    lit = (shading > 0) & (values > LIT_SHARE * np.max(values, axis=0))
+    lit = (shading > 0) & (values > SETTINGS.lit_share * np.max(values, axis=0))
     albedo = np.zeros(values.shape[1], np.float32)
-    for _ in range(ALBEDO_ROUNDS):
+    for _ in range(SETTINGS.albedo_rounds):
         albedo = np.sum(lit * values * shading, axis=0) / np.maximum(np.sum(lit * shading**2, axis=0), 1e-9)
-        lit = (shading > 0) & (values > LIT_SHARE * albedo * shading)
+        lit = (shading > 0) & (values > SETTINGS.lit_share * albedo * shading)
     known = (np.count_nonzero(lit, axis=0) >= MIN_LIGHTS) & (albedo > 0)
     return np.where(known, albedo, 0).astype(np.float32), lit & known
 
 
 def _length_at_one(coefficients: FloatArray) -> float:
-    """Where coefficients at LENGTHS_PX, which fall with the length, reach 1: log–log interpolation."""
+    """Where coefficients at `lengths_px`, which fall with the length, reach 1: log–log interpolation."""
     if coefficients[0] <= 1:
         return 0.0
     above = int(np.argmax(coefficients <= 1)) if np.any(coefficients <= 1) else len(coefficients)
     if above == len(coefficients):
-        return LENGTHS_PX[-1]
+        return SETTINGS.lengths_px[-1]
     high, low = np.log(coefficients[above - 1]), np.log(max(coefficients[above], 1e-3))
     share = high / (high - low)
-    return float(np.exp((1 - share) * np.log(LENGTHS_PX[above - 1]) + share * np.log(LENGTHS_PX[above])))
+    return float(
+        np.exp((1 - share) * np.log(SETTINGS.lengths_px[above - 1]) + share * np.log(SETTINGS.lengths_px[above]))
+    )
 
 
 def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: SurfaceGraph) -> list[_Shadow]:
@@ -150,30 +162,32 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
     albedo, lit = albedo_and_lit(values, shading)
     known = pixels.image((albedo > 0).astype(np.uint8))
     steps = np.zeros(pixels.shape, np.uint8)
-    steps[:, :-1] |= over.across < MIN_WEIGHT
-    steps[:-1] |= over.down < MIN_WEIGHT
+    steps[:, :-1] |= over.across < SETTINGS.min_weight
+    steps[:-1] |= over.down < SETTINGS.min_weight
     core = (cv2.erode(known, np.ones((5, 5), np.uint8), borderValue=0) > 0) & ~_dilated(steps & known, 3)
     out: list[_Shadow] = []
     for irradiance, image_lit in zip(values / np.where(albedo > 0, albedo, np.inf), lit, strict=True):
         bright = pixels.image(image_lit.astype(np.uint8))
-        dark = core & ~_dilated(bright, 3) & _dilated(bright, 2 * NEAR_PX + 1)
-        dark &= cv2.boxFilter(dark.astype(np.float32), -1, (5, 5)) > MIN_DARK_SHARE
-        if np.count_nonzero(dark) < MIN_PIXELS_IN_IMAGE:
+        dark = core & ~_dilated(bright, 3) & _dilated(bright, 2 * SETTINGS.near_px + 1)
+        dark &= cv2.boxFilter(dark.astype(np.float32), -1, (5, 5)) > SETTINGS.min_dark_share
+        if np.count_nonzero(dark) < SETTINGS.min_pixels_in_image:
             continue
         image = pixels.image(irradiance.astype(np.float32))
         source = np.where(bright > 0, image, 0).astype(np.float32)
-        level = _local_mean(source, bright, LEVEL_PX)
+        level = _local_mean(source, bright, SETTINGS.level_px)
         dark &= level > 0
         out.append(_Shadow(image, source, dark, level))
     return out
 
 
 def _cells(pixels: Pixels) -> np.ndarray:
-    """Number (h, w) of the cell of a GRID × GRID grid over the object's bounding box."""
+    """Number (h, w) of the cell of a `grid` × `grid` grid over the object's bounding box."""
     row, column = np.unravel_index(pixels.index, pixels.shape)
     cell = np.zeros(pixels.shape, int)
     height, width = np.ptp(row) + 1, np.ptp(column) + 1
-    cell[row, column] = (row - row.min()) * GRID // height * GRID + (column - column.min()) * GRID // width
+    cell[row, column] = (row - row.min()) * SETTINGS.grid // height * SETTINGS.grid + (
+        column - column.min()
+    ) * SETTINGS.grid // width
     return cell
 
 
@@ -184,13 +198,13 @@ def _regressed(
     or, where it is larger, from the scatter between cells (N,), one left out in turn (jackknife)."""
     rows = np.concatenate([_relative(one, surface_diffusion.blurred(one.source, over, length_px)) for one in shadows])
     weight, slope, error = np.ones_like(observed), 0.0, float("inf")
-    for _ in range(ROBUST_ROUNDS):
+    for _ in range(SETTINGS.robust_rounds):
         information = max(float(np.sum(weight * rows**2)), 1e-15)
         slope = float(np.sum(weight * rows * observed)) / information
         left = observed - slope * rows
         scale = max(float(np.median(np.abs(left))) / GAUSSIAN_MEDIAN_DEVIATION, 1e-9)
-        error = NEIGHBOURS_ALIKE * scale / np.sqrt(information)
-        weight = 1 / (1 + (left / (CAUCHY_SCALE * scale)) ** 2)
+        error = SETTINGS.neighbours_alike * scale / np.sqrt(information)
+        weight = 1 / (1 + (left / (SETTINGS.cauchy_scale * scale)) ** 2)
     score, information = (np.bincount(cell, weight * rows * one) for one in (observed, rows))
     inside = information > 0
     without = ((np.sum(score) - score) / np.maximum(np.sum(information) - information, 1e-15))[inside]
@@ -199,7 +213,7 @@ def _regressed(
 
 def _relative(shadow: _Shadow, image: Float32Array) -> FloatArray:
     """An image at the dark pixels, without its local mean over them, as a share of the brightness around."""
-    high = image - _local_mean(image, shadow.dark, LOCAL_PX)
+    high = image - _local_mean(image, shadow.dark, SETTINGS.local_px)
     return (high[shadow.dark] / shadow.level[shadow.dark]).astype(np.float64)
 
 

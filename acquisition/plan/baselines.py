@@ -4,6 +4,8 @@ Each is a set of ideal directions, assigned to the nearest reachable positions, 
 session. The strongest from eight lights on is `two-rings`: a third of the lights at 25° and the rest at 55°, staggered.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from acquisition import geometry, lamp_pose
@@ -12,6 +14,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Method, Recipe
 from acquisition.models.route import Reach
+from acquisition.models.tuned import tuned
 
 INNER_SLANT_DEG, OUTER_SLANT_DEG = 25.0, 55.0
 """Slants of the two rings; decision 0029."""
@@ -20,13 +23,22 @@ DRBOHLAV_SLANT_DEG = 54.74
 
 VIEWING_AXIS = np.array([0.0, 0.0, 1.0])
 """Unit vector to the camera, view frame."""
-AZIMUTH_STEPS = 12
-"""Azimuths of a ring pattern, as fractions of its step, that are tried."""
-PAPER_STARTS = 20
-"""Random starts of the gradient descent on the paper's criterion."""
-MAX_SLANT_DEG = 75.0
-"""Bound of the slant for the paper's criterion, whose unbounded minimum lies at the horizon of a surface that faces the
-camera."""
+
+
+@dataclass(frozen=True)
+class BaselineSettings:
+    """Tuned numbers of the baselines."""
+
+    azimuth_steps: int = tuned(12, "steps")
+    """Azimuths of a ring pattern, as fractions of its step, that are tried."""
+    paper_starts: int = tuned(20, "starts")
+    """Random starts of the gradient descent on the paper's criterion."""
+    max_slant_deg: float = tuned(75.0, "deg")
+    """Bound of the slant for the paper's criterion, whose unbounded minimum lies at the horizon of a surface that faces
+    the camera."""
+
+
+SETTINGS = BaselineSettings()
 
 
 def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightPlan:
@@ -50,7 +62,10 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
         ideals = [least_trace_directions(count, rng)]
         why = "least trace of the inverse Gram matrix, unit lights"
     else:
-        ideals = [_rings(method, count, recipe.slant_deg, turn) for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS]
+        ideals = [
+            _rings(method, count, recipe.slant_deg, turn)
+            for turn in np.arange(SETTINGS.azimuth_steps) / SETTINGS.azimuth_steps
+        ]
         why = f"position in the pattern {method}"
     options = [lamp_pose.nearest_distinct(ideal, units, free) for ideal in ideals]
     chosen, miss = min(options, key=lambda option: float(np.sum(option[1] ** 2)))
@@ -89,13 +104,13 @@ def least_trace_directions(count: int, rng: np.random.Generator) -> FloatArray:
 
     def upper(lights: FloatArray) -> FloatArray:
         slant, azimuth = geometry.slant_azimuth(lights)
-        return geometry.direction(np.minimum(slant, np.radians(MAX_SLANT_DEG)), azimuth)
+        return geometry.direction(np.minimum(slant, np.radians(SETTINGS.max_slant_deg)), azimuth)
 
     def value(lights: FloatArray) -> float:
         return float(np.trace(tangential @ np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))))
 
     best = upper(rng.normal(size=(count, 3)) + VIEWING_AXIS)
-    for _ in range(PAPER_STARTS):
+    for _ in range(SETTINGS.paper_starts):
         lights = upper(rng.normal(size=(count, 3)) + VIEWING_AXIS)
         rate = 0.3
         for _ in range(200):

@@ -22,21 +22,30 @@ from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import LIT, NormalMap
 from acquisition.models.shot import Observations
+from acquisition.models.tuned import tuned
 from acquisition.plan import criterion_kernels, planned_noise, visibility
 from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
 
 VISIBILITY_LEVELS = (1 / 6, 1 / 2, 5 / 6)
 """Visibility probabilities above which a light counts as visible, one for each scenario; decision 0027."""
-MIN_COSINE = 0.08
-"""Cosine of incidence below which a pixel counts as in attached shadow."""
-ATTACHED_SIGMA = 0.06
-"""1 σ of the attached-shadow threshold, in cosine of incidence; combined with the normal's own σ."""
-CAST_SIGMA = 0.04
-"""1 σ of the cast-shadow threshold, in slope of clearance; combined with the normal's own σ."""
-MAX_INDIRECT_SHARE = 0.5
-"""Upper bound of the share of interreflection in a pixel's images; larger estimates are clipped."""
 
+
+@dataclass(frozen=True)
+class CriterionSettings:
+    """Tuned numbers of the design criterion."""
+
+    min_cosine: float = tuned(0.08, "cosine")
+    """Cosine of incidence below which a pixel counts as in attached shadow."""
+    attached_sigma: float = tuned(0.06, "cosine")
+    """1 σ of the attached-shadow threshold, in cosine of incidence; combined with the normal's own σ."""
+    cast_sigma: float = tuned(0.04, "slope")
+    """1 σ of the cast-shadow threshold, in slope of clearance; combined with the normal's own σ."""
+    max_indirect_share: float = tuned(0.5, "share")
+    """Upper bound of the share of interreflection in a pixel's images; larger estimates are clipped."""
+
+
+SETTINGS = CriterionSettings()
 MIN_LIGHTS = 3
 """Lights needed to determine a pixel's normal and albedo."""
 
@@ -55,7 +64,7 @@ class Samples:
     information: FloatArray  # (P, 4, 4) of (g, ζ), weak prior included
     lit: Float32Array  # (P,) images so far in which the pixel is lit
     indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
-    offset_sigma_m: float = photometry.OFFSET_SIGMA_M  # ζ = 1 is a depth offset of so much
+    offset_sigma_m: float = photometry.SETTINGS.offset_sigma_m  # ζ = 1 is a depth offset of so much
 
     @cached_property
     def packed(self) -> FloatArray:
@@ -109,7 +118,7 @@ class Candidates:
 
 def samples(
     normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray,
-    offset_sigma_m: float = photometry.OFFSET_SIGMA_M,
+    offset_sigma_m: float = photometry.SETTINGS.offset_sigma_m,
 ) -> Samples:  # fmt: skip
     """Sample pixels of a normal map, by numbers in its `information`, with a prior of their depth offsets in m."""
     rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
@@ -136,7 +145,7 @@ def samples(
 def prior_information(albedo: Float32Array) -> FloatArray:
     """Prior information (P, 4, 4): ±`PRIOR_SCALE` ρ of each component of g, ±1 of the scaled depth offset ζ."""
     prior = np.zeros((len(albedo), 4, 4))
-    prior[:, (0, 1, 2), (0, 1, 2)] = (1.0 / (photometry.PRIOR_SCALE * albedo) ** 2)[:, None]
+    prior[:, (0, 1, 2), (0, 1, 2)] = (1.0 / (photometry.SETTINGS.prior_scale * albedo) ** 2)[:, None]
     prior[:, 3, 3] = 1.0
     return prior
 
@@ -177,7 +186,9 @@ def _shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> _
     strength = np.sqrt(np.einsum("fcp,fcp->fp", light, light))
     distance = np.sqrt(np.sum((lamp[:, :3, None] - sample.point[None]) ** 2, axis=1))
     cosine = np.einsum("fcp,cp->fp", light, sample.normal) / np.maximum(strength, 1e-9)
-    return _Shading(light, strength, distance, cosine, np.maximum(cosine, MIN_COSINE) * strength * sample.albedo)
+    return _Shading(
+        light, strength, distance, cosine, np.maximum(cosine, SETTINGS.min_cosine) * strength * sample.albedo
+    )
 
 
 def candidates(
@@ -192,9 +203,9 @@ def candidates(
     shading = _shading(sample, lamp, calibration)
     direction_sigma = sample.sigma / np.sqrt(2.0)
     clearance = surface.clearance(sample.point, lamp)
-    visibility_probability = ndtr((shading.cosine - MIN_COSINE) / np.hypot(ATTACHED_SIGMA, direction_sigma)) * ndtr(
-        clearance / np.hypot(CAST_SIGMA, direction_sigma)
-    )
+    visibility_probability = ndtr(
+        (shading.cosine - SETTINGS.min_cosine) / np.hypot(SETTINGS.attached_sigma, direction_sigma)
+    ) * ndtr(clearance / np.hypot(SETTINGS.cast_sigma, direction_sigma))
     lit = np.where(visibility_probability > 0.5, shading.value, 0.0)
     brightest = np.maximum(np.quantile(lit, 0.995, axis=1), 1e-4)
     level = recipe.exposure.target / brightest
@@ -257,7 +268,7 @@ def reweight(
     lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
     indirect = np.zeros_like(sample.albedo)
     if normal_map.indirect is not None:
-        share = np.clip(normal_map.indirect[sample.row, sample.column], 0, MAX_INDIRECT_SHARE)
+        share = np.clip(normal_map.indirect[sample.row, sample.column], 0, SETTINGS.max_indirect_share)
         indirect = np.asarray(np.mean(np.where(lit, shading.value, 0), axis=0) * share / (1 - share), np.float32)
     assumed = planned_noise.solved_variance(
         shading.value, strength, float(np.mean(shading.distance)), level, calibration, normal_map, indirect

@@ -6,7 +6,7 @@ design, how many lights will reach each pixel, and the misfit of the images so f
 
     σ² = (A + B κ) (v + C²) + S² κ + D² [fewer than four lights expected] + E² [something is wrong with the capture]
 
-κ is χ² of the images so far over the whole object, between 1 and MAX_MISFIT, because few images have few residuals: a
+κ is χ² of the images so far over the whole object, between 1 and `max_misfit`, because few images have few residuals: a
 pixel's own χ² after a pilot of four says next to nothing, and where half of the pixels are lit by three lights it does
 not exist. What raises it (shadow edges, steps, indirect light, lobes of the lamps) is shared by images, so that a part
 of it, S² κ, does not fall with their number. C is what the calibration leaves uncertain of all lamps alike. Creases are
@@ -20,13 +20,21 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.result import NormalMap
+from acquisition.models.tuned import tuned
 from acquisition.plan.criterion import Posterior
 
-SHARED_SIGMA_DEG = 0.5
-"""S, degrees: 1 σ of the normal that no further image lowers, at a misfit of 1."""
 
-MAX_MISFIT = 10.0
-"""Greatest misfit that counts: what fits worse still is down-weighted by the solver's robust weights."""
+@dataclass(frozen=True)
+class ExpectedSigmaSettings:
+    """Tuned numbers of the forecast of σ."""
+
+    shared_sigma_deg: float = tuned(0.5, "deg")
+    """S, degrees: 1 σ of the normal that no further image lowers, at a misfit of 1."""
+    max_misfit: float = tuned(10.0, "1")
+    """Greatest misfit that counts: what fits worse still is down-weighted by the solver's robust weights."""
+
+
+SETTINGS = ExpectedSigmaSettings()
 
 
 @dataclass(frozen=True)
@@ -40,9 +48,11 @@ class ExpectedSigma:
 
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
         """Expected σ (P,) in degrees of pixels with a posterior, mean over its visibility scenarios."""
-        factor = photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR * self.misfit
-        added = SHARED_SIGMA_DEG**2 * self.misfit + (photometry.UNSOUND_SIGMA_DEG**2 if self.unsound else 0.0)
-        few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, photometry.FEW_LIGHTS_SIGMA_DEG**2, 0.0)
+        factor = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor * self.misfit
+        added = SETTINGS.shared_sigma_deg**2 * self.misfit + (
+            photometry.SETTINGS.unsound_sigma_deg**2 if self.unsound else 0.0
+        )
+        few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, photometry.SETTINGS.few_lights_sigma_deg**2, 0.0)
         # Both tangential directions of a normal, as the posterior's variance counts them.
         shared = 2 * self.calibration_rad**2
         variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + few + added
@@ -52,7 +62,7 @@ class ExpectedSigma:
 def of(normal_map: NormalMap, calibration_rad: float = 0.0) -> ExpectedSigma:
     """Misfit and findings of the images so far; a misfit of 1, that of a model that holds, where none is stated."""
     return ExpectedSigma(
-        misfit=float(np.clip(normal_map.noise.get("misfit", 1.0), 1.0, MAX_MISFIT)),
+        misfit=float(np.clip(normal_map.noise.get("misfit", 1.0), 1.0, SETTINGS.max_misfit)),
         unsound=any(not finding.corrected for finding in normal_map.findings),
         calibration_rad=calibration_rad,
     )

@@ -8,7 +8,7 @@ needs, and uses `capped` between equals.
 
 Many sets of lights are within a few per cent of the best by any of these. Even ones among them suffer least from wrong
 depth, which biases normals towards or away from the lights; what makes plans even is the wide prior of the depth offset
-(`planner.SEARCH_OFFSET_SIGMA_M`), not a term of the loss. Decision 0026.
+(`search_offset_sigma_m` of the planner), not a term of the loss. Decision 0026.
 """
 
 from dataclasses import dataclass, replace
@@ -17,24 +17,33 @@ import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.recipe import Objective
+from acquisition.models.tuned import tuned
 from acquisition.plan import criterion_kernels
 from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Posterior, Samples
 
-CAP_DEG = 3.0
-"""Cap of `capped` in degrees of σ, above which the loss saturates. Errors of eight images are 2 % lower than at 5° and
-3 % lower than at 10° on simulated scenes, 8 % lower than at 10° on path-traced ones; at 2° more pixels stay over
-10°."""
 
-CAP_FACTOR = 4.0
-"""Lower bound of the cap in units of the mean σ of two rings: where all pixels are uncertain, as between
-interreflecting walls, a cap of 3° would disregard half of them."""
+@dataclass(frozen=True)
+class ObjectiveSettings:
+    """Tuned numbers of the objectives."""
 
-QUANTILE = 0.9
-"""Quantile of σ over the pixels that the objective `quantile` lowers."""
-LOWER_FACTOR, UPPER_FACTOR = 0.6, 2.0
-"""σ at which `quantile` begins to count a pixel, and its cap, in units of that quantile with two rings."""
-COVERAGE_WEIGHT = 10.0
-"""Loss of `coverage` when all pixels fall short by one light: a thousand times the range of the capped variance."""
+    cap_deg: float = tuned(3.0, "deg")
+    """Cap of `capped` in degrees of σ, above which the loss saturates. Errors of eight images are 2 % lower than at 5°
+    and 3 % lower than at 10° on simulated scenes, 8 % lower than at 10° on path-traced ones; at 2° more pixels stay
+    over 10°."""
+    cap_factor: float = tuned(4.0, "1")
+    """Lower bound of the cap in units of the mean σ of two rings: where all pixels are uncertain, as between
+    interreflecting walls, a cap of 3° would disregard half of them."""
+    quantile: float = tuned(0.9, "quantile")
+    """Quantile of σ over the pixels that the objective `quantile` lowers."""
+    lower_factor: float = tuned(0.6, "1")
+    """σ at which `quantile` begins to count a pixel, in units of that quantile with two rings."""
+    upper_factor: float = tuned(2.0, "1")
+    """σ at which it stops rising, in the same units."""
+    coverage_weight: float = tuned(10.0, "1")
+    """Loss of `coverage` when all pixels fall short by one light: a thousand times the range of the capped variance."""
+
+
+SETTINGS = ObjectiveSettings()
 
 
 @dataclass(frozen=True)
@@ -80,8 +89,8 @@ class Loss:
         return np.array([self.variance_weight, self.sigma_weight, self.threshold, self.inverse_cap], np.float32)
 
 
-CAPPED = Loss(1.0, 0.0, 0.0, 1.0 / np.radians(CAP_DEG) ** 2, 0.0)
-"""Mean capped variance at a cap of `CAP_DEG`."""
+CAPPED = Loss(1.0, 0.0, 0.0, 1.0 / np.radians(SETTINGS.cap_deg) ** 2, 0.0)
+"""Mean capped variance at a cap of `cap_deg`."""
 VARIANCE = Loss(1.0, 0.0, 0.0, 0.0, 0.0)
 """A-optimality, the plain mean variance: convex in the design weights, so a lower bound exists (`relaxation`)."""
 
@@ -91,14 +100,14 @@ def loss(objective: Objective, reference: Posterior) -> Loss:
     if objective == "mean":
         return Loss(0.0, 1.0, 0.0, 0.0, 0.0)
     if objective == "quantile":
-        level = float(np.sqrt(np.quantile(reference.variance, QUANTILE)))
-        inverse_cap = 1.0 / (UPPER_FACTOR * level) ** 2
-        lower_variance = (LOWER_FACTOR * level) ** 2
+        level = float(np.sqrt(np.quantile(reference.variance, SETTINGS.quantile)))
+        inverse_cap = 1.0 / (SETTINGS.upper_factor * level) ** 2
+        lower_variance = (SETTINGS.lower_factor * level) ** 2
         threshold = float(np.sqrt(lower_variance / (1 + lower_variance * inverse_cap)))
         return Loss(0.0, 1.0, threshold, inverse_cap, 0.0)
-    cap = max(np.radians(CAP_DEG), CAP_FACTOR * float(np.mean(np.sqrt(reference.variance))))
+    cap = max(np.radians(SETTINGS.cap_deg), SETTINGS.cap_factor * float(np.mean(np.sqrt(reference.variance))))
     return replace(
         CAPPED,
         inverse_cap=1.0 / cap**2,
-        coverage_weight=COVERAGE_WEIGHT if objective == "coverage" else 0.0,
+        coverage_weight=SETTINGS.coverage_weight if objective == "coverage" else 0.0,
     )

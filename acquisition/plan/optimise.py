@@ -8,41 +8,47 @@ for a given seed, unless a deadline ends it early.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from acquisition import geometry
 from acquisition.models.base import FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.plan import criterion
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.deadline import Deadline
 from acquisition.plan.objective import Loss
 
-COARSE_PIXELS = 300
-"""Approximate number of sample pixels of the coarse search from all starts."""
-RANDOM_START_LIGHTS = 80
-"""Total number of lights of all random starts, so that designs of few lights, with more local minima, get more starts.
-One start in eight leads to the best set, and two passes of exchange suffice to identify it."""
 
-QUICK_RANDOM_START_LIGHTS = 40
-"""The same for a quick search: on one cushion-shaped object and sixteen domes of candidates, σ of four lights is within
-1.1 % of the full search's, of eight within 2.6 %. With 24, σ is up to 4 % larger at a hardly larger loss."""
+@dataclass(frozen=True)
+class SearchSettings:
+    """Tuned numbers of the search for lights."""
 
-SHORTLIST = 4
-"""Number of best coarse designs that are exchanged further."""
-PAIR_TRIALS = 12
-"""Random pairs of lights tried by the pair exchange."""
-REFINE_STEPS_DEG = (4.0, 2.0, 1.0, 0.5)
-"""Steps of the pattern search in degrees on the dome."""
-REFINE_ROUNDS = 3
-"""Maximum number of rounds over all lights at one step; ends earlier when none moves."""
+    coarse_pixels: int = tuned(300, "pixels")
+    """Approximate number of sample pixels of the coarse search from all starts."""
+    random_start_lights: int = tuned(80, "lights")
+    """Total number of lights of all random starts, so that designs of few lights, with more local minima, get more
+    starts. One start in eight leads to the best set, and two passes of exchange suffice to identify it."""
+    quick_random_start_lights: int = tuned(40, "lights")
+    """The same for a quick search: on one cushion-shaped object and sixteen domes of candidates, σ of four lights is
+    within 1.1 % of the full search's, of eight within 2.6 %. With 24, σ is up to 4 % larger at a hardly larger loss."""
+    shortlist: int = tuned(4, "designs")
+    """Number of best coarse designs that are exchanged further."""
+    pair_trials: int = tuned(12, "pairs")
+    """Random pairs of lights tried by the pair exchange."""
+    refine_steps_deg: tuple[float, ...] = tuned((4.0, 2.0, 1.0, 0.5), "deg")
+    """Steps of the pattern search in degrees on the dome."""
+    refine_rounds: int = tuned(3, "rounds")
+    """Maximum number of rounds over all lights at one step; ends earlier when none moves."""
+    refine_directions: int = tuned(8, "directions")
+    """Neighbouring positions of a light in the pattern search."""
+    min_improvement: float = tuned(1e-4, "share")
+    """Smallest relative decrease of the loss that counts as an improvement."""
 
-REFINE_DIRECTIONS = 8
-"""Neighbouring positions of a light in the pattern search."""
 
-MIN_IMPROVEMENT = 1e-4
-"""Smallest relative decrease of the loss that counts as an improvement."""
+SETTINGS = SearchSettings()
 
 
 def search(
@@ -56,19 +62,22 @@ def search(
     """
     if count >= len(options.row):  # nothing to choose
         return list(range(len(options.row)))
-    step = max(1, len(sample.albedo) // COARSE_PIXELS)
+    step = max(1, len(sample.albedo) // SETTINGS.coarse_pixels)
     coarse, coarse_options = sample.thinned(step), options.thinned(step)
     rng = np.random.default_rng(seed)
     starts = [greedy(coarse, coarse_options, loss, count, until)]
     starts += [min(patterns, key=lambda chosen: value(coarse, coarse_options, loss, chosen))] if patterns else []
-    random_starts = QUICK_RANDOM_START_LIGHTS // count if quick else max(2, RANDOM_START_LIGHTS // count)
+    random_starts = (
+        SETTINGS.quick_random_start_lights // count if quick else max(2, SETTINGS.random_start_lights // count)
+    )
     for _ in range(random_starts if count > 1 else 0):  # for one light the greedy scan is exhaustive
         starts.append([int(index) for index in rng.permutation(len(options.row))[:count]])
     solutions = [exchange(coarse, coarse_options, loss, start, until, passes=2) for start in starts]
     if not quick:
         solutions.sort(key=lambda chosen: value(coarse, coarse_options, loss, chosen))
         solutions = [
-            exchange(coarse, coarse_options, loss, chosen, until, passes=4) for chosen in solutions[:SHORTLIST]
+            exchange(coarse, coarse_options, loss, chosen, until, passes=4)
+            for chosen in solutions[: SETTINGS.shortlist]
         ]
         solutions.sort(key=lambda chosen: value(coarse, coarse_options, loss, chosen))
         solutions.append(pair_exchange(coarse, coarse_options, loss, solutions[0], rng, until))
@@ -106,7 +115,7 @@ def exchange(
         losses[others] = np.inf
         best = int(np.argmin(losses))
         # The present light is evaluated by the same scan, because its sums are in single precision.
-        better = losses[best] < losses[chosen[slot]] * (1 - MIN_IMPROVEMENT)
+        better = losses[best] < losses[chosen[slot]] * (1 - SETTINGS.min_improvement)
         unchanged = 0 if better else unchanged + 1
         if better:
             chosen[slot] = best
@@ -121,7 +130,7 @@ def pair_exchange(
     """Pair exchange: removes two lights, refills greedily and exchanges, which escapes most local minima."""
     chosen, best = list(start), value(sample, options, loss, start)
     pairs = list(combinations(range(len(chosen)), 2))
-    for number in rng.permutation(len(pairs))[:PAIR_TRIALS]:
+    for number in rng.permutation(len(pairs))[: SETTINGS.pair_trials]:
         if until.passed:
             break
         trial = [index for place, index in enumerate(chosen) if place not in pairs[number]]
@@ -134,7 +143,7 @@ def pair_exchange(
             trial.append(int(np.argmin(losses)))
         trial = exchange(sample, options, loss, trial, until, passes=2)
         trial_value = value(sample, options, loss, trial)
-        if trial_value < best * (1 - MIN_IMPROVEMENT):
+        if trial_value < best * (1 - SETTINGS.min_improvement):
             best, chosen = trial_value, trial
     return chosen
 
@@ -155,9 +164,9 @@ def refine(
     positions = positions.copy()
     current = candidates_at(positions)
     start = loss.evaluate(criterion.posterior(sample, current))
-    for step_deg in REFINE_STEPS_DEG:
+    for step_deg in SETTINGS.refine_steps_deg:
         neighbourhoods: dict[int, Candidates] = {}  # cached for each light that has not moved since
-        for _ in range(REFINE_ROUNDS):
+        for _ in range(SETTINGS.refine_rounds):
             neighbours = np.stack([_neighbours(position, center, step_deg) for position in positions])
             stale = [slot for slot in range(len(positions)) if slot not in neighbourhoods]
             if not stale:
@@ -165,7 +174,7 @@ def refine(
             evaluated = candidates_at(neighbours[stale].reshape(-1, 3))
             for number, place in enumerate(stale):
                 neighbourhoods[place] = evaluated.only(
-                    np.arange(number * REFINE_DIRECTIONS, (number + 1) * REFINE_DIRECTIONS)
+                    np.arange(number * SETTINGS.refine_directions, (number + 1) * SETTINGS.refine_directions)
                 )
             for place in range(len(positions)):
                 if until.passed:
@@ -175,8 +184,8 @@ def refine(
                 losses = loss.scan(
                     sample, criterion.posterior(sample, current.only(others)), own.joined(current.only([place]))
                 )
-                best = int(np.argmin(losses[:REFINE_DIRECTIONS]))
-                better = losses[best] < losses[REFINE_DIRECTIONS] - MIN_IMPROVEMENT * start
+                best = int(np.argmin(losses[: SETTINGS.refine_directions]))
+                better = losses[best] < losses[SETTINGS.refine_directions] - SETTINGS.min_improvement * start
                 if better and allowed(neighbours[place, best]):
                     positions[place] = neighbours[place, best]
                     current.row[place], current.visibility[place] = own.row[best], own.visibility[best]
@@ -189,7 +198,7 @@ def _neighbours(position: FloatArray, center: FloatArray, step_deg: float) -> Fl
     offset = position - center
     radius = np.linalg.norm(offset)
     slant, azimuth = geometry.slant_azimuth(offset / radius)
-    turns = np.arange(REFINE_DIRECTIONS) * 2 * np.pi / REFINE_DIRECTIONS
+    turns = np.arange(SETTINGS.refine_directions) * 2 * np.pi / SETTINGS.refine_directions
     step = np.radians(step_deg)
     slants = np.abs(slant + step * np.cos(turns))
     azimuths = azimuth + step * np.sin(turns) / max(np.sin(slant), np.sin(step))

@@ -23,32 +23,40 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, NormalMap
+from acquisition.models.tuned import tuned
 
-SELF_CALIBRATION_FACTOR = 0.3
-"""Self-calibration factor of σ: share of an image's intensity error that remains and affects normals. Of 0.010 at eight
-images 0.0055 remain, most of it common to all images, which affects the albedo only. Planning with the covariance of
-the estimated intensities (a Schur complement over images) in place of this number changes the errors by less than can
-be measured."""
 
-INTEGRABILITY_FACTOR = 0.5
-"""Integrability factor of variance: share of the independent pixel noise that remains after the projection of the
-normals to an integrable field. With it, measured over expected mean errors of eight images are 0.83–1.0 for smooth
-objects and figures, 1.0–1.3 for parts and fine relief."""
+@dataclass(frozen=True)
+class PlannedNoiseSettings:
+    """Tuned numbers of the noise that a plan expects."""
 
-INDIRECT_SIGMA = 0.4
-"""1 σ of the residual indirect radiance after correction, as a share of it, for each light. It contains more than the
-part that differs between lights, by which the solver weights (`photometry.PREDICTED_INDIRECT_SIGMA`): that part is a
-tenth, but the residual common to all lights, a fifth and more, also affects normals least where many lights are well
-visible. Eight path-traced images have 0.98–0.99 times the error of two rings with 0.4, 1.03 times without."""
+    self_calibration_factor: float = tuned(0.3, "1")
+    """Self-calibration factor of σ: share of an image's intensity error that remains and affects normals. Of 0.010 at
+    eight images 0.0055 remain, most of it common to all images, which affects the albedo only. Planning with the
+    covariance of the estimated intensities (a Schur complement over images) in place of this number changes the errors
+    by less than can be measured."""
+    integrability_factor: float = tuned(0.5, "1")
+    """Integrability factor of variance: share of the independent pixel noise that remains after the projection of the
+    normals to an integrable field. With it, measured over expected mean errors of eight images are 0.83–1.0 for smooth
+    objects and figures, 1.0–1.3 for parts and fine relief."""
+    indirect_sigma: float = tuned(0.4, "share")
+    """1 σ of the residual indirect radiance after correction, as a share of it, for each light. It contains more than
+    the part that differs between lights, by which the solver weights (`predicted_indirect_sigma`): that part
+    is a tenth, but the residual common to all lights, a fifth and more, also affects normals least where many lights
+    are well visible. Eight path-traced images have 0.98–0.99 times the error of two rings with 0.4, 1.03 times
+    without."""
+    glossy_share: float = tuned(0.03, "share")
+    """Share of pixels with a highlight in some image above which a surface is glossy: 0.5–2 % on diffuse ones, 4–13 %
+    on slightly glossy ones."""
+    default_lobe_strength: float = tuned(0.15, "of the albedo")
+    """Strength of the specular lobe assumed where only the presence of highlights is known. The plan allows for the
+    residual of the final solve, not for the full highlight: lights that avoid all highlights would leave the lobe
+    undetermined, and on flat surfaces the solve then confuses it with a shift of the object."""
+    default_lobe_exponent: float = tuned(30.0, "1")
+    """Exponent of that lobe."""
 
-GLOSSY_SHARE = 0.03
-"""Share of pixels with a highlight in some image above which a surface is glossy: 0.5–2 % on diffuse ones, 4–13 % on
-slightly glossy ones."""
 
-DEFAULT_LOBE_STRENGTH, DEFAULT_LOBE_EXPONENT = 0.15, 30.0
-"""Specular lobe assumed where only the presence of highlights is known: strength in units of albedo, and exponent. The
-plan allows for the residual of the final solve, not for the full highlight: lights that avoid all highlights would
-leave the lobe undetermined, and on flat surfaces the solve then confuses it with a shift of the object."""
+SETTINGS = PlannedNoiseSettings()
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,7 @@ class Gloss:
     """Variance of y from highlights (Blinn lobe): (sigma |s| (n·h)^exponent)², h the half vector of lamp and camera."""
 
     sigma: float = 0.0
-    exponent: float = DEFAULT_LOBE_EXPONENT
+    exponent: float = SETTINGS.default_lobe_exponent
 
 
 DIFFUSE = Gloss()
@@ -65,11 +73,15 @@ DIFFUSE = Gloss()
 
 def gloss(normal_map: NormalMap) -> Gloss:
     """Highlight noise: from the lobe that the solver fitted, else from the share of pixels flagged as highlights."""
-    sigma, lobe = photometry.PREDICTED_HIGHLIGHT_SIGMA, normal_map.notes.get("lobe")
+    sigma, lobe = photometry.SETTINGS.predicted_highlight_sigma, normal_map.notes.get("lobe")
     if lobe is not None and lobe["strength"] > 0:
         return Gloss(sigma * float(lobe["strength"]), float(lobe["exponent"]))
     highlighted = np.any(normal_map.flags[:, normal_map.mask] & HIGHLIGHT, axis=0)
-    return Gloss(sigma * DEFAULT_LOBE_STRENGTH) if highlighted.size and np.mean(highlighted) > GLOSSY_SHARE else DIFFUSE
+    return (
+        Gloss(sigma * SETTINGS.default_lobe_strength)
+        if highlighted.size and np.mean(highlighted) > SETTINGS.glossy_share
+        else DIFFUSE
+    )
 
 
 def variance(
@@ -84,19 +96,23 @@ def variance(
 
     `indirect` (P,) is the indirect radiance, in y.
     """
-    indirect_variance = (INDIRECT_SIGMA * indirect) ** 2
+    indirect_variance = (SETTINGS.indirect_sigma * indirect) ** 2
     if cautious:
         assumed = photometry.noise(calibration, list(level / calibration.lamp_intensity), float(np.mean(distance)))
-        assumed = replace(assumed, shot=INTEGRABILITY_FACTOR * assumed.shot, floor=INTEGRABILITY_FACTOR * assumed.floor)
+        assumed = replace(
+            assumed,
+            shot=SETTINGS.integrability_factor * assumed.shot,
+            floor=SETTINGS.integrability_factor * assumed.floor,
+        )
         sensor_and_lamp = assumed.variance(np.asarray(value, np.float64), np.asarray(strength, np.float64))
         return np.asarray(sensor_and_lamp + indirect_variance)
     shot, floor = photometry.sensor_noise(calibration, list(level / calibration.lamp_intensity))
     lamp_angle = calibration.lamp_position_sigma_m / distance
-    intensity_variance = SELF_CALIBRATION_FACTOR**2 * (calibration.intensity_sigma**2 + (2 * lamp_angle) ** 2)
+    intensity_variance = SETTINGS.self_calibration_factor**2 * (calibration.intensity_sigma**2 + (2 * lamp_angle) ** 2)
     direction_variance = lamp_angle**2 * np.clip(1 - cosine**2, 0, 1)
-    pixel_variance = shot[:, None] * value + floor[:, None] + photometry.FLAT_FIELD_SIGMA**2 * value**2
+    pixel_variance = shot[:, None] * value + floor[:, None] + photometry.SETTINGS.flat_field_sigma**2 * value**2
     return np.asarray(
-        INTEGRABILITY_FACTOR * pixel_variance
+        SETTINGS.integrability_factor * pixel_variance
         + intensity_variance * value**2
         + direction_variance * strength**2
         + indirect_variance
@@ -112,5 +128,5 @@ def solved_variance(
     intensity = normal_map.noise.get("intensity", assumed.intensity)
     direction = normal_map.noise.get("direction", assumed.direction)
     lamps = (intensity * value) ** 2 + (direction * strength) ** 2
-    predicted = (photometry.PREDICTED_INDIRECT_SIGMA * indirect) ** 2
+    predicted = (photometry.SETTINGS.predicted_indirect_sigma * indirect) ** 2
     return assumed.shot[:, None] * value + assumed.floor[:, None] + lamps + predicted

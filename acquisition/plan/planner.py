@@ -19,6 +19,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA, NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
+from acquisition.models.tuned import tuned
 from acquisition.plan import (
     baselines,
     criterion,
@@ -37,30 +38,33 @@ from acquisition.plan.objective import Loss
 from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
 
-SAMPLE_PIXELS = 900
-"""Number of random sample pixels of the search; from 50 to 4,000 the errors of the plans differ by less than 5 %."""
 
-REFINE_STRIDE = 2
-"""Stride of the sample pixels in the refinement off the candidates' grid, which casts most shadow rays."""
+@dataclass(frozen=True)
+class PlannerSettings:
+    """Tuned numbers of the planner."""
 
-SEARCH_OFFSET_SIGMA_M = 0.010
-"""1 σ prior (m) of a pixel's depth offset by which lights are chosen; predictions use the solver's 3 mm. Integrated
-depth is wrong by 10 mm behind occluding contours, and wrong depth biases normals towards or away from the lights unless
-they surround the object: so the choice is even without a term for evenness. Errors of eight images against plans with
-3 mm and a penalty on imbalance: 0.963 ± 0.016 on fourteen path-traced objects, 1.009 ± 0.021 on nine others (five
-families, design seeds 0 and 1, two azimuths); of twelve 0.993 ± 0.025."""
+    sample_pixels: int = tuned(900, "pixels")
+    """Number of random sample pixels of the search; from 50 to 4,000 the errors of the plans differ by less than 5
+    %."""
+    refine_stride: int = tuned(2, "pixels")
+    """Stride of the sample pixels in the refinement off the candidates' grid, which casts most shadow rays."""
+    search_offset_sigma_m: float = tuned(0.010, "m")
+    """1 σ prior (m) of a pixel's depth offset by which lights are chosen; predictions use the solver's 3 mm. Integrated
+    depth is wrong by 10 mm behind occluding contours, and wrong depth biases normals towards or away from the lights
+    unless they surround the object: so the choice is even without a term for evenness. Errors of eight images against
+    plans with 3 mm and a penalty on imbalance: 0.963 ± 0.016 on fourteen path-traced objects, 1.009 ± 0.021 on nine
+    others (five families, design seeds 0 and 1, two azimuths); of twelve 0.993 ± 0.025."""
+    certificate_pixels: int = tuned(300, "pixels")
+    """Approximate number of pixels of the lower bound, which takes seconds with all of them."""
+    min_pixels: int = tuned(20, "pixels")
+    """Smallest number of usable sample pixels; with fewer the plan is infeasible."""
+    max_undetermined_share: float = tuned(0.35, "share")
+    """Share of pixels lit by fewer than three lights so far above which the plan warns; usual pilots leave 1–26 %."""
+    max_candidates: int = tuned(300, "candidates")
+    """Maximum number of candidate positions; 300 and 800 give the same errors."""
 
-CERTIFICATE_PIXELS = 300
-"""Approximate number of pixels of the lower bound, which takes seconds with all of them."""
 
-MIN_PIXELS = 20
-"""Smallest number of usable sample pixels; with fewer the plan is infeasible."""
-
-MAX_UNDETERMINED_SHARE = 0.35
-"""Share of pixels lit by fewer than three lights so far above which the plan warns; usual pilots leave 1–26 %."""
-
-MAX_CANDIDATES = 300
-"""Maximum number of candidate positions; 300 and 800 give the same errors."""
+SETTINGS = PlannerSettings()
 
 
 @dataclass(frozen=True)
@@ -167,7 +171,7 @@ def choose(
     chosen = optimise.search(problem.search_sample, candidates, loss, sets, count_to_add, recipe.seed, until)
     positions = problem.positions[chosen]
     if not options.listed:
-        refine_sample = problem.search_sample.thinned(REFINE_STRIDE)
+        refine_sample = problem.search_sample.thinned(SETTINGS.refine_stride)
         positions = optimise.refine(
             refine_sample,
             positions,
@@ -189,7 +193,7 @@ def choose(
             f"the search was stopped by its time limit of {options.deadline_s:g} s: the best set so far is used"
         )
     undetermined = float(np.mean(problem.search_sample.lit < criterion.MIN_LIGHTS))
-    if observations.shots and undetermined > MAX_UNDETERMINED_SHARE:
+    if observations.shots and undetermined > SETTINGS.max_undetermined_share:
         notes.append(
             f"{undetermined:.0%} of the pixels were lit by fewer than {criterion.MIN_LIGHTS} lights so far: the "
             "shape behind this plan is unreliable there; check that all lamps were on and nothing blocked their light"
@@ -259,21 +263,23 @@ def build_problem(
         information = normal_map.information
         usable = usable[region[information.rows[usable], information.columns[usable]]]
         where = " in the region of interest"
-    if len(usable) < MIN_PIXELS:
+    if len(usable) < SETTINGS.min_pixels:
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"only {len(usable)} sample pixels of the normal map are usable{where}, {MIN_PIXELS} are needed: "
+            f"only {len(usable)} sample pixels of the normal map are usable{where}, {SETTINGS.min_pixels} are needed: "
             "check the pilot's images and the region",
             pixels=len(usable),
         )
 
     order = np.random.default_rng(recipe.seed).permutation(usable)
-    half = max(len(order) // 2, MIN_PIXELS // 2)
-    search_pixels, holdout_pixels = (np.sort(numbers[:SAMPLE_PIXELS]) for numbers in (order[:half], order[half:]))
-    search_sample = criterion.samples(normal_map, calibration, search_pixels, SEARCH_OFFSET_SIGMA_M)
+    half = max(len(order) // 2, SETTINGS.min_pixels // 2)
+    search_pixels, holdout_pixels = (
+        np.sort(numbers[: SETTINGS.sample_pixels]) for numbers in (order[:half], order[half:])
+    )
+    search_sample = criterion.samples(normal_map, calibration, search_pixels, SETTINGS.search_offset_sigma_m)
     holdout_sample = criterion.samples(normal_map, calibration, holdout_pixels)
     units = lamp_pose.directions(reach.candidates, reach.center, count, surround=not options.listed)
-    kept = np.linspace(0, len(units) - 1, min(len(units), MAX_CANDIDATES)).round().astype(int)
+    kept = np.linspace(0, len(units) - 1, min(len(units), SETTINGS.max_candidates)).round().astype(int)
     return Problem(
         normal_map=normal_map,
         observations=observations,
@@ -308,7 +314,7 @@ def _certificate(
     `options` holds the plan's own positions too. The certificate is of the posterior: variances that no light lowers
     would pull all efficiencies towards 1.
     """
-    step = max(1, len(problem.search_sample.albedo) // CERTIFICATE_PIXELS)
+    step = max(1, len(problem.search_sample.albedo) // SETTINGS.certificate_pixels)
     sample = problem.search_sample.thinned(step)
     planned = problem.search_candidates(positions).thinned(step)
     thinned = options.thinned(step)

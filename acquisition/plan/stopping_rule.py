@@ -11,6 +11,7 @@ The σ compared with the target is the result's mean σ, the components that no 
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -24,23 +25,32 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
+from acquisition.models.tuned import tuned
 from acquisition.plan import planner
 
 COUNTS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 28, 40, 76)
 """Numbers of further lights for which σ is forecast; between them it is interpolated linearly in logarithms."""
-TOLERANCE = 0.03
-"""Fraction by which the mean σ may exceed the target and still meet it. Measured errors scatter by more, and near the
-limit of what is attainable a light lowers σ by 1 %, so the last per cent would need as many lights again."""
 
-FIRST_SLACK, LATER_SLACK = 0.2, 0.03
-"""Fractions by which the first forecast and later ones may exceed the target: a missing light costs a pass, a
-superfluous one an image, and forecasts from the pilot are 5–14 % too large. The pilot itself must be below the target
-by the first: too few images to self-calibrate the lamps predict their own errors poorly (measured over predicted
-0.9–1.5)."""
 
-NEGLIGIBLE_GAIN = 0.05
-"""If even the maximum number of lights does not meet the target, the final ones that together lower the mean σ by less
-than this fraction are omitted."""
+@dataclass(frozen=True)
+class StoppingRuleSettings:
+    """Tuned numbers of the stopping rule."""
+
+    tolerance: float = tuned(0.03, "share")
+    """Fraction by which the mean σ may exceed the target and still meet it. Measured errors scatter by more, and near
+    the limit of what is attainable a light lowers σ by 1 %, so the last per cent would need as many lights again."""
+    first_slack: float = tuned(0.2, "share")
+    """Fraction by which the first forecast may exceed the target: a missing light costs a pass, a superfluous one an
+    image. Forecasts from the pilot are 5–14 % too large. The pilot itself must be below the target by it: too few
+    images to self-calibrate the lamps predict their own errors poorly (measured over predicted 0.9–1.5)."""
+    later_slack: float = tuned(0.03, "share")
+    """Fraction by which later forecasts may exceed the target."""
+    negligible_gain: float = tuned(0.05, "share")
+    """If even the maximum number of lights does not meet the target, the final ones that together lower the mean σ by
+    less than this fraction are omitted."""
+
+
+SETTINGS = StoppingRuleSettings()
 
 
 def plan_to_target(
@@ -65,19 +75,19 @@ def plan_to_target(
     state = f"mean σ {achieved:.2f}°"
     allowed = recipe.max_lights - captured
     first = captured <= recipe.pilot_lights and allowed > 0
-    if achieved <= (target / (1 + FIRST_SLACK) if first else target * (1 + TOLERANCE)):
+    if achieved <= (target / (1 + SETTINGS.first_slack) if first else target * (1 + SETTINGS.tolerance)):
         return _conclusion(f"target met with {captured} images: {state}, wanted {target:.3g}°")
     if allowed <= 0:
         return _conclusion(f"all lights allowed were captured ({captured}): {state} > {target:.3g}°")
     counts = [count for count in COUNTS if count < allowed] + [allowed]
     now, *curve = planner.forecast(normal_map, observations, recipe, reach, calibration, [0, *counts], region=region)
-    slack = FIRST_SLACK
+    slack = SETTINGS.first_slack
     if not first:
         curve = [point.model_copy(update={"sigma_deg": point.sigma_deg * achieved / now.sigma_deg}) for point in curve]
-        slack = LATER_SLACK
+        slack = SETTINGS.later_slack
     lowest_deg = min(point.sigma_deg for point in curve)
     unreachable = lowest_deg > target
-    aim_deg = (1 + NEGLIGIBLE_GAIN) * lowest_deg if unreachable else target
+    aim_deg = (1 + SETTINGS.negligible_gain) * lowest_deg if unreachable else target
     if unreachable and achieved <= aim_deg:
         return _conclusion(
             f"no further light is worth its time after {captured} images: {state}, with all "

@@ -6,20 +6,32 @@ towards or away from every light, and these biases cancel only if the lights sur
 score is the circular moments' norm (azimuthal imbalance) plus the misfit of captured lights to their positions.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from acquisition import geometry, lamp_pose
 from acquisition.models.base import FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.plan.baselines import INNER_SLANT_DEG, OUTER_SLANT_DEG
 
-AZIMUTH_STEPS = 12
-"""Azimuths of each ring, as fractions of its step, that are tried."""
-TOP_MAX_SLANT_DEG, INNER_MAX_SLANT_DEG = 15.0, 40.0
-"""Upper slants of captured lights that count as the top light and as the inner ring; beyond, the outer ring."""
 
-MISFIT_WEIGHT = 0.5
-"""Weight of the rms misfit of captured lights to their ring positions, per rad, relative to imbalance."""
+@dataclass(frozen=True)
+class TwoRingSettings:
+    """Tuned numbers of the completion of two rings."""
+
+    azimuth_steps: int = tuned(12, "steps")
+    """Azimuths of each ring, as fractions of its step, that are tried."""
+    top_max_slant_deg: float = tuned(15.0, "deg")
+    """Upper slant of a captured light that counts as the top one."""
+    inner_max_slant_deg: float = tuned(40.0, "deg")
+    """Upper slant of captured lights that count as the inner ring; beyond, the outer one."""
+    misfit_weight: float = tuned(0.5, "1/rad")
+    """Weight of the rms misfit of captured lights to their ring positions, per rad, relative to imbalance."""
+
+
+SETTINGS = TwoRingSettings()
 
 
 def completions(captured: FloatArray, units: FloatArray, count: int) -> list[list[int]]:
@@ -28,15 +40,18 @@ def completions(captured: FloatArray, units: FloatArray, count: int) -> list[lis
     One set for each likely number of lights on the inner ring, the lowest score (imbalance and misfit) first.
     """
     slant = np.degrees(geometry.slant_azimuth(captured)[0])
-    captured_inner = captured[(slant > TOP_MAX_SLANT_DEG) & (slant <= INNER_MAX_SLANT_DEG)]
-    captured_outer = captured[slant > INNER_MAX_SLANT_DEG]
+    captured_inner = captured[(slant > SETTINGS.top_max_slant_deg) & (slant <= SETTINGS.inner_max_slant_deg)]
+    captured_outer = captured[slant > SETTINGS.inner_max_slant_deg]
     total = len(captured) + count
-    inner_missing = round(total / 3) - np.count_nonzero(slant <= INNER_MAX_SLANT_DEG)
+    inner_missing = round(total / 3) - np.count_nonzero(slant <= SETTINGS.inner_max_slant_deg)
     free = np.ones(len(units), dtype=np.bool_)
     scored: list[tuple[float, list[int]]] = []
     for inner in sorted({int(np.clip(inner_missing + more, 0, count)) for more in (-1, 0, 1)}):
         rings = [
-            [_open_positions(ring, number, slant_deg, turn) for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS]
+            [
+                _open_positions(ring, number, slant_deg, turn)
+                for turn in np.arange(SETTINGS.azimuth_steps) / SETTINGS.azimuth_steps
+            ]
             for ring, number, slant_deg in (
                 (captured_inner, inner, INNER_SLANT_DEG),
                 (captured_outer, count - inner, OUTER_SLANT_DEG),
@@ -45,7 +60,9 @@ def completions(captured: FloatArray, units: FloatArray, count: int) -> list[lis
         moments = [np.array([np.sum(_circular_moments(places), axis=0) for places, _ in ring]) for ring in rings]
         misfits = [np.array([misfit for _, misfit in ring]) for ring in rings]
         moment_sums = np.sum(_circular_moments(captured), axis=0) + moments[0][:, None] + moments[1]
-        score = np.linalg.norm(moment_sums, axis=-1) / total + MISFIT_WEIGHT * (misfits[0][:, None] + misfits[1])
+        score = np.linalg.norm(moment_sums, axis=-1) / total + SETTINGS.misfit_weight * (
+            misfits[0][:, None] + misfits[1]
+        )
         first, second = np.unravel_index(int(np.argmin(np.round(score, 6))), score.shape)
         best = np.concatenate([rings[0][int(first)][0], rings[1][int(second)][0]])
         scored.append((float(score[first, second]), lamp_pose.nearest_distinct(best, units, free)[0]))

@@ -155,10 +155,14 @@ def test_noise_lamp_errors_give_intensity_and_direction_terms() -> None:
     r, count = 0.45, 100_000
     lamp = np.array([0, 0, r])[:, None] + rng.normal(0, known.lamp_position_sigma_m, (3, count))
     s = known.reference_m**2 * lamp / np.linalg.norm(lamp, axis=0) ** 3
-    s = s * (1 + rng.normal(0, known.intensity_sigma, count)) * (1 + rng.normal(0, photometry.FLAT_FIELD_SIGMA, count))
+    s = (
+        s
+        * (1 + rng.normal(0, known.intensity_sigma, count))
+        * (1 + rng.normal(0, photometry.SETTINGS.flat_field_sigma, count))
+    )
     noise = photometry.noise(known, [10.0], r)  # long enough that electrons do not matter
     assert np.std(s[2]) == pytest.approx(noise.intensity, rel=0.03)
-    across = np.hypot(np.std(s[0]), photometry.DEPTH_SIGMA_M / r)
+    across = np.hypot(np.std(s[0]), photometry.SETTINGS.depth_sigma_m / r)
     assert across == pytest.approx(noise.direction, rel=0.03)
 
 

@@ -119,7 +119,7 @@ def oracle(scene: Scene, solved: NormalMap, first: Capture) -> NormalMap:
     surface = visibility.surface(blank, known)
     design = criterion.candidates(samples, lights, surface, known, Recipe(), cautious=False)
     row = design.row.astype(float) * lit[:, rows, columns][:, None]
-    row[:, 3] /= criterion.photometry.OFFSET_SIGMA_M
+    row[:, 3] /= criterion.photometry.SETTINGS.offset_sigma_m
     information = np.einsum("kap,kbp->pab", row, row)
     return replace(blank, information=FisherInformation(rows, columns, information))
 

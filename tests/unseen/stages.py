@@ -44,7 +44,13 @@ class Patch:
     @property
     def target(self) -> str:
         """Dotted name of what is replaced."""
-        return f"{self.module.__name__}.{self.name}"
+        changed = "" if self.name != "SETTINGS" else f".{self._field()}"
+        return f"{self.module.__name__}.{self.name}{changed}"
+
+    def _field(self) -> str:
+        """The field in which settings differ."""
+        usual, present = vars(getattr(self.module, self.name)), vars(self.value)
+        return ", ".join(name for name, value in present.items() if value != usual[name])
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,11 @@ def off(stage: Stage) -> Generator[None]:
     finally:
         for patch, value in zip(stage.patches, before, strict=True):
             setattr(patch.module, patch.name, value)
+
+
+def _setting(module: ModuleType, **value: float) -> Patch:
+    """A module's settings with another value of a field."""
+    return Patch(module, "SETTINGS", replace(module.SETTINGS, **value))
 
 
 _gauss_newton_step = self_calibration.gauss_newton_step
@@ -140,12 +151,12 @@ STAGES = (
     Stage(
         "interreflection",
         "Indirect light is never significant, so that none is subtracted and none is in σ.",
-        (Patch(alternation, "MIN_INDIRECT_SHARE", math.inf),),
+        (_setting(alternation, min_indirect_share=math.inf),),
     ),
     Stage(
         "specular lobe",
         "Every surface counts as diffuse.",
-        (Patch(specular, "MIN_STRENGTH", math.inf),),
+        (_setting(specular, min_strength=math.inf),),
     ),
     Stage(
         "noise from residuals",
@@ -170,7 +181,7 @@ STAGES = (
     Stage(
         "half-shadow variance",
         "Measurements beside shadows count as surely as others.",
-        (Patch(pixel_solve, "PENUMBRA_SIGMA", 0.0),),
+        (_setting(pixel_solve, penumbra_sigma=0.0),),
     ),
     Stage(
         "depth discontinuities",
@@ -180,7 +191,7 @@ STAGES = (
     Stage(
         "depth offset in the last solve",
         "A pixel's depth is the integrated one exactly.",
-        (Patch(photometry, "OFFSET_SIGMA_M", pixel_solve.NO_OFFSET_SIGMA_M),),
+        (_setting(photometry, offset_sigma_m=pixel_solve.NO_OFFSET_SIGMA_M),),
     ),
     Stage(
         "depth integration",
@@ -190,32 +201,32 @@ STAGES = (
     Stage(
         "high first shadow threshold",
         "The first round, and the fit of the lobe, have the last round's low threshold.",
-        (Patch(alternation, "INITIAL_SHADOW_THRESHOLD", SolveSettings().shadow_threshold),),
+        (_setting(alternation, initial_shadow_threshold=SolveSettings().shadow_threshold),),
     ),
     Stage(
         "low last shadow threshold",
         "All rounds have the first one's high threshold.",
-        settings=SolveSettings(shadow_threshold=alternation.INITIAL_SHADOW_THRESHOLD),
+        settings=SolveSettings(shadow_threshold=alternation.SETTINGS.initial_shadow_threshold),
     ),
     Stage(
         "model selection",
         "The plain model is kept, whatever tests demand; what they find is still named, and in σ.",
-        (Patch(model_selection, "MAX_SELECTIONS", 0),),
+        (_setting(model_selection, max_selections=0),),
     ),
     Stage(
         "gloss of a dielectric",
         "Highlights are those of the one lobe, whatever the score test says.",
-        (Patch(model_alternatives, "GLOSS_BETTER", 0.0),),
+        (_setting(model_alternatives, gloss_better=0.0),),
     ),
     Stage(
         "metal",
         "A surface without diffuse light is solved as a diffuse one.",
-        (Patch(model_alternatives, "METAL_BETTER", 0.0),),
+        (_setting(model_alternatives, metal_better=0.0),),
     ),
     Stage(
         "translucent surfaces",
         "Light in cast shadows is never significant, so that images are not sharpened.",
-        (Patch(model_alternatives, "MIN_LEAK", math.inf),),
+        (_setting(model_alternatives, min_leak=math.inf),),
     ),
     Stage(
         "variance components of σ",

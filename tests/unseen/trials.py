@@ -88,7 +88,11 @@ def score_table(lines: Sequence[Line], group: Callable[[Line], str], table: Call
         scores = cast("dict[str, tuple[float, float]]", line.get("scores") or {})
         for term, (gain, step) in scores.items():
             gloss = term == "gloss"
-            least = model_alternatives.MIN_GLOSS_STEP if gloss else getattr(model_alternatives.MIN_STEP, term)
+            least = (
+                model_alternatives.SETTINGS.min_gloss_step
+                if gloss
+                else getattr(model_alternatives.SETTINGS.min_step, term)
+            )
             gains[group(line), term].append(gain if step > least else 0.0)
     rows = [
         [name, term, str(len(all_)), *(f"{value:.1f}" for value in _range(all_)), f"{_demanded(all_)}"]
@@ -119,7 +123,7 @@ def trial_table(lines: Sequence[Line], group: Callable[[Line], str], table: Call
 
 
 def _demanded(gains: Sequence[float]) -> int:
-    return sum(gain > model_alternatives.MIN_GAIN for gain in gains)
+    return sum(gain > model_alternatives.SETTINGS.min_gain for gain in gains)
 
 
 def _range(gains: Sequence[float]) -> tuple[float, float, float]:

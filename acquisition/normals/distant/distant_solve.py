@@ -7,7 +7,7 @@ Only one block of the stack is in memory at a time, so that a stack of any size 
 solved; per pixel, only the result is kept.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import HIGHLIGHT, LIT, FisherInformation, NormalMap
+from acquisition.models.tuned import tuned
 from acquisition.normals import integration, memory_mapped
 from acquisition.normals.distant import light_intensities, lit_mask, pixel_blocks, solver_selection, solvers
 from acquisition.normals.distant.solvers import Solver
@@ -24,8 +25,16 @@ from acquisition.normals.image_set import DistantLights, ImageSet, check
 SAMPLE_PIXELS = 900
 """Pixels read in advance: for the check of the images, the choice of solver and the shared diffuse parameters."""
 
-MAX_CLIPPED_SHARE = 0.95
-"""Share of the sampled pixels that may be clipped; an image with more is refused."""
+
+@dataclass(frozen=True)
+class DistantSolveSettings:
+    """Tuned numbers of the solve under distant light."""
+
+    max_clipped_share: float = tuned(0.95, "share")
+    """Share of the sampled pixels that may be clipped; an image with more is refused."""
+
+
+SETTINGS = DistantSolveSettings()
 
 
 def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True, keep_steps: bool = False) -> NormalMap:
@@ -78,7 +87,7 @@ def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) 
         column, full = values[:, index], clipped[:, index]
         if not np.all(np.isfinite(column)):
             what = "has values that are not finite: write it again"
-        elif np.mean(full) > MAX_CLIPPED_SHARE:
+        elif np.mean(full) > SETTINGS.max_clipped_share:
             what = "is clipped all over the object: expose it for a shorter time"
         elif not np.any(column > 0):
             what = "is black all over the object: was the lamp on? Leave it out or take it again"

@@ -17,47 +17,49 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals.distant import robust_regression, solvers
 
-PRIOR_SIGMA = 0.3
-"""Prior 1 σ of a log factor: the largest deviation seen on real folders is 26 %."""
 
-CORRELATED_PIXELS = 500.0
-"""Sampled pixels that err together, since reflectance and indirect light err alike over whole regions: the images'
-information is divided by it. On a flat part, whose few normals hardly tell factors from a tilt, it keeps factors near
-one: 20, 100 and 500 leave 6.7°, 5.8° and 4.6° where equal lamps are fitted (3.8° unfitted), and rounded bodies do not
-feel it (`tests/acquisition/normals/distant/few_light_scenes.py`, seeds 0 and 1)."""
+@dataclass(frozen=True)
+class LightIntensitySettings:
+    """Tuned numbers of the intensities of distant lights."""
 
-MIN_LIGHTS = 6
-"""Least number of lights: with fewer, a pixel's own three unknowns leave too little to tell its lights apart."""
+    prior_sigma: float = tuned(0.3, "1")
+    """Prior 1 σ of a log factor: the largest deviation seen on real folders is 26 %."""
+    correlated_pixels: float = tuned(500.0, "pixels")
+    """Sampled pixels that err together, since reflectance and indirect light err alike over whole regions: the images'
+    information is divided by it. On a flat part, whose few normals hardly tell factors from a tilt, it keeps factors
+    near one: 20, 100 and 500 leave 6.7°, 5.8° and 4.6° where equal lamps are fitted (3.8° unfitted), and rounded bodies
+    do not feel it (`tests/acquisition/normals/distant/few_light_scenes.py`, seeds 0 and 1)."""
+    min_lights: int = tuned(6, "lights")
+    """Least number of lights: with fewer, a pixel's own three unknowns leave too little to tell its lights apart."""
+    max_error_ratio: float = tuned(0.55, "1")
+    """Greatest ratio of leave-one-image-out errors, with and without factors, at which they are used. On 32 rendered
+    scenes of twelve lights it is 0.56–1.96 where lamps are equal, 0.15–0.65 where they scatter by 6 % (above 0.55 on
+    four), 0.06–0.38 at 15 % and 0.03–0.28 at 30 % (`pytest -m long -s
+    tests/acquisition/normals/distant/test_light_intensities.py`)."""
+    free_steps: int = tuned(8, "iterations")
+    """First steps in which the prior weighs as little as against images without noise. What unequal lamps leave in the
+    residuals is no noise: weighed by it from the start, the prior holds factors near one, where they leave as much
+    again. Of 140 balls under 8, 12 and 20 lights that scatter by 30 % (those of
+    `tests/acquisition/normals/distant/test_light_intensities.py`, seeds 0–139) 10, 4 and 3 are refused or wrong with
+    one such step, 3, 1 and 1 with two, one with four, none with eight."""
+    cauchy_scale: float = tuned(2.0, "σ")
+    """Scale of the Cauchy weight, in units of the pixel's robust residual spread."""
+    min_spread: float = tuned(0.005, "of the albedo")
+    """Least spread of the residuals, as a share of the pixel's albedo."""
+    max_leverage: float = tuned(0.9, "share")
+    """Leverage above which a measurement is not predicted by the other images of its pixel."""
 
-MAX_ERROR_RATIO = 0.55
-"""Greatest ratio of leave-one-image-out errors, with and without factors, at which they are used. On 32 rendered scenes
-of twelve lights it is 0.56–1.96 where lamps are equal, 0.15–0.65 where they scatter by 6 % (above 0.55 on four),
-0.06–0.38 at 15 % and 0.03–0.28 at 30 %
-(`pytest -m long -s tests/acquisition/normals/distant/test_light_intensities.py`)."""
+
+SETTINGS = LightIntensitySettings()
 
 ITERATIONS = 25
 """Gauss–Newton steps at most."""
 
-FREE_STEPS = 8
-"""First steps in which the prior weighs as little as against images without noise. What unequal lamps leave in the
-residuals is no noise: weighed by it from the start, the prior holds factors near one, where they leave as much again.
-Of 140 balls under 8, 12 and 20 lights that scatter by 30 % (those of
-`tests/acquisition/normals/distant/test_light_intensities.py`, seeds 0–139) 10, 4 and 3 are refused or wrong with one
-such step, 3, 1 and 1 with two, one with four, none with eight."""
-
 TOLERANCE = 1e-4
 """Largest change of a log factor at which the iteration ends."""
-
-CAUCHY_SCALE = 2.0
-"""Scale of the Cauchy weight, in units of the pixel's robust residual spread."""
-
-MIN_SPREAD = 0.005
-"""Least spread of the residuals, as a share of the pixel's albedo."""
-
-MAX_LEVERAGE = 0.9
-"""Leverage above which a measurement is not predicted by the other images of its pixel."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class IntensityFactors:
 def estimate(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> IntensityFactors:
     """Estimates and tests factors from a sample of pixels (C, K, F), each channel divided by the stated intensities."""
     channels, pixels, count = values.shape
-    if count < MIN_LIGHTS:
+    if count < SETTINGS.min_lights:
         return IntensityFactors(
             np.ones((count, channels)), f"as stated: {count} lights are too few to find their intensities"
         )
@@ -89,7 +91,7 @@ def estimate(values: Float32Array, clipped: BoolArray, directions: FloatArray) -
             starts[channel] += log_factors / 2
     before, after = float(np.mean(stated)), float(np.mean(refitted))
     verdict = f"leave-one-image-out error {100 * before:.2f} % as stated, {100 * after:.2f} % as found"
-    if not after < MAX_ERROR_RATIO * before:
+    if not after < SETTINGS.max_error_ratio * before:
         return IntensityFactors(np.ones((count, channels)), f"as stated: {verdict}")
     found = [fit(one, full, directions, start) for one, full, start in zip(values, clipped, starts, strict=True)]
     return IntensityFactors(np.exp(np.stack(found, axis=1)), f"found: {verdict}")
@@ -122,8 +124,8 @@ def fit(
         right = np.sum(w * lit * residual, axis=0)
         right -= np.einsum("kag,ka->g", solved, np.einsum("kf,fa->ka", w * residual, directions), optimize=True)
         noise = np.sum(weight * (residual / albedo) ** 2) / max(np.sum(weight > 0) - 3 * len(values), 1)
-        noise = max(noise, MIN_SPREAD**2) if iteration >= FREE_STEPS else MIN_SPREAD**2
-        prior = share * CORRELATED_PIXELS * noise / PRIOR_SIGMA**2
+        noise = max(noise, SETTINGS.min_spread**2) if iteration >= SETTINGS.free_steps else SETTINGS.min_spread**2
+        prior = share * SETTINGS.correlated_pixels * noise / SETTINGS.prior_sigma**2
         step = np.linalg.solve(
             normal + prior * np.eye(count) + np.mean(np.diag(normal)) * np.ones((count, count)) / count,
             right - prior * log_factors,
@@ -132,7 +134,7 @@ def fit(
         log_factors += np.clip(step, -0.3, 0.3)
         log_factors -= np.mean(log_factors)
         scaled, weight = _robust_normals(values * np.exp(-log_factors), usable, directions)
-        if iteration >= FREE_STEPS and np.max(np.abs(step)) < TOLERANCE:
+        if iteration >= SETTINGS.free_steps and np.max(np.abs(step)) < TOLERANCE:
             break
     return log_factors
 
@@ -145,13 +147,15 @@ def _robust_normals(
         np.ascontiguousarray(values, dtype=np.float32),
         usable,
         directions,
-        robust_regression.POSITION_THRESHOLDS,
-        robust_regression.MAX_ITERATIONS,
+        robust_regression.SETTINGS.position_thresholds,
+        robust_regression.SETTINGS.max_iterations,
     )
     scaled = fitted.astype(float)
     albedo = np.linalg.norm(scaled, axis=1, keepdims=True)
-    spread = np.maximum(np.sqrt(statistics[:, :1]), MIN_SPREAD * albedo)
-    weight = usable / (1 + ((values - scaled @ directions.T) / (CAUCHY_SCALE * np.maximum(spread, 1e-12))) ** 2)
+    spread = np.maximum(np.sqrt(statistics[:, :1]), SETTINGS.min_spread * albedo)
+    weight = usable / (
+        1 + ((values - scaled @ directions.T) / (SETTINGS.cauchy_scale * np.maximum(spread, 1e-12))) ** 2
+    )
     return scaled, np.where((albedo > 0) & (np.sum(usable, axis=1, keepdims=True) > 3), weight, 0.0)
 
 
@@ -167,7 +171,7 @@ def _prediction_error(
     leverage = weight[kept] * np.einsum("fa,kab,fb->kf", directions, inverse, directions, optimize=True)
     albedo = np.linalg.norm(scaled[kept], axis=1, keepdims=True)
     residual = np.abs(corrected[kept] - scaled[kept] @ directions.T) / np.maximum(albedo, 1e-12)
-    predicted = np.where((weight[kept] > 0) & (leverage < MAX_LEVERAGE), residual / (1 - leverage), np.nan)
+    predicted = np.where((weight[kept] > 0) & (leverage < SETTINGS.max_leverage), residual / (1 - leverage), np.nan)
     enough = np.count_nonzero(np.isfinite(predicted), axis=1) >= 3
     if not np.any(enough):
         return np.inf

@@ -11,30 +11,36 @@ import cv2
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.tuned import tuned
 from acquisition.normals.distant import pixel_blocks
 from acquisition.normals.image_set import ImageSet
 
 MIN_IMAGES = 3
 """Images in which a pixel must be lit: the least that give a normal."""
 
-NOISE_MULTIPLE = 5.0
-"""Noise σ above the background from which a pixel counts as lit."""
+
+@dataclass(frozen=True)
+class LitMaskSettings:
+    """Tuned numbers of the mask of lit pixels."""
+
+    noise_multiple: float = tuned(5.0, "σ")
+    """Noise σ above the background from which a pixel counts as lit."""
+    dark_share: float = tuned(0.1, "share")
+    """Share of an image's pixels that are its darkest."""
+    max_background_share: float = tuned(0.03, "share")
+    """Share of an image's 99th percentile up to which its darkest pixels are background; above it the object fills the
+    image, and black is the background's level."""
+    min_component_share: float = tuned(0.01, "share")
+    """Share of the largest connected region below which another is left out: dust, stray reflections."""
+
+
+SETTINGS = LitMaskSettings()
 
 SAMPLE_ROWS = 96
 """Rows of each image that noise and background are estimated from."""
 
-DARK_SHARE = 0.1
-"""Share of an image's pixels that are its darkest."""
-
-MAX_BACKGROUND_SHARE = 0.03
-"""Share of an image's 99th percentile up to which its darkest pixels are background; above it the object fills the
-image, and black is the background's level."""
-
 WITHIN_SIGMA = 0.683
 """Share of normally distributed values within 1 σ."""
-
-MIN_COMPONENT_SHARE = 0.01
-"""Share of the largest connected region below which another is left out: dust, stray reflections."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,7 @@ def propose(images: ImageSet) -> BoolArray:
         above = np.empty((images.count, stop - start, images.width), np.float32)
         for number, dark in enumerate(backgrounds):
             above[number] = (_grey(images, number, start, stop) - dark.level) / dark.noise
-        lit[start:stop] = np.partition(above, rank, axis=0)[rank] > NOISE_MULTIPLE
+        lit[start:stop] = np.partition(above, rank, axis=0)[rank] > SETTINGS.noise_multiple
     return _regions(lit) if np.any(lit) else np.ones_like(lit)
 
 
@@ -68,8 +74,8 @@ def background(images: ImageSet, number: int) -> Background:
     rows = np.unique(np.linspace(0, images.height - 1, min(SAMPLE_ROWS, images.height)).astype(int))
     values = np.concatenate([_grey(images, number, int(row), int(row) + 1) for row in rows])
     finite = np.nan_to_num(values, posinf=1.0)
-    darkest = float(np.quantile(finite, DARK_SHARE))
-    limit = max(darkest, MAX_BACKGROUND_SHARE * float(np.quantile(finite, 0.99)))
+    darkest = float(np.quantile(finite, SETTINGS.dark_share))
+    limit = max(darkest, SETTINGS.max_background_share * float(np.quantile(finite, 0.99)))
     dark = finite <= limit
     level = float(np.median(finite[dark])) if darkest < limit else 0.0
     differences = np.abs(np.diff(finite, axis=1))[dark[:, :-1] & dark[:, 1:]]
@@ -86,7 +92,7 @@ def _grey(images: ImageSet, number: int, start: int, stop: int) -> Float32Array:
 
 
 def _regions(lit: BoolArray) -> BoolArray:
-    """Connected regions of lit pixels above MIN_COMPONENT_SHARE of the largest; single pixels are closed or removed."""
+    """Regions of lit pixels above `min_component_share` of the largest; single pixels are closed or removed."""
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     cleaned = cv2.morphologyEx(lit.astype(np.uint8), cv2.MORPH_OPEN, cross)
     cleaned = cv2.morphologyEx(cleaned, cv2.MORPH_CLOSE, cross)
@@ -95,4 +101,4 @@ def _regions(lit: BoolArray) -> BoolArray:
     _, label, statistics, _ = cv2.connectedComponentsWithStats(cleaned, connectivity=4)
     areas = statistics[:, cv2.CC_STAT_AREA].copy()
     areas[0] = 0
-    return np.isin(label, np.flatnonzero(areas >= max(1, MIN_COMPONENT_SHARE * areas.max())))
+    return np.isin(label, np.flatnonzero(areas >= max(1, SETTINGS.min_component_share * areas.max())))

@@ -12,15 +12,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals.distant import grey_conversion
 from acquisition.normals.image_set import DistantLights, ImageSet
 
 LUMA = np.array([0.2989, 0.5870, 0.1140], np.float32)
 """Weights of R, G, B: luma of ITU-R BT.601."""
 
-DIM_CHANNEL_SHARE = 0.25
-"""Share of the strongest channel's intensity at which a channel's weight falls to a half: divided by its intensity, a
-fainter channel is mostly noise."""
+
+@dataclass(frozen=True)
+class ChannelSettings:
+    """Tuned numbers of the mean of channels."""
+
+    dim_channel_share: float = tuned(0.25, "share")
+    """Share of the strongest channel's intensity at which a channel's weight falls to a half: divided by its intensity,
+    a fainter channel is mostly noise."""
+
+
+SETTINGS = ChannelSettings()
 
 BLOCK_BYTES = 8_000_000
 """Bytes of stored values in one block; solvers' intermediates take five to ten times as much."""
@@ -95,7 +104,7 @@ def read(images: ImageSet, start: int, stop: int, *, luma: bool) -> Block:
 def _channel_weights(strength: FloatArray) -> Float32Array:
     """Weight (C,) of each channel, 0–1, for light intensities `strength` (F, C): s²/(s² + DIM_CHANNEL_SHARE²)."""
     share = np.mean(strength, axis=0) / np.max(np.mean(strength, axis=0))
-    return (share**2 / (share**2 + DIM_CHANNEL_SHARE**2)).astype(np.float32)
+    return (share**2 / (share**2 + SETTINGS.dim_channel_share**2)).astype(np.float32)
 
 
 def iterate(images: ImageSet, *, luma: bool) -> Iterator[Block]:

@@ -12,13 +12,32 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals.distant import reflectance_kernels, robust_regression
 
-SHADOW_THRESHOLD = 0.15
-"""Share of a pixel's 80th percentile below which a measurement is omitted, being lit by other surfaces if at all."""
 
-NOISE_FLOOR = 0.2
-"""Weights are 1/(y + NOISE_FLOOR), y in units of the pixel's median: between constant and proportional noise."""
+@dataclass(frozen=True)
+class ReflectanceFitSettings:
+    """Tuned numbers of the fit of a reflectance."""
+
+    shadow_threshold: float = tuned(0.15, "of the 80th percentile")
+    """Share of a pixel's 80th percentile below which a measurement is omitted, being lit by other surfaces if at
+    all."""
+    noise_floor: float = tuned(0.2, "of the median")
+    """Weights are 1/(y + noise_floor), y in units of the pixel's median: between constant and proportional noise."""
+    final_step: float = tuned(0.03, "1")
+    """Step of κ in the pattern search at which it ends."""
+    cauchy_scale: float = tuned(2.5, "σ")
+    """Scale of the Cauchy weight, in units of the residuals' robust spread."""
+    min_spread: float = tuned(0.003, "of the median")
+    """Least spread of the weighted residuals, in units of the pixel's median."""
+    start_ring_rad: float = tuned(0.12, "rad")
+    """Radius (rad) of the ring of starts round the initial normal."""
+    min_start_separation_rad: float = tuned(0.1, "rad")
+    """Least angle (rad) between a pixel's normal and a neighbour's that is worth another fit."""
+
+
+SETTINGS = ReflectanceFitSettings()
 
 LAMBERT_PARAMS = np.array([0.0, 0.0, 1.0])
 """κ, ω, γ at which the diffuse term is Lambert's law."""
@@ -40,23 +59,8 @@ UPPER_BOUNDS = np.array([1.2, 0.9, 1.6])
 """Bounds of κ, ω, γ."""
 
 INITIAL_STEP = np.array([0.25, 0.12, 0.12])
-FINAL_STEP = 0.03
-"""Steps of κ, ω, γ in the pattern search: the first ones, and that of κ at which it ends."""
-
-CAUCHY_SCALE = 2.5
-"""Scale of the Cauchy weight, in units of the residuals' robust spread."""
-
-MIN_SPREAD = 0.003
-"""Least spread of the weighted residuals, in units of the pixel's median."""
-
-START_RING_RAD = 0.12
-"""Radius (rad) of the ring of starts round the initial normal."""
-
 NEIGHBOUR_DISTANCES_PX = (1, 2)
 """Distances (px) of the neighbours whose normals are tried as starts."""
-
-MIN_START_SEPARATION_RAD = 0.1
-"""Least angle (rad) between a pixel's normal and a neighbour's that is worth another fit."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,7 @@ def initial_normals(values: Float32Array, clipped: BoolArray, directions: FloatA
     scaled_normals, statistics = np.empty((len(values), 3), np.float32), np.empty((len(values), 2), np.float32)
     robust_regression.solve(
         values, (~clipped).astype(np.float32), directions, np.empty((0, 3), np.int64), np.empty((0, 3, 3)),
-        np.array([*robust_regression.POSITION_THRESHOLDS, 0.0, 0.0]), scaled_normals, statistics,
+        np.array([*robust_regression.SETTINGS.position_thresholds, 0.0, 0.0]), scaled_normals, statistics,
     )  # fmt: skip
     scaled_normals[:, 2] = np.maximum(scaled_normals[:, 2], 0.03 * np.linalg.norm(scaled_normals, axis=1) + 1e-9)
     return scaled_normals / np.linalg.norm(scaled_normals, axis=1, keepdims=True)
@@ -99,13 +103,13 @@ def fit(
     diffuse_params: FloatArray,
     initial: Float32Array,
     *,
-    ring_rad: float = START_RING_RAD,
+    ring_rad: float = SETTINGS.start_ring_rad,
     iterations: int = 12,
 ) -> ReflectanceFits:
     """Fits normal and strengths of pixels (N, F) from initial normals (N, 3), with given diffuse parameters."""
     typical = np.maximum(np.median(values, axis=1, keepdims=True), 1e-9)
     y = np.ascontiguousarray(values / typical, dtype=np.float32)
-    weights = np.where(usable(y, clipped), 1.0 / (np.maximum(y, 0) + NOISE_FLOOR), 0.0).astype(np.float32)
+    weights = np.where(usable(y, clipped), 1.0 / (np.maximum(y, 0) + SETTINGS.noise_floor), 0.0).astype(np.float32)
     y[clipped] = 0.0
     count = len(values)
     normals = np.empty((count, 3), np.float32)
@@ -113,7 +117,7 @@ def fit(
     statistics = np.empty((count, 3), np.float32)
     reflectance_kernels.fit(
         y, weights, table, diffuse_params, reflectance_kernels.GGX_ROUGHNESS,
-        np.array([CAUCHY_SCALE, MIN_SPREAD, iterations, ring_rad]),
+        np.array([SETTINGS.cauchy_scale, SETTINGS.min_spread, iterations, ring_rad]),
         np.ascontiguousarray(initial, dtype=np.float32), normals, strengths, statistics,
     )  # fmt: skip
     return ReflectanceFits(
@@ -134,7 +138,7 @@ def refit_from_neighbours(
         neighbours = _neighbour_numbers(pixel_numbers, width, reach)
         loss = np.where(neighbours >= 0, fits.loss[neighbours], np.inf)
         best = np.take_along_axis(neighbours, np.argmin(loss, axis=0)[None], axis=0)[0]
-        alike = np.einsum("nc,nc->n", fits.normals[best], fits.normals) > np.cos(MIN_START_SEPARATION_RAD)
+        alike = np.einsum("nc,nc->n", fits.normals[best], fits.normals) > np.cos(SETTINGS.min_start_separation_rad)
         tried = np.flatnonzero((np.min(loss, axis=0) < fits.loss) & ~alike)
         if len(tried) == 0:
             continue
@@ -165,11 +169,11 @@ def estimate_diffuse_params(values: Float32Array, clipped: BoolArray, directions
 
     least, params, begin = np.inf, LAMBERT_PARAMS, first
     for candidate in COARSE_PARAMS:
-        candidate_loss, normals = loss(np.array(candidate), first, 1.25 * START_RING_RAD)
+        candidate_loss, normals = loss(np.array(candidate), first, 1.25 * SETTINGS.start_ring_rad)
         if candidate_loss < least:
             least, params, begin = candidate_loss, np.array(candidate), normals
     step = INITIAL_STEP
-    while step[0] > FINAL_STEP:
+    while step[0] > SETTINGS.final_step:
         moved = False
         for axis in range(len(params)):
             for sign in (1.0, -1.0):
@@ -231,10 +235,10 @@ def _diffuse_params_variance(
 ) -> Float32Array:
     typical = np.maximum(np.median(values, axis=1, keepdims=True), 1e-9).astype(np.float32)
     y, strengths = values / typical, fits.strengths / typical
-    weights = np.where(usable(y, clipped), 1.0 / (np.maximum(y, 0) + NOISE_FLOOR), 0.0)
+    weights = np.where(usable(y, clipped), 1.0 / (np.maximum(y, 0) + SETTINGS.noise_floor), 0.0)
     lobes = strengths[:, :, None] * _basis(fits.normals, table, diffuse_params)  # (N, K, F); zero where not used
     predicted = lobes.sum(axis=1)
-    squared = (CAUCHY_SCALE * np.maximum(fits.spread, MIN_SPREAD)[:, None]) ** 2
+    squared = (SETTINGS.cauchy_scale * np.maximum(fits.spread, SETTINGS.min_spread)[:, None]) ** 2
     weight = weights / (1 + (y - predicted) ** 2 * weights / squared)
 
     def moved(change: FloatArray) -> FloatArray:
@@ -264,8 +268,8 @@ def _diffuse_params_variance(
 
 
 def usable(values: Float32Array, clipped: BoolArray) -> BoolArray:
-    """Mask (N, F) of the measurements that are used: neither clipped nor below SHADOW_THRESHOLD."""
-    return (values >= np.quantile(values, 0.8, axis=1, keepdims=True) * SHADOW_THRESHOLD) & ~clipped
+    """Mask (N, F) of the measurements that are used: neither clipped nor below `shadow_threshold`."""
+    return (values >= np.quantile(values, 0.8, axis=1, keepdims=True) * SETTINGS.shadow_threshold) & ~clipped
 
 
 def diffuse(normals: np.ndarray, table: FloatArray, diffuse_params: FloatArray) -> Float32Array:

@@ -5,42 +5,49 @@ starts from the triple of measurements with the least truncated absolute error o
 squares over the middle ranks, which omits shadows and highlights (position thresholds, Shi et al., TPAMI 2014).
 """
 
+from dataclasses import dataclass
 from itertools import combinations
 
 import numba
 import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 
-POSITION_THRESHOLDS = (0.25, 0.7)
-"""Ranks, as shares of the lights, between which measurements count at the start; asymmetric, because highlights reach
-further down than shadows reach up."""
 
-MIN_TRIPLE_WEIGHT = 0.5
-"""Least weight of the measurements of a triple."""
+@dataclass(frozen=True)
+class RobustRegressionSettings:
+    """Tuned numbers of the robust regression."""
 
-MIN_POSITION_THRESHOLD_LIGHTS = 20
-"""Lights from which the start is the middle ranks, below which it is the best triple."""
+    position_thresholds: tuple[float, float] = tuned((0.25, 0.7), "rank")
+    """Ranks, as shares of the lights, between which measurements count at the start; asymmetric, because highlights
+    reach further down than shadows reach up."""
+    min_triple_weight: float = tuned(0.5, "1")
+    """Least weight of the measurements of a triple."""
+    min_position_threshold_lights: int = tuned(20, "lights")
+    """Lights from which the start is the middle ranks, below which it is the best triple."""
+    max_triples: int = tuned(40, "triples")
+    """Triples that are tried at most."""
+    cauchy_scale: float = tuned(2.0, "σ")
+    """Scale of the Cauchy weight, in units of the residuals' robust spread (1.4826 MAD)."""
+    max_iterations: int = tuned(12, "iterations")
+    """IRLS iterations at most."""
+    min_spread: float = tuned(2e-3, "of the mean")
+    """Least spread of the residuals, as a share of the mean of the pixel's usable values."""
 
-MAX_TRIPLES = 40
-"""Triples that are tried at most."""
 
-CAUCHY_SCALE = 2.0
-"""Scale of the Cauchy weight, in units of the residuals' robust spread (1.4826 MAD)."""
+SETTINGS = RobustRegressionSettings()
 
-MAX_ITERATIONS = 12
-"""IRLS iterations at most."""
-
-MIN_SPREAD = 2e-3
-"""Least spread of the residuals, as a share of the mean of the pixel's usable values."""
+MIN_TRIPLE_WEIGHT = SETTINGS.min_triple_weight
+MIN_SPREAD = SETTINGS.min_spread
 
 
 def triples(light: FloatArray) -> tuple[np.ndarray, FloatArray]:
-    """Selects at most MAX_TRIPLES triples (T, 3) of lights (F, 3) with large volume; and their inverses (T, 3, 3)."""
+    """Selects at most `max_triples` triples (T, 3) of lights (F, 3) with large volume; and their inverses (T, 3, 3)."""
     every = np.array(list(combinations(range(len(light)), 3)))
     volume = np.abs(np.linalg.det(light[every]))
     kept = every[volume > 0.3 * volume.max()]
-    chosen = kept[np.linspace(0, len(kept) - 1, min(MAX_TRIPLES, len(kept))).astype(int)]
+    chosen = kept[np.linspace(0, len(kept) - 1, min(SETTINGS.max_triples, len(kept))).astype(int)]
     inverses = np.linalg.inv(light[chosen])
     return chosen.astype(np.int64), np.ascontiguousarray(inverses, dtype=np.float64)
 

@@ -5,52 +5,65 @@ of its errors over the lights: high enough to include the highlights that a diff
 cast shadows, which no model predicts.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.tuned import tuned
 from acquisition.normals.distant import reflectance_fit, robust_regression, solvers
 from acquisition.normals.distant.solvers import Solver
 
-FOLDS = 4
-"""Parts of the lights, each held out once."""
 
-FOLDS_OF_FEW = 6
-"""The same where four parts would leave fewer lights than `glossy` needs: parts of two of twelve lights."""
+@dataclass(frozen=True)
+class SolverSelectionSettings:
+    """Tuned numbers of the choice of a solver."""
+
+    folds: int = tuned(4, "parts")
+    """Parts of the lights, each held out once."""
+    folds_of_few: int = tuned(6, "parts")
+    """The same where four parts would leave fewer lights than `glossy` needs: parts of two of twelve lights."""
+    error_quantile: float = tuned(0.8, "quantile")
+    """Quantile of a pixel's relative errors over its lights that stands for the pixel."""
+    max_error_ratio: float = tuned(0.97, "1")
+    """Greatest ratio of errors at which a solver further down the list replaces one above it, which is simpler and
+    faster."""
+
+
+SETTINGS = SolverSelectionSettings()
 
 SAMPLE_PIXELS = 300
 """Pixels that the solvers are compared at."""
 
-ERROR_QUANTILE = 0.8
-"""Quantile of a pixel's relative errors over its lights that stands for the pixel."""
-
 FEW_LIGHTS_SOLVERS: tuple[Solver, ...] = ("weighted", "robust")
 MANY_LIGHTS_SOLVERS: tuple[Solver, ...] = ("thresholded", "glossy")
-MAX_ERROR_RATIO = 0.97
-"""Greatest ratio of errors at which a solver further down the list replaces one above it, which is simpler and
-faster."""
 
 
 def select(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> tuple[Solver, str]:
     """Selects the solver of least held-out error at a sample of pixels (K, F); returns it with the reason in words."""
     step = max(1, len(values) // SAMPLE_PIXELS)
     values, clipped = np.ascontiguousarray(values[::step]), np.ascontiguousarray(clipped[::step])
-    enough = len(directions) >= solvers.MIN_GLOSSY_LIGHTS
+    enough = len(directions) >= solvers.SETTINGS.min_glossy_lights
     candidates = FEW_LIGHTS_SOLVERS + MANY_LIGHTS_SOLVERS if enough else FEW_LIGHTS_SOLVERS
-    if len(directions) <= FOLDS + 1:
+    if len(directions) <= SETTINGS.folds + 1:
         return "weighted", f"{len(directions)} lights leave none to test other solvers by"
     errors = {solver: held_out_error(solver, values, clipped, directions) for solver in candidates}
     chosen = candidates[0]
     for solver in candidates[1:]:
-        if errors[solver] < MAX_ERROR_RATIO * errors[chosen]:
+        if errors[solver] < SETTINGS.max_error_ratio * errors[chosen]:
             chosen = solver
     figures = ", ".join(f"{solver} {100 * error:.2f} %" for solver, error in errors.items())
     return chosen, f"error in predicting most of the lights not shown: {figures}"
 
 
 def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, directions: FloatArray) -> float:
-    """Cross-validation error of a solver: geometric mean over pixels of the ERROR_QUANTILE of their relative errors."""
+    """Cross-validation error: geometric mean over pixels of the `error_quantile` of their relative errors."""
     count = len(directions)
-    folds = FOLDS if count * (FOLDS - 1) // FOLDS >= solvers.MIN_GLOSSY_LIGHTS else FOLDS_OF_FEW
+    folds = (
+        SETTINGS.folds
+        if count * (SETTINGS.folds - 1) // SETTINGS.folds >= solvers.SETTINGS.min_glossy_lights
+        else SETTINGS.folds_of_few
+    )
     # The three diffuse parameters are shared by all pixels, so that fitting them to all lights gives none away to a
     # pixel.
     diffuse_params = (
@@ -69,13 +82,13 @@ def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, dir
         )  # fmt: skip
         typical = np.maximum(np.median(values, axis=1, keepdims=True), 1e-9)
         errors[:, held_out] = np.abs(predicted - values[:, held_out]) / (
-            values[:, held_out] + reflectance_fit.NOISE_FLOOR * typical
+            values[:, held_out] + reflectance_fit.SETTINGS.noise_floor * typical
         )
     errors[~solvers.usable(values, clipped)] = np.nan
     known = np.count_nonzero(np.isfinite(errors), axis=1) >= 3
     if not np.any(known):
         return np.inf
-    return float(np.exp(np.mean(np.log(np.nanquantile(errors[known], ERROR_QUANTILE, axis=1) + 1e-6))))
+    return float(np.exp(np.mean(np.log(np.nanquantile(errors[known], SETTINGS.error_quantile, axis=1) + 1e-6))))
 
 
 def _predict(
@@ -96,7 +109,7 @@ def _predict(
             reflectance_fit.initial_normals(values, clipped, shown),
         )
         return reflectance_fit.brightness(fits, reflectance_fit.light_table(held_out), diffuse_params)
-    ranks = (0.0, 1.0) if solver == "weighted" else robust_regression.POSITION_THRESHOLDS
-    rounds = robust_regression.MAX_ITERATIONS if solver == "robust" else 0
+    ranks = (0.0, 1.0) if solver == "weighted" else robust_regression.SETTINGS.position_thresholds
+    rounds = robust_regression.SETTINGS.max_iterations if solver == "robust" else 0
     scaled_normals, _ = solvers.robust_fit(values, solvers.shadow_weights(values, clipped), shown, ranks, rounds)
     return np.maximum(scaled_normals @ held_out.T, 0)

@@ -16,25 +16,30 @@ import numpy as np
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
+from acquisition.models.tuned import tuned
 from acquisition.normals.distant import least_squares_kernels, reflectance_fit, robust_regression
 from acquisition.normals.distant.pixel_blocks import Block
 
 Solver = Literal["auto", "ls", "weighted", "thresholded", "robust", "glossy"]
 
-SHADOW_THRESHOLD = 0.05
-"""Share of a pixel's largest unclipped value below which a measurement is in shadow."""
 
-HIGHLIGHT_THRESHOLD = 0.1
-"""Share of the albedo by which a highlight exceeds the diffuse prediction."""
+@dataclass(frozen=True)
+class DistantSolverSettings:
+    """Tuned numbers of the distant solvers."""
 
-MIN_GLOSSY_LIGHTS = 12
-"""Least number of lights that determines normal, diffuse term and lobes of each pixel."""
+    shadow_threshold: float = tuned(0.05, "of the peak")
+    """Share of a pixel's largest unclipped value below which a measurement is in shadow."""
+    highlight_threshold: float = tuned(0.1, "of the albedo")
+    """Share of the albedo by which a highlight exceeds the diffuse prediction."""
+    min_glossy_lights: int = tuned(12, "lights")
+    """Least number of lights that determines normal, diffuse term and lobes of each pixel."""
+    prior_residual: float = tuned(0.01, "of the albedo")
+    """Prior 1 σ of a measurement's residual, as a share of the albedo."""
+    prior_count: float = tuned(2.0, "degrees of freedom")
+    """Degrees of freedom that the prior counts as."""
 
-PRIOR_RESIDUAL = 0.01
-"""Prior 1 σ of a measurement's residual, as a share of the albedo."""
 
-PRIOR_COUNT = 2.0
-"""Degrees of freedom that the prior counts as."""
+SETTINGS = DistantSolverSettings()
 
 DIFFUSE_PARAMS_SAMPLE = 400
 """Pixels that the shared diffuse parameters are fitted to."""
@@ -71,17 +76,17 @@ def prepare(
 
     Raises RigError normals.infeasible where `glossy` or `thresholded` is asked of too few lights.
     """
-    if solver in {"glossy", "thresholded"} and len(directions) < MIN_GLOSSY_LIGHTS:
+    if solver in {"glossy", "thresholded"} and len(directions) < SETTINGS.min_glossy_lights:
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
-            f"{solver} needs {MIN_GLOSSY_LIGHTS} lights or more, these are {len(directions)}: ask for robust or add "
-            "images",
+            f"{solver} needs {SETTINGS.min_glossy_lights} lights or more, these are {len(directions)}: ask for robust "
+            "or add images",
         )
     match solver:
         case "ls":
             return _least_squares(directions), {"grey": "0.2989 R + 0.5870 G + 0.1140 B"}
         case "weighted":
-            return _weighted(directions), {"shadow_share": SHADOW_THRESHOLD}
+            return _weighted(directions), {"shadow_share": SETTINGS.shadow_threshold}
         case "glossy":
             step = max(1, len(values) // DIFFUSE_PARAMS_SAMPLE)
             diffuse_params = reflectance_fit.estimate_diffuse_params(values[::step], clipped[::step], directions)
@@ -90,13 +95,15 @@ def prepare(
                 "matt_form": dict(zip(names, diffuse_params.tolist(), strict=True))
             }
         case _:
-            return _robust(directions, rounds=0 if solver == "thresholded" else robust_regression.MAX_ITERATIONS), {}
+            return _robust(
+                directions, rounds=0 if solver == "thresholded" else robust_regression.SETTINGS.max_iterations
+            ), {}
 
 
 def usable(values: Float32Array, clipped: BoolArray) -> BoolArray:
     """Which measurements (N, F) are neither clipped nor in shadow."""
     largest = np.max(np.where(clipped, 0, values), axis=1, keepdims=True)
-    return ~clipped & (values > 0) & (values >= np.float32(SHADOW_THRESHOLD) * largest)
+    return ~clipped & (values > 0) & (values >= np.float32(SETTINGS.shadow_threshold) * largest)
 
 
 def shadow_weights(values: Float32Array, clipped: BoolArray) -> Float32Array:
@@ -104,7 +111,7 @@ def shadow_weights(values: Float32Array, clipped: BoolArray) -> Float32Array:
 
     A weight that jumps leaves a seam in the normals where a light falls into shadow.
     """
-    threshold = np.float32(SHADOW_THRESHOLD) * np.max(np.where(clipped, 0, values), axis=1, keepdims=True)
+    threshold = np.float32(SETTINGS.shadow_threshold) * np.max(np.where(clipped, 0, values), axis=1, keepdims=True)
     return np.where(clipped, 0, np.clip(values / np.maximum(threshold, 1e-20) - 0.5, 0, 1)).astype(np.float32)
 
 
@@ -113,11 +120,11 @@ def robust_fit(
 ) -> tuple[Float32Array, Float32Array]:
     """Robust regression of pixels (N, F) with weights: albedo × normal (N, 3); variance and leverage (N, 2)."""
     scaled_normals, statistics = np.empty((len(values), 3), np.float32), np.empty((len(values), 2), np.float32)
-    many = len(directions) >= robust_regression.MIN_POSITION_THRESHOLD_LIGHTS or rounds == 0
+    many = len(directions) >= robust_regression.SETTINGS.min_position_threshold_lights or rounds == 0
     chosen, inverses = (
         (np.empty((0, 3), np.int64), np.empty((0, 3, 3))) if many else robust_regression.triples(directions)
     )  # fmt: skip
-    settings = np.array([*ranks, robust_regression.CAUCHY_SCALE if rounds else 0.0, rounds])
+    settings = np.array([*ranks, robust_regression.SETTINGS.cauchy_scale if rounds else 0.0, rounds])
     light = np.ascontiguousarray(directions, dtype=np.float64)
     robust_regression.solve(
         values, np.ascontiguousarray(weights), light, chosen, inverses, settings, scaled_normals, statistics
@@ -158,7 +165,7 @@ def _weighted(directions: FloatArray) -> Method:
         count, size = block.stack.shape
         normals, flags = np.empty((3, size), np.float32), np.empty((count, size), np.uint8)
         albedo, loose, spread = (np.empty(size, np.float32) for _ in range(3))
-        limits = np.array([block.clipped_from, SHADOW_THRESHOLD, HIGHLIGHT_THRESHOLD], np.float32)
+        limits = np.array([block.clipped_from, SETTINGS.shadow_threshold, SETTINGS.highlight_threshold], np.float32)
         least_squares_kernels.weighted(block.stack, block.scale, light, limits, normals, albedo, loose, spread, flags)
         picked = flags[:, chosen]
         used = np.count_nonzero(picked == LIT, axis=0).astype(np.float32)
@@ -176,7 +183,7 @@ def _robust(directions: FloatArray, rounds: int) -> Method:
         values, clipped = block.pixels(chosen)
         lit = usable(values, clipped)
         scaled_normals, statistics = robust_fit(
-            values, shadow_weights(values, clipped), directions, robust_regression.POSITION_THRESHOLDS, rounds
+            values, shadow_weights(values, clipped), directions, robust_regression.SETTINGS.position_thresholds, rounds
         )
         albedo = np.linalg.norm(scaled_normals, axis=1)
         normals = scaled_normals / np.maximum(albedo, 1e-20)[:, None]
@@ -184,7 +191,7 @@ def _robust(directions: FloatArray, rounds: int) -> Method:
         residual = values - predicted
         spread = np.sqrt(statistics[:, :1])
         inlier = lit & (np.abs(residual) < 4 * np.maximum(spread, 0.01 * albedo[:, None]))
-        highlight = lit & ~inlier & (residual > HIGHLIGHT_THRESHOLD * albedo[:, None])
+        highlight = lit & ~inlier & (residual > SETTINGS.highlight_threshold * albedo[:, None])
         flags = _flags(lit & ~highlight, highlight, clipped, predicted)
         used = np.count_nonzero(inlier, axis=1).astype(np.float32)
         residual_variance = np.sum(inlier * residual * residual, axis=1) / np.maximum(used - 3, 1)
@@ -207,7 +214,9 @@ def _glossy(directions: FloatArray, diffuse_params: FloatArray) -> Method:
         fits = reflectance_fit.refit_from_neighbours(fits, values, clipped, table, diffuse_params, chosen, width)
         diffuse = reflectance_fit.diffuse(fits.normals, table, diffuse_params) * fits.strengths[:, :1]
         lit = reflectance_fit.usable(values, clipped)
-        highlight = lit & (values > (1 + HIGHLIGHT_THRESHOLD) * diffuse + HIGHLIGHT_THRESHOLD * fits.strengths[:, :1])
+        highlight = lit & (
+            values > (1 + SETTINGS.highlight_threshold) * diffuse + SETTINGS.highlight_threshold * fits.strengths[:, :1]
+        )
         flags = _flags(lit & ~highlight, highlight, clipped, fits.normals @ directions.T.astype(np.float32))
         # A pixel that is all gloss has a normal too, though next to no diffuse albedo.
         albedo = np.maximum(fits.strengths[:, 0], np.float32(1e-6) * np.sum(fits.strengths, axis=1))
@@ -228,7 +237,9 @@ def angular_variance(
     """Angular variance (N,) in rad² from the variance of a measurement and the leverage, at most 60°."""
     squared = np.maximum(albedo * albedo, np.float32(1e-20))
     freedom = np.maximum(used - 3.0, 0.0)
-    steady = (freedom * spread + PRIOR_COUNT * PRIOR_RESIDUAL**2 * squared) / (freedom + PRIOR_COUNT)
+    steady = (freedom * spread + SETTINGS.prior_count * SETTINGS.prior_residual**2 * squared) / (
+        freedom + SETTINGS.prior_count
+    )
     variance = np.where(np.asarray(used) >= 3, steady * leverage / squared, UNKNOWN_VARIANCE_RAD2)
     return np.minimum(variance, UNKNOWN_VARIANCE_RAD2).astype(np.float32)
 

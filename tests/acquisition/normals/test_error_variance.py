@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 
 from acquisition import photometry
-from acquisition.normals import error_variance
+from acquisition.normals import error_variance, regularisation
 from acquisition.normals.error_variance import (
-    CREASE_SHARE,
-    MAX_SQUARE,
-    MIN_CREASE_DEG,
     STRIP_ROWS,
 )
-from acquisition.normals.regularisation import UNSURE_DEG
 
 SHAPE = (2 * STRIP_ROWS + 30, 20)
 
@@ -37,11 +33,11 @@ def sigma(
 
 
 def test_sigma_perfect_fit_is_posterior_times_factor() -> None:
-    assert sigma() == pytest.approx(np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
+    assert sigma() == pytest.approx(np.sqrt(photometry.SETTINGS.posterior_factor), rel=1e-5)
 
 
 def test_sigma_of_model_that_holds_has_misfit_one() -> None:
-    factor = np.sqrt(photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR)
+    factor = np.sqrt(photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor)
     assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(factor, rel=1e-5)
 
 
@@ -49,14 +45,16 @@ def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
     residual = np.array([[1.0, 2.0, 9.0]], np.float32)
     assert error_variance.misfit(residual, np.array([[5, 8, 3]], np.uint8)) == pytest.approx((5 + 4 * 8) / (2 + 5))
     assert error_variance.misfit(residual, np.full((1, 3), 3, np.uint8)) == 1.0
-    assert error_variance.misfit(residual * 100, np.full((1, 3), 6, np.uint8)) == pytest.approx(2 * MAX_SQUARE)
+    assert error_variance.misfit(residual * 100, np.full((1, 3), 6, np.uint8)) == pytest.approx(
+        2 * error_variance.SETTINGS.max_square
+    )
 
 
 @pytest.mark.parametrize(
     ("change", "added_deg"),
     [
-        ({"lights": 3}, photometry.FEW_LIGHTS_SIGMA_DEG),
-        ({"unsound": True}, photometry.UNSOUND_SIGMA_DEG),
+        ({"lights": 3}, photometry.SETTINGS.few_lights_sigma_deg),
+        ({"unsound": True}, photometry.SETTINGS.unsound_sigma_deg),
     ],
 )
 def test_sigma_component_adds_in_quadrature(change: dict[str, float], added_deg: float) -> None:
@@ -65,8 +63,8 @@ def test_sigma_component_adds_in_quadrature(change: dict[str, float], added_deg:
 
 
 def test_sigma_unsure_pixel_gains_nothing_from_smoothing() -> None:
-    unsure = UNSURE_DEG + 1
-    assert sigma(unsure, 1.0) == pytest.approx(unsure * np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
+    unsure = regularisation.SETTINGS.unsure_deg + 1
+    assert sigma(unsure, 1.0) == pytest.approx(unsure * np.sqrt(photometry.SETTINGS.posterior_factor), rel=1e-5)
 
 
 def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
@@ -79,19 +77,24 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
         posterior, np.ones(SHAPE, np.float32), residual, np.full(SHAPE, 8, np.uint8), bent(0), unsound=False
     )
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
-    six = photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR * (9 * 8) / (6 * 5)
+    six = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor * (9 * 8) / (6 * 5)
     assert result[STRIP_ROWS - 1, 10] == pytest.approx(np.sqrt(six), rel=1e-4)
-    assert result[STRIP_ROWS - 3, 10] == pytest.approx(np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
-    assert np.count_nonzero(result > 1.01 * np.sqrt(photometry.POSTERIOR_FACTOR)) == 6
+    assert result[STRIP_ROWS - 3, 10] == pytest.approx(np.sqrt(photometry.SETTINGS.posterior_factor), rel=1e-5)
+    assert np.count_nonzero(result > 1.01 * np.sqrt(photometry.SETTINGS.posterior_factor)) == 6
 
 
 @pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])
 def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None:
     result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), unsound=False)
     crease = np.degrees(2 * np.sin(np.radians(45)) / 2)
-    raised = np.sqrt(photometry.POSTERIOR_FACTOR + CREASE_SHARE**2 * (crease**2 - MIN_CREASE_DEG**2))
+    tuned = error_variance.SETTINGS
+    raised = np.sqrt(
+        photometry.SETTINGS.posterior_factor + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2)
+    )
     assert result[row - 1 : row + 1] == pytest.approx(raised, rel=1e-4)
-    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
+    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(
+        np.sqrt(photometry.SETTINGS.posterior_factor), rel=1e-5
+    )
 
 
 @pytest.mark.parametrize("step_deg", [1.0, 10.0, 40.0])

@@ -120,7 +120,7 @@ def test_gauss_newton_steps_find_roughness_of_gloss() -> None:
         estimate = solved(made, values, present.terms)
         by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, made.ray_direction, made.lamp)
         step = self_calibration.gauss_newton_step(
-            estimate, by_depth, values, made.lamp, present, priors, photometry.OFFSET_SIGMA_M
+            estimate, by_depth, values, made.lamp, present, priors, photometry.SETTINGS.offset_sigma_m
         )
         present = replace(present, terms=image_terms.stepped(present.terms, step.terms))
     assert present.terms.gloss == pytest.approx(0.3, abs=0.02)
@@ -128,8 +128,8 @@ def test_gauss_newton_steps_find_roughness_of_gloss() -> None:
 
 def test_stepped_keeps_terms_within_ranges() -> None:
     far = ImageTerms(roughness=9.0, ambient=-9.0, gloss=9.0)
-    assert image_terms.stepped(LAMBERTIAN, far) == ImageTerms(roughness=image_terms.MAX_ROUGH_WEIGHT)
-    assert image_terms.stepped(ImageTerms(gloss=0.5), far).gloss == image_terms.GLOSS_RANGE[1]
+    assert image_terms.stepped(LAMBERTIAN, far) == ImageTerms(roughness=image_terms.SETTINGS.max_rough_weight)
+    assert image_terms.stepped(ImageTerms(gloss=0.5), far).gloss == image_terms.SETTINGS.gloss_range[1]
 
 
 def solved(made: MeasuredPixels, values: np.ndarray, terms: ImageTerms | None) -> Estimate:
@@ -193,7 +193,7 @@ def test_gauss_newton_step_estimates_terms_from_zero() -> None:
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, made.ray_direction, made.lamp)
     step = self_calibration.gauss_newton_step(
         estimate, by_depth, values, made.lamp, present, Priors(0.01, 0.001, 0.03, ImageTerms(0.3, 0.0)),
-        photometry.OFFSET_SIGMA_M,
+        photometry.SETTINGS.offset_sigma_m,
     )  # fmt: skip
     assert step.terms.roughness == pytest.approx(0.2, abs=0.1)
     assert step.terms.ambient == pytest.approx(0.0, abs=1e-6)

@@ -68,6 +68,8 @@ def test_fit_line_two_points_returns_none() -> None:
 
 
 def test_transfer_curve_few_pixels_drops_bin() -> None:
-    level = np.repeat(np.float32([10.0, 3000.0]), [photon_transfer.MIN_BIN_COUNT - 1, photon_transfer.MIN_BIN_COUNT])
+    level = np.repeat(
+        np.float32([10.0, 3000.0]), [photon_transfer.SETTINGS.min_bin_count - 1, photon_transfer.SETTINGS.min_bin_count]
+    )
     scattered = np.random.default_rng(3).normal(size=level.shape).astype(np.float32) * 10
     assert photon_transfer.transfer_curve(level, scattered, TOP, 1.0).level.tolist() == [3000.0]

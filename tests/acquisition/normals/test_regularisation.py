@@ -50,7 +50,7 @@ def test_smooth_uncertain_certain_pixels_unchanged_no_sigma_grows(seed: int, row
     normals = np.where(mask[..., None], shaken(true, np.nan_to_num(sigma), seed), 0).astype(np.float32)
     smoothed, smoothed_sigma = normals.copy(), sigma.copy()
     regularisation.smooth_uncertain(smoothed, smoothed_sigma)
-    stays = ~mask | (sigma < regularisation.UNSURE_DEG)
+    stays = ~mask | (sigma < regularisation.SETTINGS.unsure_deg)
     np.testing.assert_array_equal(smoothed[stays], normals[stays])
     np.testing.assert_array_equal(smoothed_sigma[stays], sigma[stays])
     assert np.all(smoothed_sigma[mask] <= sigma[mask] * (1 + 1e-6))

@@ -121,9 +121,12 @@ def test_step_eliminated_pixels_equals_dense_solution() -> None:
     offsets = np.stack([*np.zeros((3, count)), solution.offset_m], axis=1).ravel()
     held = np.concatenate([start, aside.T.ravel(), [shift], offsets])
     # Evidence of pixels counts a twentieth, with their own priors, against the priors of what they share.
-    prior[33:] /= self_calibration.EFFECTIVE_SAMPLE_DIVISOR
-    matrix = rows.T @ rows / self_calibration.EFFECTIVE_SAMPLE_DIVISOR + np.diag(prior)
-    right = rows.T @ (root * (values - predicted)).ravel() / self_calibration.EFFECTIVE_SAMPLE_DIVISOR - prior * held
+    prior[33:] /= self_calibration.SETTINGS.effective_sample_divisor
+    matrix = rows.T @ rows / self_calibration.SETTINGS.effective_sample_divisor + np.diag(prior)
+    right = (
+        rows.T @ (root * (values - predicted)).ravel() / self_calibration.SETTINGS.effective_sample_divisor
+        - prior * held
+    )
     dense = np.linalg.solve(matrix, right)
     np.testing.assert_allclose(step.log_intensity, dense[:8], rtol=1e-4, atol=1e-8)
     np.testing.assert_allclose(step.lamp_offset_m, dense[8:32].reshape(3, 8).T, rtol=1e-4, atol=1e-8)
@@ -173,13 +176,13 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
         matrix += shared.T @ shared - shared.T @ own @ inner @ own.T @ shared
         right += shared.T @ left - shared.T @ own @ inner @ (own.T @ left - pixel_prior @ [0, 0, 0, offset])
     prior = np.array(
-        [9.0**-2] * count + [5.0**-2] * 3 * count + [3.0**-2] + [self_calibration.LOBE_LOG_SIGMA**-2] * lobes
+        [9.0**-2] * count + [5.0**-2] * 3 * count + [3.0**-2] + [self_calibration.SETTINGS.lobe_log_sigma**-2] * lobes
     )
     before = np.concatenate(
         [present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m], np.zeros(lobes)]
     )
-    covariance = np.linalg.inv(matrix / self_calibration.EFFECTIVE_SAMPLE_DIVISOR + np.diag(prior))
-    dense = covariance @ (right / self_calibration.EFFECTIVE_SAMPLE_DIVISOR - prior * before)
+    covariance = np.linalg.inv(matrix / self_calibration.SETTINGS.effective_sample_divisor + np.diag(prior))
+    dense = covariance @ (right / self_calibration.SETTINGS.effective_sample_divisor - prior * before)
     scale = np.sqrt(np.diag(covariance))[: 4 * count + 1]
     moved = np.concatenate([step.log_intensity, step.lamp_offset_m.T.ravel(), [step.shift_m]])
     np.testing.assert_allclose(moved / scale, dense[: 4 * count + 1] / scale, atol=1e-7)

@@ -134,7 +134,7 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
     lit = design.visibility > 0.5
     flags[:, rows, columns] = np.where(lit, LIT, 0)
     row = design.row.astype(float) * lit[:, None]
-    row[:, 3] /= photometry.OFFSET_SIGMA_M
+    row[:, 3] /= photometry.SETTINGS.offset_sigma_m
     return made(np.einsum("kap,kbp->pab", row, row), flags)
 
 
@@ -154,8 +154,8 @@ def noise_by_hand(
     known, sensor = true.calibration, true.calibration.sensor
     electrons = sensor.gain_e_per_dn * sensor.full_scale_dn * level
     aside = known.lamp_position_sigma_m / distance
-    share = planned_noise.SELF_CALIBRATION_FACTOR**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
+    share = planned_noise.SETTINGS.self_calibration_factor**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
     turn = aside**2 * (1 - cosine**2)
     floor = 2 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12) / electrons**2
-    own = value / electrons + floor + photometry.FLAT_FIELD_SIGMA**2 * value**2
-    return planned_noise.INTEGRABILITY_FACTOR * own + share * value**2 + turn * strength**2
+    own = value / electrons + floor + photometry.SETTINGS.flat_field_sigma**2 * value**2
+    return planned_noise.SETTINGS.integrability_factor * own + share * value**2 + turn * strength**2

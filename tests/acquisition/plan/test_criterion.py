@@ -11,7 +11,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.plan import criterion, visibility
 from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Samples
-from acquisition.plan.objective import CAP_DEG, CAPPED
+from acquisition.plan.objective import CAPPED, SETTINGS
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -34,7 +34,7 @@ def variance_by_hand(sample: Samples, lights: Candidates, chosen: list[int]) -> 
 
 
 def objective_by_hand(variance: FloatArray) -> float:
-    return float(np.mean(variance / (1 + variance / np.radians(CAP_DEG) ** 2)))
+    return float(np.mean(variance / (1 + variance / np.radians(SETTINGS.cap_deg) ** 2)))
 
 
 @settings(max_examples=15, deadline=None)
@@ -116,7 +116,7 @@ def test_candidates_rows_are_whitened_light_vectors_and_depth_slopes(cushion: sc
     )
     lobe = strength * np.sum((position - x) ** 2, axis=0)
     slope = albedo * np.sum(n * (farther - nearer), axis=0) * lobe / (2 * e * cushion.depth[rows, columns])
-    expected = slope * photometry.OFFSET_SIGMA_M / deviation
+    expected = slope * photometry.SETTINGS.offset_sigma_m / deviation
     np.testing.assert_allclose(row[3, lit], expected[lit], rtol=0.02, atol=0.02 * np.abs(expected).max())
 
 
@@ -167,7 +167,7 @@ def test_candidates_certain_map_has_visibility_of_scene(cushion: scenes.Scene) -
     visibility = cases.design_rows(sample, lights, normal_map, cushion.calibration).visibility
     rows, columns = normal_map.information.rows, normal_map.information.columns
     brightest = [cases.vectors_by_hand(cushion, light, rows, columns) for light in lights]
-    least = criterion.MIN_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # rejected below
+    least = criterion.SETTINGS.min_cosine * sample.albedo * np.linalg.norm(brightest, axis=1)  # rejected below
     lit = np.stack([scenes.lit(cushion, light)[rows, columns] for light in lights]) > least
     assert np.mean((visibility > 0.5) == lit) > 0.95
     assert np.mean(lit[visibility > 0.9]) > 0.98

@@ -10,7 +10,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import ModelFinding
 from acquisition.plan import expected_sigma
 from acquisition.plan.criterion import Posterior
-from acquisition.plan.expected_sigma import MAX_MISFIT, SHARED_SIGMA_DEG, ExpectedSigma
+from acquisition.plan.expected_sigma import SETTINGS, ExpectedSigma
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -22,20 +22,20 @@ def posterior(sigma_deg: float, lit: float = 6.0) -> Posterior:
 
 
 def test_sigma_of_many_lights_is_what_images_share() -> None:
-    assert ExpectedSigma(4.0).sigma_deg(posterior(1e-6)) == pytest.approx(2 * SHARED_SIGMA_DEG)
+    assert ExpectedSigma(4.0).sigma_deg(posterior(1e-6)) == pytest.approx(2 * SETTINGS.shared_sigma_deg)
 
 
 def test_sigma_rises_with_misfit_of_images_so_far() -> None:
-    factor = photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR * 3
-    expected = np.sqrt(factor * 2.0**2 + 3 * SHARED_SIGMA_DEG**2)
+    factor = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor * 3
+    expected = np.sqrt(factor * 2.0**2 + 3 * SETTINGS.shared_sigma_deg**2)
     assert ExpectedSigma(3.0).sigma_deg(posterior(2.0)) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
     ("expected", "lit", "added_deg"),
     [
-        (ExpectedSigma(), 3.0, photometry.FEW_LIGHTS_SIGMA_DEG),
-        (ExpectedSigma(unsound=True), 4.0, photometry.UNSOUND_SIGMA_DEG),
+        (ExpectedSigma(), 3.0, photometry.SETTINGS.few_lights_sigma_deg),
+        (ExpectedSigma(unsound=True), 4.0, photometry.SETTINGS.unsound_sigma_deg),
     ],
 )
 def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float, added_deg: float) -> None:
@@ -47,7 +47,7 @@ def test_of_normal_map_reads_misfit_and_findings() -> None:
     true = scenes.scene(scenes.sphere, scenes.calibration(48))
     known = cases.known_map(true, pilot.pattern(Recipe(), scenes.Dome(refused=0)))
     stated = [expected_sigma.of(replace(known, noise={"misfit": misfit})).misfit for misfit in (0.2, 3.0, 90.0)]
-    assert stated == [1.0, 3.0, MAX_MISFIT]
+    assert stated == [1.0, 3.0, SETTINGS.max_misfit]
     assert expected_sigma.of(known) == ExpectedSigma()
     corrected, left = (ModelFinding(kind="lamps", message="-", corrected=one) for one in (True, False))
     assert not expected_sigma.of(replace(known, findings=(corrected,))).unsound

@@ -192,7 +192,7 @@ def test_choose_never_predicts_more_loss_than_completed_rings(
     recipe = Recipe(objective="mean")
     chosen = plan.choose(normal_map, observations, recipe, reach, cushion.calibration, count)
     usable = criterion.usable_pixels(normal_map, cushion.calibration)
-    sample = criterion.samples(normal_map, cushion.calibration, usable, planner.SEARCH_OFFSET_SIGMA_M)
+    sample = criterion.samples(normal_map, cushion.calibration, usable, planner.SETTINGS.search_offset_sigma_m)
     sample = criterion.reweight(sample, normal_map, observations, cushion.calibration, cautious=True)
     units = (reach.candidates - reach.center) / reach.radius_m
     rings = two_ring_pattern.completions(-np.array([light.axis for light in lights]), units, count)

@@ -37,7 +37,7 @@ def test_plan_to_target_within_reach_plans_forecast_count(known: tuple[NormalMap
     reached = photometry.mean_sigma_deg(known[0], TRUE.calibration)
     curve = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [2, 3, 4])
     chosen = plan_to(
-        known, target_sigma_deg=curve[1].sigma_deg / (1 + stopping_rule.FIRST_SLACK) * 1.0001, max_lights=12
+        known, target_sigma_deg=curve[1].sigma_deg / (1 + stopping_rule.SETTINGS.first_slack) * 1.0001, max_lights=12
     )
     assert len(chosen.lights) == 3
     assert chosen.conclusion is None
@@ -85,13 +85,16 @@ def test_plan_to_target_negligible_gain_concludes(known: tuple[NormalMap, Observ
 def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, Observations]) -> None:
     normal_map, _ = known
     # Errors of a badly fitting model, which images share, leave a negligible gain for many lights.
-    rough = replace(normal_map, noise=normal_map.noise | {"misfit": expected_sigma.MAX_MISFIT})
+    rough = replace(normal_map, noise=normal_map.noise | {"misfit": expected_sigma.SETTINGS.max_misfit})
     order = Recipe(target_sigma_deg=0.1, max_lights=40)
     chosen = plan.plan_to_target(rough, known[1], order, REACH, TRUE.calibration)
     least = min(point.sigma_deg for point in chosen.forecast)
     predicted = next(point for point in chosen.forecast if point.added >= len(chosen.lights))
     assert len(chosen.lights) < 36
-    assert predicted.sigma_deg <= (1 + stopping_rule.NEGLIGIBLE_GAIN) * (1 + stopping_rule.FIRST_SLACK) * least
+    assert (
+        predicted.sigma_deg
+        <= (1 + stopping_rule.SETTINGS.negligible_gain) * (1 + stopping_rule.SETTINGS.first_slack) * least
+    )
 
 
 def test_plan_to_target_first_pass_has_slack_later_is_rescaled(

@@ -1,9 +1,12 @@
 """Twelve distant lights: `auto` against least squares, L1 and sparse Bayesian regression; normals without seams."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from acquisition.normals import distant
+from acquisition.normals.distant import light_intensities
 from acquisition.normals.image_set import DistantLights, ImageSet
 from tests.acquisition.normals.distant import few_light_scenes
 from tests.acquisition.normals.distant.few_light_scenes import Scene, directions
@@ -84,7 +87,7 @@ def test_solve_wrong_intensities_leave_no_seams(
 
     A ball under lights that are 6 % off, which stay so. With thresholds in place of ramps the ratio is 5 to 24.
     """
-    monkeypatch.setattr("acquisition.normals.distant.light_intensities.MAX_ERROR_RATIO", 0.0)
+    monkeypatch.setattr(light_intensities, "SETTINGS", replace(light_intensities.SETTINGS, max_error_ratio=0.0))
     size, ratios = 160, []
     v, u = np.mgrid[:size, :size]
     x, y = (u - size / 2 + 0.5) / (size / 2), -(v - size / 2 + 0.5) / (size / 2)

@@ -82,4 +82,4 @@ def test_solve_non_finite_values_are_named() -> None:
 
 
 def test_solve_glossy_with_few_lights_is_refused() -> None:
-    assert str(solvers.MIN_GLOSSY_LIGHTS) in refused(good(), "glossy").detail
+    assert str(solvers.SETTINGS.min_glossy_lights) in refused(good(), "glossy").detail

@@ -1,0 +1,228 @@
+"""Finds the numbers of solver and planner, and says which are tuned: `python -m tests.tuned_numbers` counts them.
+
+A tuned number is a field of a module's frozen `SETTINGS` (`acquisition.models.tuned`). Any other number at a module's
+level has to be named here with the reason why it is none; those in functions that are not plain (0, 1, 2, 3, 4, halves
+and quarters, whole numbers, guards against division by zero) are counted by module. `STRAYS` and `INLINE` are what is
+still to be moved or justified: they only shrink.
+"""
+
+import ast
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+ACQUISITION = Path(__file__).parents[1] / "acquisition"
+PLAIN = (0, 1, 2, 3, 4, 0.25, 0.5, 1.5)
+GUARD = 1e-5
+"""Powers of ten up to which a number in a function is a guard against division by zero."""
+
+REASONS: dict[str, str] = {
+    "physics, statistics, standards and formulas": """
+        distant.lit_mask.WITHIN_SIGMA distant.pixel_blocks.LUMA goodness_of_fit.GAUSSIAN_MEDIAN_SQUARE microfacet.F0
+        microfacet.METAL_F0 photon_transfer.CLIP_SIGMA photon_transfer.CLIPPED_GAUSSIAN_VARIANCE
+        residual_noise.GAUSSIAN_MEDIAN_DEVIATION pixel_solve_kernels.CAUCHY_MEAN_WEIGHT surface_diffusion.MAX_EIGENVALUE
+        discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
+        light_tests.STATED_AXES light_tests.ALL_AXES baselines.VIEWING_AXIS objective.VARIANCE""",
+    "counts of unknowns, marks and definitions": """
+        photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
+        distant.grey_conversion.CLIPPED_VALUE distant.lit_mask.MIN_IMAGES distant.reflectance_fit.LAMBERT_PARAMS
+        distant.reflectance_kernels.BASIS_SIZE distant.reflectance_kernels.DIFFUSE_PARAMS
+        distant.solvers.UNKNOWN_VARIANCE_RAD2 equivalent_session.OBJECT_SIZE_M equivalent_session.DISTANCE_M
+        equivalent_session.EXPOSURE error_variance.MIN_LIGHTS pixel_solve.NO_OFFSET_SIGMA_M specular.NO_LOBE
+        surface_diffusion.EMPTY colour_albedo.CELL_SHARES
+        sensor_estimate.EMPTY_CURVE translucency.MIN_LIGHTS session_images.BYTES_PER_VALUE
+        candidate_lights.SAME_POSITION_M criterion.MIN_LIGHTS criterion_kernels.HIDDEN""",
+    "of settings": "error_variance.WEIGHTS objective.CAPPED",
+    "sizes of blocks and samples: more changes time and memory": """
+        alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS photometry.LOBE_SAMPLES
+        distant.distant_solve.SAMPLE_PIXELS distant.least_squares_kernels.BLOCK distant.lit_mask.SAMPLE_ROWS
+        distant.pixel_blocks.BLOCK_BYTES distant.point_lights.CHUNK distant.reflectance_fit.CHUNK
+        distant.solver_selection.SAMPLE_PIXELS distant.solvers.DIFFUSE_PARAMS_SAMPLE
+        equivalent_session.INFORMATION_PIXELS error_variance.STRIP_ROWS error_variance.NEIGHBOUR_ROWS
+        final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS integrability.OVERLAP_ROWS integration.STRIP_ROWS
+        interreflection.AZIMUTHS interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
+        near_light.SAMPLE_PIXELS photon_transfer.INITIAL_SAMPLE pixel_noise.STRIPS pixel_noise.MAX_PRODUCTS
+        pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS poisson._STRIP pyramid.BLOCK_VALUES
+        pyramid.MIN_BLOCK_ROWS regularisation.STRIP_ROWS sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS
+        session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES criterion_kernels.BLOCK
+        stopping_rule.COUNTS""",
+    "steps and tolerances of numerical methods": """
+        photometry.UNDISTORTION_ROUNDS distant.light_intensities.ITERATIONS distant.light_intensities.TOLERANCE
+        distant.reflectance_fit.DIFFERENCE_STEP distant.reflectance_kernels.DIFFERENCE_STEP
+        photon_transfer.CLIP_ITERATIONS photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE
+        surface_diffusion.MIN_COEFFICIENT""",
+    "pictures": """
+        explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE placed_lights.PICTURE_PIXELS
+        placed_lights.BRIGHTEST_PERCENTILE placed_lights.SHOWN_RANGE""",
+}
+"""Why a number at a module's level is not tuned, and the names of those; modules without their package."""
+
+STRAYS = (
+    "colour_channels.MIN_SHARE",
+    "distant.reflectance_fit.DIFFUSE_PARAMS_SIGMA",
+    "distant.reflectance_fit.COARSE_PARAMS",
+    "distant.reflectance_fit.LOWER_BOUNDS",
+    "distant.reflectance_fit.UPPER_BOUNDS",
+    "distant.reflectance_fit.INITIAL_STEP",
+    "distant.reflectance_fit.NEIGHBOUR_DISTANCES_PX",
+    "distant.reflectance_kernels.GGX_ROUGHNESS",
+    "distant.solvers.MIN_GLOSSY_VARIANCE_RAD2",
+    "equivalent_session.DIRECTION_SIGMA_RAD",
+    "integration.HALF_CONFIDENCE_SIGMA",
+    "model_alternatives.AXES_GAIN",
+    "model_alternatives.AXES_BETTER",
+    "model_alternatives.MIN_SWAP_IMAGES",
+    "model_alternatives.SWAP_SHARE",
+    "sensor_estimate.MAX_GAIN_SIGMA",
+    "sensor_estimate.MAX_READ_NOISE_SIGMA",
+    "specular.EXPONENTS",
+    "criterion.VISIBILITY_LEVELS",
+)
+"""Tuned numbers that are not in settings yet."""
+
+INLINE = {
+    "alternation": 1, "baselines": 2, "criterion": 4, "criterion_kernels": 2, "discontinuity": 1,
+    "distant.distant_solve": 1, "distant.least_squares_kernels": 5, "distant.light_intensities": 2,
+    "distant.lit_mask": 1, "distant.reflectance_fit": 6, "distant.reflectance_kernels": 14,
+    "distant.robust_regression": 6, "distant.solvers": 1, "equivalent_session": 1, "grey_tile": 1, "image_terms": 4,
+    "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "photometry": 1,
+    "photon_transfer": 3, "pixel_solve": 1, "planner": 2, "prior_forecast": 2, "relaxation": 2, "residual_noise": 2,
+    "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,
+}  # fmt: skip
+"""Numbers within functions that are not plain, by module."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A tuned number: module without its package, field, value, unit and the docstring's text."""
+
+    module: str
+    name: str
+    value: str
+    unit: str
+    text: str
+
+    @property
+    def meaning(self) -> str:
+        """The docstring's first sentence."""
+        return _sentences(self.text)[0]
+
+    @property
+    def source(self) -> str:
+        """What the docstring says beyond the first sentence: measurement or reason; empty where there is none."""
+        return _sentences(self.text)[1]
+
+
+def _sentences(text: str) -> tuple[str, str]:
+    first, dot, rest = text.partition(". ")
+    return first + dot.strip(), rest
+
+
+def _modules() -> Iterator[tuple[str, ast.Module]]:
+    """Names without their package, and trees, of all modules of solver and planner; nothing is imported."""
+    found = [ACQUISITION / "photometry.py"]
+    found += [path for package in ("normals", "plan") for path in sorted((ACQUISITION / package).rglob("*.py"))]
+    for path in found:
+        dotted = ".".join(path.relative_to(ACQUISITION).with_suffix("").parts)
+        name = dotted.partition(".")[2] or dotted
+        yield name, ast.parse(path.read_text(encoding="utf-8"))
+
+
+def settings() -> list[Number]:
+    """All tuned numbers, as modules and their order in these have them."""
+    numbers: list[Number] = []
+    for name, tree in _modules():
+        for held in tree.body:
+            if isinstance(held, ast.ClassDef) and _is_settings(held):
+                numbers += [replace(number, module=name) for number in _numbers(held)]
+    return numbers
+
+
+def _numbers(held: ast.ClassDef) -> Iterator[Number]:
+    """The fields of a settings class, each with the text below it."""
+    for statement, following in zip(held.body, [*held.body[1:], ast.Pass()], strict=True):
+        if isinstance(statement, ast.AnnAssign) and isinstance(statement.value, ast.Call):
+            value, unit = statement.value.args
+            stated = isinstance(following, ast.Expr)
+            text = " ".join(str(ast.literal_eval(following.value)).split()) if stated else ""
+            yield Number("", ast.unparse(statement.target), ast.unparse(value), str(ast.literal_eval(unit)), text)
+
+
+def constants() -> list[str]:
+    """Names at module level whose values have numbers in them, `module.NAME`."""
+    found: list[str] = []
+    for name, tree in _modules():
+        for statement in tree.body:
+            if not isinstance(statement, ast.Assign | ast.AnnAssign) or statement.value is None:
+                continue
+            if any(isinstance(n, ast.Constant) and type(n.value) in {int, float} for n in ast.walk(statement.value)):
+                targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+                named = [n for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)]
+                found += [f"{name}.{one.id}" for one in named]
+    return found
+
+
+def inline() -> dict[str, int]:
+    """Numbers within functions that are not plain, counted by module."""
+    counts: Counter[str] = Counter()
+    for name, tree in _modules():
+        for statement in tree.body:
+            if isinstance(statement, ast.FunctionDef | ast.ClassDef) and not _is_settings(statement):
+                counts[name] += sum(not is_plain(n.value) for n in ast.walk(statement) if isinstance(n, ast.Constant))
+    return {name: count for name, count in counts.items() if count}
+
+
+def _is_settings(statement: ast.stmt) -> bool:
+    return isinstance(statement, ast.ClassDef) and "= tuned(" in ast.unparse(statement)
+
+
+def is_plain(value: object) -> bool:
+    """Whether a number within a function needs no reason: whole, a half or quarter, or a guard."""
+    if not isinstance(value, float) or value in PLAIN:
+        return True
+    exponent = math.log10(value)
+    return value <= GUARD and abs(exponent - round(exponent)) < 1e-9
+
+
+def allowed() -> set[str]:
+    """Names at module level that are not tuned."""
+    return {name for names in REASONS.values() for name in names.split()}
+
+
+def set_at_import() -> set[str]:
+    """Fields, `module.name`, that a module reads while it is imported (kernels, defaults, derived constants): another
+    value in `SETTINGS` does not reach all of their uses."""
+    found: set[str] = set()
+    names = {name.rpartition(".")[2]: name for name, _ in _modules()}
+    for name, tree in _modules():
+        bodies = {
+            id(n)
+            for function in ast.walk(tree)
+            if isinstance(function, ast.FunctionDef)
+            for part in function.body
+            for n in ast.walk(part)
+        }
+        for node in ast.walk(tree):
+            if not isinstance(node, ast.Attribute) or id(node) in bodies:
+                continue
+            if isinstance(node.value, ast.Name) and node.value.id == "SETTINGS":
+                found.add(f"{name}.{node.attr}")
+            elif isinstance(node.value, ast.Attribute) and node.value.attr == "SETTINGS":
+                owner = ast.unparse(node.value.value).rpartition(".")[2]
+                found.add(f"{names[owner]}.{node.attr}")
+    return found
+
+
+def main() -> None:
+    """Prints how many numbers there are of each kind."""
+    found = settings()
+    print(f"{len(found)} tuned numbers in settings, {sum(bool(one.source) for one in found)} with a source or reason")
+    print(f"{len(STRAYS)} tuned constants outside, {sum(inline().values())} numbers in functions")
+    for reason, names in REASONS.items():
+        print(f"{len(names.split())} constants: {reason}")
+
+
+if __name__ == "__main__":
+    main()
