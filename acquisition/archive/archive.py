@@ -139,7 +139,7 @@ class Archive:
     def results(self, key: str) -> list[ResultEntry]:
         """The entries of all results of a session, oldest first."""
         names = self.contents.names(f"{SESSIONS}/{key}/results")
-        return sorted((self.result(name) for name in names), key=lambda result: result.solved_at)
+        return sorted((self.result(name) for name in names), key=lambda result: result.age)
 
     def fetch(self, files: dict[str, FileEntry], folder: Path) -> None:
         """Writes files into a folder, each checked by its hash. Raises RigError archive.damaged naming the file."""
@@ -177,7 +177,7 @@ class Archive:
             results = [entry for _, entry in entries if isinstance(entry, ResultEntry)]
             faults += [entry for _, entry in entries if isinstance(entry, Fault)]
             for session in sessions:
-                self.catalogue.add(session, sorted(results, key=lambda result: result.solved_at))
+                self.catalogue.add(session, sorted(results, key=lambda result: result.age))
             total += 1
         sound: set[bytes] = set()
         unsound: dict[str, tuple[str, str, list[str]]] = {}

@@ -7,6 +7,7 @@ lives: `results/` and what a person may still change (label, notes) are no part 
 
 import hashlib
 import json
+import math
 from typing import Any, Literal
 
 from packaging.version import InvalidVersion, Version
@@ -97,6 +98,13 @@ class ResultEntry(Value):
     def name(self) -> str:
         """Name of the entry's file in the archive."""
         return result_name(self.session, self.solver, self.identity.hash)
+
+    @property
+    def age(self) -> tuple[float, float, str]:
+        """What results of one session are sorted by: of equal times, as copied folders can have, the one of fewer passes
+        comes first."""
+        last = self.identity.last_pass
+        return self.solved_at, math.inf if last is None else last, self.name
 
 
 def session_name(key: str) -> str:

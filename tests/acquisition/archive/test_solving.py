@@ -1,6 +1,7 @@
 """Solves of archived sessions: equal to a local one, beside the old results, each once; exports read back."""
 
 import json
+import os
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -110,3 +111,11 @@ def test_export_relight_names_images_and_lights(archive: Archive, session_folder
         assert image is not None
         assert image.shape == (48, 48)
     assert sorted(path.suffix for path in (tmp_path / "out").iterdir()) == [".dome", ".lp", *[".png"] * 5]
+
+
+def test_results_of_equal_times_are_sorted_by_passes(archive: Archive, session_folder: MakeSession) -> None:
+    folder = session_folder()
+    for manifest in folder.glob("results/*/manifest.json"):
+        os.utime(manifest, (1e9, 1e9))
+    results = archive.results(archive.push(folder).key)
+    assert [result.identity.last_pass for result in results] == [0, None]
