@@ -74,7 +74,7 @@ def test_prediction_scale_dark_shadows_is_zero_half_filled_is_one() -> None:
         **{
             name: np.ascontiguousarray(getattr(solution, name)[..., order])
             for name in vars(solution)
-            if name != "terms"
+            if name not in ("terms", "channel")
         }
     )
     values, dark = made.values[:, order], away[:, order]
