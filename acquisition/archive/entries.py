@@ -101,8 +101,10 @@ class ResultEntry(Value):
 
     @property
     def age(self) -> tuple[float, float, str]:
-        """What results of one session are sorted by: of equal times, as copied folders can have, the one of fewer passes
-        comes first."""
+        """What results of one session are sorted by.
+
+        Copied folders can have equal times: of these, the one of fewer passes comes first.
+        """
         last = self.identity.last_pass
         return self.solved_at, math.inf if last is None else last, self.name
 
