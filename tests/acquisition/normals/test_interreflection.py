@@ -1,5 +1,7 @@
 """Interreflection: reflected radiosity, scale of the prediction, and its contribution to normal variance."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -70,12 +72,13 @@ def test_prediction_scale_dark_shadows_is_zero_half_filled_is_one() -> None:
     away = np.einsum("fcn,cn->fn", light, made.normals) < 0
     # Normals of neighbouring pixels are unrelated in this scene, but the detection needs connected shadow areas.
     order = np.argsort(made.normals[0] + 1e-3 * made.normals[1])
-    estimate = pixel_solve.Estimate(
+    estimate = dataclasses.replace(
+        solution,
         **{
-            name: np.ascontiguousarray(getattr(solution, name)[..., order])
-            for name in vars(solution)
-            if name not in ("terms", "channel")
-        }
+            name: np.ascontiguousarray(value[..., order])
+            for name, value in vars(solution).items()
+            if isinstance(value, np.ndarray)
+        },
     )
     values, dark = made.values[:, order], away[:, order]
     predicted = np.full_like(values, 0.02)
