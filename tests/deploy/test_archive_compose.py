@@ -20,6 +20,7 @@ import httpx
 import pytest
 import yaml
 
+from acquisition.archive import distributed
 from api.rest import keys
 from api.rest.keys import Role
 from tests.acquisition.archive import machines, session_copies
@@ -47,6 +48,11 @@ def test_archive_compose_watches_the_health_of_every_server() -> None:
     healthy = {name for name, service in composed().items() if "healthcheck" in service}
     assert healthy >= {"postgres", "store", "scheduler", "page"}
     assert composed()["worker"]["deploy"]["replicas"] == 2
+
+
+def test_archive_compose_workers_have_the_environment_of_local_ones() -> None:
+    environment = composed()["worker"]["environment"]
+    assert environment.items() >= distributed.worker_environment(1).items()
 
 
 @contextmanager

@@ -17,13 +17,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.archive import answering
+from acquisition.archive import answering, distributed
 from acquisition.models.errors import RigError
 
 PG = next(iter(sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)), None)
 """Debian's PostgreSQL, whose programs are not on the path."""
-ONE_THREAD = {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-ENVIRONMENT = os.environ | ONE_THREAD
+ENVIRONMENT = os.environ | distributed.worker_environment(1)
 
 
 def free_port() -> int:

@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 from distributed import Client, LocalCluster
 
-from acquisition.archive import solving
+from acquisition.archive import distributed, solving
 from acquisition.archive.archive import Archive
 from acquisition.archive.entries import SolveIdentity, result_name
 from acquisition.archive.solving import SolveJob, Tiling
 from acquisition.formats import export
 from acquisition.models.result import SolveSettings
-from tests.acquisition.archive import machines, session_copies
+from tests.acquisition.archive import session_copies
 
 ONE_PIECE = Tiling(from_values=1 << 62)
 IN_TILES = Tiling(from_values=1)
@@ -74,7 +74,9 @@ def main() -> None:
               f"peak {peak:.0f} MB, before {before_mb:.0f} MB: {(peak - before_mb) * 1e6 / pixels:.0f} bytes a pixel",
               flush=True)  # fmt: skip
         with (
-            LocalCluster(n_workers=2, threads_per_worker=1, env=machines.ONE_THREAD, dashboard_address=":0") as cluster,
+            LocalCluster(
+                n_workers=2, threads_per_worker=1, env=distributed.worker_environment(1), dashboard_address=":0"
+            ) as cluster,
             Client(cluster) as client,
         ):
             begun, taken = time.monotonic(), sum(client.run(time.process_time).values())
