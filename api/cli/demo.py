@@ -28,10 +28,8 @@ from acquisition.store import Store
 from api.cli import lights_file
 from api.client.client import Client
 from hardware_sim import grade, nominal, object_spec, truth
+from hardware_sim.cell import READY_WITHIN_S
 from hardware_sim.object_spec import ObjectSpec
-
-START_TIMEOUT_S = 90.0
-"""Time limit for cell and service to become ready, s."""
 
 STOP_TIMEOUT_S = 15.0
 """Time limit for their end before they are killed, s."""
@@ -289,7 +287,7 @@ def _process(arguments: list[str], log: Path, ready: str) -> Generator[re.Match[
 
 
 def _wait_for_line(process: "subprocess.Popen[bytes]", log: Path, ready: str) -> re.Match[str]:
-    deadline = time.monotonic() + START_TIMEOUT_S
+    deadline = time.monotonic() + READY_WITHIN_S
     while time.monotonic() < deadline:
         text = log.read_text(encoding="utf-8", errors="replace")
         match = re.search(ready, text, re.MULTILINE)
@@ -298,7 +296,7 @@ def _wait_for_line(process: "subprocess.Popen[bytes]", log: Path, ready: str) ->
         if process.poll() is not None:
             raise RigError(ErrorCode.SERVICE_FAULT, f"a process of the demonstration ended: {text[-800:].strip()}")
         time.sleep(0.05)
-    raise RigError(ErrorCode.SERVICE_FAULT, f"not ready within {START_TIMEOUT_S:g} s; see {log}")
+    raise RigError(ErrorCode.SERVICE_FAULT, f"not ready within {READY_WITHIN_S:g} s; see {log}")
 
 
 def _free_address() -> str:
