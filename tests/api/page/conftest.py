@@ -26,11 +26,18 @@ from tests.api.page.chromium import Console
 from tests.end_to_end.processes import Service, serving
 
 CELL = "127.0.49.10"
-TIMEOUT_MS = 60_000
+TIMEOUT_MS = 120_000
 """How long the page is waited for, ms: what hangs fails, what a busy machine delays does not."""
 
+COMPUTED_WITHIN_MS = 1_200_000
+"""How long is waited for what is computed or moved first: a cell's reach, a dry run, a pass of a session, ms. A machine
+with seven times the work that it can do takes six minutes for the reach of the simulated cell."""
+
+HANGING_S = 3_000
+"""After which a long test counts as hanging, s."""
+
 SETTLE_ATTEMPTS = 5
-PARKED_WITHIN_S = 30.0
+PARKED_WITHIN_S = 120.0
 """Times that the rig is made ready, and time for the way home, s; a busy machine stops the arm on its way."""
 
 CELL_FILE = Path(__file__).parents[2] / "data" / "cell.test.toml"

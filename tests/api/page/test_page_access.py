@@ -10,9 +10,9 @@ from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from api.rest.keys import Role
 from tests.api.page.chromium import Console, until
-from tests.api.page.conftest import Lab
+from tests.api.page.conftest import COMPUTED_WITHIN_MS, HANGING_S, Lab
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
 READY = {
     "start": "#forecast-assumption",
     "session": "main h1",
@@ -30,8 +30,9 @@ LANGUAGES = {"de": "Deutsch", "en": "English"}
 
 
 def assert_accessible(page: Page, what: str) -> None:
-    """Runs axe-core on what a page shows, in both languages, light and dark."""
+    """Runs axe-core on what a page shows, details opened, in both languages, light and dark."""
     axe = Axe()
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
     for scheme in SCHEMES:
         page.emulate_media(color_scheme=scheme)
         for language, name in LANGUAGES.items():
@@ -49,7 +50,7 @@ def test_page_screens_have_no_finding_of_axe(opened: Callable[..., Page], lab: L
     page = opened(Role.ADMIN)
     for screen, ready in READY.items():
         page.goto(f"{lab.url}/#/{screen}")
-        page.locator(ready).first.wait_for(timeout=240_000)
+        page.locator(ready).first.wait_for(timeout=COMPUTED_WITHIN_MS)
         assert_accessible(page, screen)
 
 

@@ -10,16 +10,13 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 from api.rest.keys import Role
 from tests.api.page import chromium
 from tests.api.page.chromium import Console
-from tests.api.page.conftest import Lab, make_lab
+from tests.api.page.conftest import COMPUTED_WITHIN_MS, HANGING_S, Lab, make_lab
 from tests.api.page.pictures import contrast, pixels
 from tests.api.page.test_page_access import assert_accessible
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(3_000)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
 ADDRESS = "127.0.49.12"
 PIXELS = 512
-WITHIN_MS = 1_200_000
-"""How long a pass of the session may take on a busy machine, ms."""
-
 GREEN = (78, 240, 138)
 """Colour of the marks on corners that are found."""
 
@@ -59,7 +56,7 @@ def resume_until(page: Page, states: str) -> None:
     """Waits for one of the states; on a busy machine the watchdog interrupts the session, and a person resumes."""
     for _ in range(20):
         wanted = ", ".join(f"#session-state[data-state={state}]" for state in (*states.split(), "interrupted"))
-        page.locator(wanted).wait_for(timeout=WITHIN_MS)
+        page.locator(wanted).wait_for(timeout=COMPUTED_WITHIN_MS)
         if page.locator("#session-state").get_attribute("data-state") != "interrupted":
             return
         page.locator("[data-action=resume]").click()
@@ -81,12 +78,12 @@ def test_page_hand_eye_by_clicks_is_activated(wizard: Callable[[Role], Page], bo
     page.get_by_label("At most so many images").fill("12")
     page.get_by_label("Accuracy wished: the place").fill("0.05")
     page.locator("#start-calibration").click()
-    page.locator("svg.view polygon").wait_for(timeout=WITHIN_MS)
+    page.locator("svg.view polygon").wait_for(timeout=COMPUTED_WITHIN_MS)
     assert contrast(page.locator("svg.view")) > 20
-    page.locator("#target-found[data-seen=true]").wait_for(timeout=WITHIN_MS)
+    page.locator("#target-found[data-seen=true]").wait_for(timeout=COMPUTED_WITHIN_MS)
     expect(page.locator("#target-found")).to_contain_text("48")
     assert marks(page) > 0.002
-    page.locator("[data-view]").nth(7).wait_for(timeout=WITHIN_MS)  # residuals of the first pass
+    page.locator("[data-view]").nth(7).wait_for(timeout=COMPUTED_WITHIN_MS)  # residuals of the first pass
     resume_until(page, "completed")
     session = next(iter(client.sessions()))
     found = session.estimate
@@ -144,7 +141,7 @@ def test_page_wizard_is_accessible_narrow_and_worked_by_keys(wizard: Callable[[R
 def test_page_wizard_shows_first_views_before_anything_moves(wizard: Callable[[Role], Page], board_lab: Lab) -> None:
     page, before = wizard(Role.OPERATOR), board_lab.joints()
     page.locator("#show-views").click()
-    page.locator("first-views svg polygon").nth(7).wait_for(timeout=WITHIN_MS)
+    page.locator("first-views svg polygon").nth(7).wait_for(timeout=COMPUTED_WITHIN_MS)
     assert contrast(page.locator("first-views svg")) > 5
     expect(page.locator("first-views svg")).to_have_attribute("aria-label", re.compile(r"View 8: \d+ mm away"))
     assert np.abs(board_lab.joints() - before).max() < 1e-3

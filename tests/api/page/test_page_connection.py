@@ -11,11 +11,11 @@ from acquisition.models.recipe import Recipe
 from api.rest.keys import Role
 from tests.api.page import chromium
 from tests.api.page.chromium import Console, until
-from tests.api.page.conftest import Lab, make_lab
+from tests.api.page.conftest import COMPUTED_WITHIN_MS, HANGING_S, Lab, make_lab
 from tests.api.page.weak_network import WeakNetwork
 from tests.end_to_end.processes import serving
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
 PROXY = "127.0.49.3"
 CUT_MS = 10_000
 BYTES_PER_S = 60_000.0
@@ -84,7 +84,7 @@ def test_page_on_throttled_network_is_usable_and_stops(
     page.get_by_role("link", name="Cell").click()  # half a megabyte, under way when STOP is pressed
     page.keyboard.press("Escape")
     page.locator("#stop-told.heard").wait_for()
-    page.locator("#cell[data-frames]").wait_for(timeout=120_000)
+    page.locator("#cell[data-frames]").wait_for(timeout=COMPUTED_WITHIN_MS)
 
 
 def test_page_survives_service_that_is_killed(

@@ -11,13 +11,13 @@ from acquisition.models.recipe import Exposure, Recipe
 from acquisition.session import SAME_JOINTS_RAD, State
 from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient
-from tests.api.page.conftest import Lab
+from tests.api.page.conftest import COMPUTED_WITHIN_MS, HANGING_S, Lab
 from tests.api.page.pictures import contrast, pixels
 from tests.api.page.test_page_access import wait_for
 from tests.api.page.test_page_screens import hold_until_moved
 from tests.end_to_end.processes import rests_after
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
 
 
 def test_page_preview_tells_histogram_clipping_and_focus(opened: Callable[..., Page], lab: Lab) -> None:
@@ -142,7 +142,7 @@ def test_page_parks_arm_and_jog_ends_with_focus(opened: Callable[..., Page], lab
     page.mouse.up()
     for _ in range(10):
         page.locator("#park:enabled").click()
-        page.locator("#park:enabled").wait_for(timeout=120_000)
+        page.locator("#park:enabled").wait_for(timeout=COMPUTED_WITHIN_MS)
         if np.abs(lab.joints() - home).max() < SAME_JOINTS_RAD:
             break
         lab.settle()

@@ -9,9 +9,9 @@ from api.rest import keys
 from api.rest.keys import Role
 from tests.api.page import chromium
 from tests.api.page.chromium import Console
-from tests.api.page.conftest import Lab
+from tests.api.page.conftest import HANGING_S, Lab
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
 
 CHANGING = ("Start", "Save", "Accept", "Acknowledge", "Bring the arm home", "Delete", "Pause", "Resume", "End")
 """Beginnings of the names of buttons that change something."""
@@ -77,5 +77,5 @@ def test_page_refuses_wrong_key_in_words(context: BrowserContext, console: Conso
 def test_page_of_revoked_key_asks_for_another(opened: Callable[..., Page], lab: Lab) -> None:
     page = opened(Role.OPERATOR, "#/rig")
     keys.revoke(keys.path_in(lab.service.data), str(Role.OPERATOR))
-    expect(page.get_by_label("Key", exact=True)).to_be_visible(timeout=60_000)
+    expect(page.get_by_label("Key", exact=True)).to_be_visible()
     expect(page.locator("#stop")).to_be_enabled()

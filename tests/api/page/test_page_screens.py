@@ -11,11 +11,11 @@ from playwright.sync_api import Page, expect
 from acquisition.models.recipe import Recipe
 from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient
-from tests.api.page.conftest import Lab
+from tests.api.page.conftest import HANGING_S, Lab
 from tests.api.page.pictures import contrast, pixels
 from tests.end_to_end.processes import rests_after
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
 MOVED_WITHIN_S = 240.0
 """Time in which a held button moves the arm, s: on a busy machine in many short holds."""
 

@@ -12,10 +12,10 @@ import tifffile
 from playwright.sync_api import BrowserContext, Page, Route, expect
 
 from api.rest.keys import Role
-from tests.api.page.conftest import Lab
+from tests.api.page.conftest import COMPUTED_WITHIN_MS, HANGING_S, Lab
 from tests.api.page.pictures import contrast, pixels
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
 
 
 def drag(page: Page, light: int, right: float, down: float) -> None:
@@ -33,7 +33,7 @@ def resume_where_watchdog_stopped(page: Page, wanted: str) -> None:
     """Waits for a state of the session; on a busy machine the watchdog interrupts it, and a person resumes."""
     for _ in range(8):
         page.locator(f"#session-state[data-state={wanted}], #session-state[data-state=interrupted]").wait_for(
-            timeout=240_000
+            timeout=COMPUTED_WITHIN_MS
         )
         if page.locator("#session-state").get_attribute("data-state") == wanted:
             return
@@ -109,7 +109,7 @@ def test_page_session_from_sign_in_to_download(
     page.get_by_text("With review", exact=True).click()
     page.get_by_label("Label").fill("coin, obverse")
     page.get_by_role("spinbutton", name="Planned lights").fill("2")
-    expect(page.locator("#dry-run-lights")).to_have_text("4", timeout=240_000)
+    expect(page.locator("#dry-run-lights")).to_have_text("4", timeout=COMPUTED_WITHIN_MS)
     expect(page.locator("#dry-run-sigma")).to_contain_text("°")
     assert contrast(page.locator("start-screen curve-plot canvas")) > 2
     page.get_by_role("button", name="Start", exact=True).click()

@@ -7,11 +7,11 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from hardware_sim.controller.control import ControlClient
-from tests.api.page.conftest import Lab
+from tests.api.page.conftest import COMPUTED_WITHIN_MS, Lab
 from tests.api.page.pictures import contrast
 from tests.end_to_end.processes import rests_after, wait_until_moving
 
-pytestmark = pytest.mark.timeout(180)
+pytestmark = pytest.mark.timeout(600)
 
 
 def test_page_stop_by_mouse_in_mid_move_halts_arm(opened: Callable[..., Page], lab: Lab) -> None:
@@ -23,7 +23,7 @@ def test_page_stop_by_mouse_in_mid_move_halts_arm(opened: Callable[..., Page], l
     page.locator("#cell[data-frames]").wait_for()
     assert contrast(page.locator("#cell canvas")) > 5
     with ControlClient(lab.cell.address) as control:
-        wait_until_moving(control)
+        wait_until_moving(control, COMPUTED_WITHIN_MS / 1e3)
         box = page.locator("#stop").bounding_box()
         assert box is not None
         page.mouse.move(box["x"] + 20, box["y"] + 20)

@@ -8,10 +8,10 @@ from playwright.sync_api import Browser, Page
 from acquisition.models.recipe import Recipe
 from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient
-from tests.api.page.conftest import Lab, make_lab
+from tests.api.page.conftest import HANGING_S, Lab, make_lab
 from tests.end_to_end.processes import fastest_joint, rests_after
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
 WITHIN_S = 0.5
 MOVING_RAD_S = 0.1
 

@@ -1,14 +1,12 @@
 /** Actions of a session; what fails is shown on whatever screen is open then. */
 import { live } from "./live";
-import { post, send } from "./requests";
+import { post, send, UNLIMITED } from "./requests";
 import type { Session } from "./schemas";
 
-/** Start and resume connect to the devices and check them first, ms. */
-const DEVICES_TIMEOUT_MS = 60_000;
-
+/** Start and resume connect to the devices and check them first. */
 export async function act(id: string, action: string, more: Record<string, unknown> = {}): Promise<void> {
   try {
-    await post(`/v1/sessions/${id}/actions`, { action, ...more }, { timeoutMs: DEVICES_TIMEOUT_MS });
+    await post(`/v1/sessions/${id}/actions`, { action, ...more }, { timeoutMs: UNLIMITED });
     live.fail(null);
   } catch (error) {
     live.fail(error);

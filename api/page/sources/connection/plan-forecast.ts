@@ -3,13 +3,10 @@
  * so that the forecast neither lags behind the hand nor piles up in the service.
  */
 import type { components } from "./api-types";
-import { post, send } from "./requests";
+import { post, send, UNLIMITED } from "./requests";
 import type { Vector3 } from "./schemas";
 
 export type LightForecast = components["schemas"]["LightForecast"];
-
-/** The first forecast of a review reads the last result, ms. */
-const TIMEOUT_MS = 60_000;
 
 export class PlanForecasting {
   private wanted: readonly Vector3[] | null = null;
@@ -30,7 +27,7 @@ export class PlanForecasting {
 
   /** σ over the object for these lights as a picture, dark where it is small. */
   async picture(lights: readonly Vector3[]): Promise<Blob> {
-    const options = { body: { lights }, headers: { Accept: "image/png" }, timeoutMs: TIMEOUT_MS };
+    const options = { body: { lights }, headers: { Accept: "image/png" }, timeoutMs: UNLIMITED };
     return (await send("POST", this.address, options)).blob();
   }
 
@@ -40,7 +37,7 @@ export class PlanForecasting {
       const lights = this.wanted;
       this.wanted = null;
       try {
-        this.tell(await post<LightForecast>(this.address, { lights }, { timeoutMs: TIMEOUT_MS }));
+        this.tell(await post<LightForecast>(this.address, { lights }, { timeoutMs: UNLIMITED }));
       } catch (error) {
         this.fail(error);
       }

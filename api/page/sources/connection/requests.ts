@@ -2,8 +2,11 @@
 import { authorization, storedKey } from "./credentials";
 import type { Page, Problem } from "./schemas";
 
-/** Time limit of an ordinary request, ms; what computes (dry run, reach) is given more. */
+/** Time limit of a request that the service answers from what it has, ms. */
 const TIMEOUT_MS = 15_000;
+
+/** Of what computes or moves something: none. A busy machine takes its time; the bar says whether the service is there. */
+export const UNLIMITED = Infinity;
 
 /** The service refused; carries its problem object. */
 export class Refusal extends Error {
@@ -24,7 +27,8 @@ export interface RequestOptions {
 
 /** Sends a request and returns its response. Throws Refusal or Unreachable; an abort by `signal` passes through. */
 export async function send(method: string, address: string, options: RequestOptions = {}): Promise<Response> {
-  const limits = [AbortSignal.timeout(options.timeoutMs ?? TIMEOUT_MS)];
+  const { timeoutMs = TIMEOUT_MS } = options;
+  const limits = timeoutMs === UNLIMITED ? [] : [AbortSignal.timeout(timeoutMs)];
   if (options.signal) limits.push(options.signal);
   const binary = options.body instanceof Blob;
   const type = binary ? (options.body as Blob).type : "application/json";

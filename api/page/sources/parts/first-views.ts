@@ -2,15 +2,12 @@
 import { html, nothing, svg } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
-import { post } from "../connection/requests";
+import { post, UNLIMITED } from "../connection/requests";
 import type { PlannedViews } from "../connection/schemas";
 import { t } from "../words/language";
 import { PageElement } from "./element";
 import { whereOf } from "./planned-view";
 import { saidOf } from "./problem";
-
-/** The first paths with the board on the flange are searched from nothing, ms. */
-const TIMEOUT_MS = 240_000;
 
 @customElement("first-views")
 export class FirstViews extends PageElement {
@@ -43,7 +40,7 @@ export class FirstViews extends PageElement {
     this.computing = true;
     this.failed = null;
     try {
-      const options = { signal: abort.signal, timeoutMs: TIMEOUT_MS };
+      const options = { signal: abort.signal, timeoutMs: UNLIMITED };
       this.planned = await post<PlannedViews>("/v1/dry-runs/views", this.recipe, options);
     } catch (error) {
       if (abort.signal.aborted) return;

@@ -3,7 +3,7 @@ import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { JournalController, live, LiveController } from "../connection/live";
 import { fetchBlob } from "../connection/pictures";
-import { all, get } from "../connection/requests";
+import { all, get, UNLIMITED } from "../connection/requests";
 import { scene, type Scene } from "../connection/scene";
 import type { Page, Pass, PassSummary, Session } from "../connection/schemas";
 import type { CellView, Layer, MarkedLight, Palette } from "../drawing/cell-view";
@@ -173,7 +173,7 @@ export class CellScreen extends PageElement {
   private async reach(): Promise<void> {
     this.computing = true;
     try {
-      await get("/v1/rig/reach", { timeoutMs: 300_000 });
+      await get("/v1/rig/reach", { timeoutMs: UNLIMITED });
       await this.build();
     } catch (error) {
       live.fail(error);

@@ -4,7 +4,7 @@ import { customElement, property, state } from "lit/decorators.js";
 import { act } from "../connection/actions";
 import { JournalController, live, LiveController } from "../connection/live";
 import { PlanForecasting, type LightForecast } from "../connection/plan-forecast";
-import { all, get, send } from "../connection/requests";
+import { all, get, send, UNLIMITED } from "../connection/requests";
 import { scene } from "../connection/scene";
 import type { Pass, PassSummary, Session, Vector3 } from "../connection/schemas";
 import { domeOf, positionAt, type Dome } from "../drawing/dome-geometry";
@@ -257,7 +257,7 @@ export class PlanReview extends PageElement {
     try {
       if (this.changed) {
         const address = `/v1/sessions/${this.session.id}/passes/${this.pass!.number}/plan`;
-        const answer = await send("PUT", address, { body: { lights: this.lights }, timeoutMs: 120_000 });
+        const answer = await send("PUT", address, { body: { lights: this.lights }, timeoutMs: UNLIMITED });
         this.show((await answer.json()) as Pass, false);
       }
       await act(this.session.id, "resume");

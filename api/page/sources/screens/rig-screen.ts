@@ -2,7 +2,7 @@
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
-import { post } from "../connection/requests";
+import { post, UNLIMITED } from "../connection/requests";
 import type { Rig } from "../connection/schemas";
 import { calibrationChecks } from "../parts/calibration-checks";
 import { PageElement } from "../parts/element";
@@ -73,7 +73,7 @@ export class RigScreen extends PageElement {
   private async park(): Promise<void> {
     this.parking = true;
     try {
-      await post("/v1/rig/park", undefined, { timeoutMs: 120_000 });
+      await post("/v1/rig/park", undefined, { timeoutMs: UNLIMITED });
       live.fail(null);
     } catch (error) {
       live.fail(error);

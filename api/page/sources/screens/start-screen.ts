@@ -3,7 +3,7 @@ import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { act } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
-import { post, Refusal } from "../connection/requests";
+import { post, Refusal, UNLIMITED } from "../connection/requests";
 import { randomName } from "../connection/random-name";
 import { scene } from "../connection/scene";
 import type { DryRun, Session } from "../connection/schemas";
@@ -21,8 +21,6 @@ import { remedyOf } from "../words/problems";
 
 /** Pause after the last change before the dry run, ms. */
 const SETTLED_MS = 500;
-/** The first dry run of a cell computes its reach, which takes a minute or two, ms. */
-const DRY_RUN_TIMEOUT_MS = 240_000;
 
 /** The number of images of a recipe; none where a target accuracy or the person's own lights decide. */
 function lightsOf({ method, pilot_lights: pilot, planned_lights: planned, target_sigma_deg: target }: Values) {
@@ -220,7 +218,7 @@ export class StartScreen extends PageElement {
     this.computing = true;
     this.dryRunFailed = null;
     try {
-      const options = { signal: abort.signal, timeoutMs: DRY_RUN_TIMEOUT_MS };
+      const options = { signal: abort.signal, timeoutMs: UNLIMITED };
       this.dryRun = await post<DryRun>("/v1/dry-runs", this.recipe(), options);
     } catch (error) {
       if (abort.signal.aborted) return;
