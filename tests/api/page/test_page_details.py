@@ -1,5 +1,6 @@
 """What single screens tell: preview figures, filters, time left, comparison of sessions, and how the arm is parked."""
 
+import re
 from collections.abc import Callable
 
 import cv2
@@ -59,6 +60,34 @@ def test_page_region_drawn_by_brush_is_saved(opened: Callable[..., Page], lab: L
     assert mask is not None
     assert mask[64, 56:72].min() > 127
     assert 0.001 < np.mean(mask > 127) < 0.1
+
+
+def test_page_form_explains_each_field_in_both_languages(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.OPERATOR, "#/start")
+    form = page.locator("recipe-form")
+    form.locator("summary").click()
+    told: list[list[str]] = []
+    for switch, heading in (("Deutsch", "Neue Sitzung"), ("English", "New session")):
+        page.get_by_role("button", name=switch).click()
+        expect(page.locator("h1")).to_have_text(heading)
+        fields = form.locator(".field")
+        told.append([text.strip() for text in fields.locator("label, small").all_inner_texts()])
+        expect(fields.locator("small")).to_have_count(fields.count())
+        expect(form.get_by_role("group", name={"Deutsch": "Belichtung"}.get(switch, "Exposure"))).to_be_visible()
+    german, english = told
+    assert all(german)
+    assert all(english)
+    assert [words for words in german if words in english] == []
+    way = form.get_by_role("group", name="Taking images").get_by_role("checkbox", name="While the arm moves")
+    expect(way).to_have_accessible_description(re.compile("taken again at rest"))
+    way.check()
+    form.get_by_label("Fixed exposure time, s").fill("0.02")
+    form.get_by_label("Label").fill("on the way")
+    page.get_by_role("button", name="Save without starting").click()
+    expect(page.locator("h1")).to_have_text("on the way")
+    (saved,) = [one.recipe for one in lab.client.sessions() if one.label == "on the way"]
+    assert isinstance(saved, Recipe)
+    assert (saved.capture.while_moving, saved.exposure.seconds) == (True, 0.02)
 
 
 def test_page_sessions_are_filtered_by_state_and_date(opened: Callable[..., Page], lab: Lab) -> None:

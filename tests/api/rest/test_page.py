@@ -1,9 +1,11 @@
 """The operator's page as files: served without a key, by a strict policy, and as its sources say."""
 
 import gzip
+import json
 import re
 import shutil
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
@@ -60,6 +62,27 @@ def test_page_has_words_for_each_fault_of_camera() -> None:
     words = WORD.findall((SOURCES / "words" / "en.ts").read_text("utf-8"))
 
     assert {f"camera.{kind}" for kind in get_args(FaultKind)} <= set(words)
+
+
+def words_of(schema: dict[str, Any], schemas: dict[str, Any], above: str = "") -> Iterator[str]:
+    """Words that the form of a recipe needs: each field's label and explanation, or its legend, and its choices."""
+    for name, field in schema["properties"].items():
+        present = next((one for one in field.get("anyOf", [field]) if one.get("type") != "null"), field)
+        present = schemas[present["$ref"].rpartition("/")[2]] if "$ref" in present else present
+        if name != "kind":
+            yield f"recipe.{above}{name}"
+            inner = "properties" in present
+            yield from words_of(present, schemas, f"{above}{name}.") if inner else (f"explain.{above}{name}",)
+            yield from (f"choice.{choice}" for choice in present.get("enum", []))
+
+
+def test_page_has_words_for_each_field_of_recipes() -> None:
+    schemas = json.loads((ROOT / "api" / "openapi.json").read_text("utf-8"))["components"]["schemas"]
+    recipes = [schema for name, schema in schemas.items() if name.endswith("Recipe")]
+    needed = {word for recipe in recipes for word in words_of(recipe, schemas)}
+
+    assert len(recipes) == 5
+    assert needed - set(WORD.findall((SOURCES / "words" / "en.ts").read_text("utf-8"))) == set()
 
 
 def test_page_words_are_the_same_in_both_languages() -> None:
