@@ -17,9 +17,10 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.result import SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.mosaic import Sites
-from acquisition.normals import pixel_solve_kernels, term_solve
+from acquisition.normals import pixel_solve_kernels, robust_solve, term_solve
 from acquisition.normals.estimate import Estimate
 from acquisition.normals.image_terms import ImageTerms, TermValues
+from acquisition.normals.robust_solve import PixelProblem
 from acquisition.normals.term_solve import TermProblem
 
 
@@ -251,49 +252,22 @@ def _solve(
     measurements are classified."""
     lambertian = values if terms is None else values - terms.value
     values = values if terms is None else values - terms.constant
-    usable, added, peak = classify_measurements(pixels, lambertian, lighting.light, options.shadow_threshold)
-    if extra_variance is not None:
-        added += extra_variance
-    typical = np.median(peak) if scene.median_albedo is None else scene.median_albedo
-    albedo = np.maximum(peak, np.float32(0.2) * np.float32(typical))
-    albedo = np.maximum(albedo, np.float32(1e-6))
-    count = pixels.values.shape[1]
-    out = Estimate(
-        g=np.empty((3, count), np.float32),
-        offset_m=np.empty(count, np.float32),
-        variance=np.empty(count, np.float32),
-        residual=np.empty(count, np.float32),
-        weights=np.empty(values.shape, np.float32),
-        usable=usable,
-        light=lighting.light,
-        point=lighting.point,
-        terms=terms,
-        response=scene.response(pixels.channel),
-    )
-    noise = scene.noise
-    pixel_solve_kernels.estimate(
-        np.ascontiguousarray(values, dtype=np.float32),
-        np.ascontiguousarray(bent, dtype=np.float32),
-        usable.view(np.uint8),
-        added,
-        lighting.point,
-        lighting.ray_direction,
-        scene.lamps,
-        noise.shot.astype(np.float32),
-        noise.floor.astype(np.float32),
-        np.array(
-            [noise.intensity, noise.direction, options.cauchy_scale or 0.0, options.offset_sigma_m], dtype=np.float32
-        ),
-        np.ascontiguousarray(lighting.view * albedo, dtype=np.float32),
-        (1.0 / (photometry.SETTINGS.prior_scale * albedo) ** 2).astype(np.float32),
-        options.iterations,
-        out.g,
-        out.offset_m,
-        out.variance,
-        out.residual,
-        out.weights,
-    )
-    return out
+    if scene.median_albedo is None:
+        typical = float(np.median(_peak_ratio(lambertian, lighting.light, pixels.clipped)))
+    else:
+        typical = scene.median_albedo
+    problem = PixelProblem(
+        values=values, by_g=bent, light=lighting.light, point=lighting.point, ray_direction=lighting.ray_direction,
+        view=lighting.view, extra=extra_variance, terms=terms, response=scene.response(pixels.channel),
+        lamps=scene.lamps, noise=scene.noise, least_albedo=max(0.2 * typical, 1e-6),
+        cauchy_scale=options.cauchy_scale, offset_sigma_m=options.offset_sigma_m, iterations=options.iterations,
+    )  # fmt: skip
+
+    def classify(clipped: BoolArray) -> robust_solve.Classified:
+        without = replace(pixels, clipped=clipped)
+        return classify_measurements(without, lambertian, lighting.light, options.shadow_threshold)
+
+    return robust_solve.solve(problem, pixels.clipped, classify)
 
 
 def clamp_to_visible(normals: Float32Array, ray_direction: Float32Array) -> Float32Array:
