@@ -127,7 +127,8 @@ class PixelProblem:
         predicted = np.maximum(np.einsum("fck,ck->fk", self.by_g + change * offset_m, g), 0)
         squared = (self.values - predicted) ** 2 / np.float32(scale**2)
         strength = np.sqrt(np.sum(g * g, axis=0) * np.sum(self.light * self.light, axis=1))
-        variance = self.noise.variance(self.values, strength) + (0 if self.extra is None else self.extra)
+        variance = self.noise.variance(self.values.astype(np.float64), strength.astype(np.float64))
+        variance += 0 if self.extra is None else self.extra
         return scale**2 * np.log1p(squared / variance), (1 / (variance + squared)).astype(np.float32)
 
 
