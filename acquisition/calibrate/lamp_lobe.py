@@ -227,13 +227,17 @@ def seen_patches(
     angles, sides, shadings = list[FloatArray](), list[FloatArray](), list[FloatArray]()
     for image in images:
         board, lamp = moved[image.placing], image.base_from_tool @ tool_from_lamp
-        away = geometry.transform(board, image.points) - lamp[:3, 3]
+        # The board's z points into it; sagged by z(u, v), it is farther from the lamp, and leans by the slope of that.
+        # Half a millimetre of depth dims by 0.2 %, which would be taken for the flat field's.
+        half = np.array(known.size_m) / 2
+        across = image.points[:, :2] / half - 1
+        depth = (1 - across**2 - _edge_mean(known.size_m)) @ off[9:11]
+        slope = -2 * off[9:11] * across / half
+        points = image.points + np.stack([0 * depth, 0 * depth, depth], axis=1)
+        away = geometry.transform(board, points) - lamp[:3, 3]
         distance = np.linalg.norm(away, axis=1)
         direction = geometry.rotate(geometry.inverse(lamp), away / distance[:, None])
         ahead = np.maximum(direction[:, 2], 1e-3)
-        # The board's z points into it; sagged by z(u, v), its normal leans by the slope of that.
-        half = np.array(known.size_m) / 2
-        slope = -2 * off[9:11] * (image.points[:, :2] / half - 1) / half
         into = np.column_stack([-slope, np.ones(len(slope))]) @ board[:3, :3].T
         facing = np.maximum(np.einsum("ni,ni->n", away, into) / distance, 1e-3)
         angles.append(np.arctan2(np.hypot(direction[:, 0], direction[:, 1]), direction[:, 2]))
@@ -241,6 +245,12 @@ def seen_patches(
         fall = 2 * np.log(calibration.reference_m / distance) + calibration.lobe_exponent * np.log(ahead)
         shadings.append(np.log(facing) + fall)
     return SeenPatches(np.concatenate(angles), np.concatenate(sides), np.concatenate(shadings))
+
+
+def _edge_mean(size_m: tuple[float, float]) -> FloatArray:
+    """Mean of 1 − u² and 1 − v² over the board's edge, by which its pose is known."""
+    width, height = size_m
+    return 2 / 3 * np.array([width, height]) / (width + height)
 
 
 def columns(images: Sequence[PlaneImage], seen: SeenPatches, knots: tuple[float, ...], known: Known) -> FloatArray:

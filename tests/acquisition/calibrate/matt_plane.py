@@ -39,14 +39,14 @@ class Truth:
 
 
 def captured(
-    seed: int, count: int = 30, placings: int = 2, tilt_deg: float = 35.0
+    seed: int, count: int = 30, placings: int = 2, tilt_deg: float = 35.0, sags: float = 1.0
 ) -> tuple[Truth, list[PlaneImage], list[Placing], Known]:
     """`count` images of each placing of the plane, the lamp tilted by up to `tilt_deg` away from it; the first lies
-    flat, others on a wedge."""
+    flat, others on a wedge. It sags `sags` times as much as the seed says."""
     random = np.random.default_rng(seed)
     truth = Truth(
         true_lobes.led(random), CALIBRATION.lamp_intensity * (1 + 0.05 * random.standard_normal()),
-        0.01 * random.standard_normal(5), 2e-4 * random.standard_normal(2),
+        0.01 * random.standard_normal(5), 2e-4 * sags * random.standard_normal(2),
     )  # fmt: skip
     lamp = np.array(CALIBRATION.tool_from_lamp)
     lamp[:3, 3] += np.sqrt(np.diag(LAMP_COVARIANCE)) * random.standard_normal(3)
@@ -77,20 +77,19 @@ def _image(
     lamp, board = poses
     x, y = np.meshgrid(np.linspace(0.004, WIDTH_M - 0.004, 10), np.linspace(0.004, HEIGHT_M - 0.004, 8))
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
-    place = geometry.transform(board, points)
-    pixels = cv2.projectPoints(
+    across = 2 * points[:, :2] / np.array([WIDTH_M, HEIGHT_M]) - 1
+    # Deeper by this than the plane through the border, whose mean depth counts as none.
+    depth = (1 - across**2 - 2 / 3 * np.array([WIDTH_M, HEIGHT_M]) / (WIDTH_M + HEIGHT_M)) @ truth.sag_m
+    place = geometry.transform(board, points + np.stack([0 * depth, 0 * depth, depth], axis=1))
+    projected = cv2.projectPoints(
         geometry.transform(geometry.inverse(camera), place), np.zeros(3), np.zeros(3),
         np.array(CALIBRATION.camera_matrix), np.array(CALIBRATION.distortion),
-    )[0].reshape(-1, 2)  # fmt: skip
+    )[0]  # fmt: skip
+    pixels = np.asarray(projected, np.float64).reshape(-1, 2)
     away = place - lamp[:3, 3]
     distance = np.linalg.norm(away, axis=1)
     direction = geometry.rotate(geometry.inverse(lamp), away / distance[:, None])
-    leaning = (
-        2
-        * truth.sag_m
-        * (2 * points[:, :2] / np.array([WIDTH_M, HEIGHT_M]) - 1)
-        / np.array([WIDTH_M / 2, HEIGHT_M / 2])
-    )
+    leaning = 2 * truth.sag_m * across / np.array([WIDTH_M / 2, HEIGHT_M / 2])
     into = np.column_stack([leaning, np.ones(len(points))]) @ board[:3, :3].T
     facing = np.einsum("ni,ni->n", away, into) / distance
     shading = np.maximum(facing, 0) * (CALIBRATION.reference_m / distance) ** 2 * truth.lobe.relative(direction)

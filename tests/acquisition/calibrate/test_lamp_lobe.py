@@ -47,6 +47,13 @@ def test_lobe_of_led_is_found_to_a_per_cent() -> None:
     assert min(found.held_out.values()) < 0.8 * found.held_out[4]
 
 
+@pytest.mark.parametrize("sags", [-4.0, 4.0])
+def test_lobe_of_sagging_plane_keeps_its_depth_out_of_flat_field(sags: float) -> None:
+    truth, images, placings, known = captured(1, count=16, placings=1, sags=sags)
+    found = lamp_lobe.fit(images, placings, known)
+    assert squared(found.flat_field - truth.flat_field, found.flat_covariance) < chi2.ppf(0.99, 5) / 5
+
+
 def test_lobe_verifies_on_placing_that_took_no_part() -> None:
     _, images, placings, known = captured(2)
     used = [image for image in images if image.placing == 0]
