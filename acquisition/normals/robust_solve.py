@@ -31,6 +31,9 @@ class RobustSettings:
 
     second_start_from: float = tuned(3.0, "σ")
     """Rms of a pixel's whitened residuals from which it is solved from a second start; a lower one costs time."""
+    highlight_ratio: float = tuned(1.5, "ratio")
+    """Ratio of the brightest measurement to what the others predict from which the second solution may be kept. Without
+    it a matt object with steps has 6 % more error, at 2.5 glossy ones lose half of the gain."""
     min_lights: int = tuned(5, "lights")
     """Usable measurements that a second start needs: without one of them, residuals of the others still tell."""
 
@@ -161,7 +164,9 @@ def solve(problem: PixelProblem, clipped: BoolArray, classify: Callable[[BoolArr
     loss, _ = part.robust_weights(first.g[:, doubtful], first.offset_m[doubtful], scale)
     second_loss, weights = part.robust_weights(second.g, second.offset_m, scale)
     second.weights[brightest, here] = weights[brightest, here]
-    better = np.flatnonzero(np.sum((second_loss - loss) * counted, axis=0) < 0)
+    others_predict = np.sum(part.by_g[brightest, :, here].T * second.g, axis=0)
+    is_highlight = part.values[brightest, here] > SETTINGS.highlight_ratio * np.maximum(others_predict, 0)
+    better = np.flatnonzero(is_highlight & (np.sum((second_loss - loss) * counted, axis=0) < 0))
     chosen = doubtful[better]
     for name in ("g", "offset_m", "variance", "residual", "weights"):
         getattr(first, name)[..., chosen] = getattr(second, name)[..., better]
