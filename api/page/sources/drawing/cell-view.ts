@@ -28,7 +28,6 @@ import {
   Points,
   PointsMaterial,
   Scene as ThreeScene,
-  Sphere,
   SphereGeometry,
   Sprite,
   SpriteMaterial,
@@ -54,6 +53,9 @@ export interface MarkedLight {
 /** Time in which the arm is drawn from one reading to the next, ms. */
 const GLIDE_MS = 140;
 
+/** Size of the view beside what it shows when everything is to be seen. */
+const MARGIN = 1.05;
+
 export type Layer = "labels" | "candidates" | "route" | "bodies";
 
 export class CellView {
@@ -64,6 +66,8 @@ export class CellView {
   private readonly links: Group[] = [];
   private readonly layers: Record<Layer, Group>;
   private readonly marks = new Group();
+  /** Points of the dome. */
+  private readonly cap: Vector3[] = [];
   private readonly ball = new SphereGeometry(0.016, 16, 10);
   private readonly surfaces: Record<"taken" | "planned", MeshLambertMaterial>;
   private readonly way: LineBasicMaterial;
@@ -180,19 +184,30 @@ export class CellView {
     this.draw();
   }
 
-  /** Places the camera so that arm, dome and camera are in view. */
+  /** Places the view so that arm, dome, camera and obstacles just fit into it. */
   fit(): void {
-    const { scene } = this;
-    const box = new Box3();
-    for (const link of this.links) box.expandByObject(link);
-    const center = new Vector3(...scene.dome.center_m);
-    for (const side of [-1, 1]) box.expandByPoint(center.clone().addScalar(side * scene.dome.radius_m));
-    for (const item of this.layers.bodies.children) if (!(item instanceof GridHelper)) box.expandByObject(item);
-    box.min.z = Math.max(box.min.z, -0.1);
-    const ball = box.getBoundingSphere(new Sphere());
-    const narrow = Math.min(1, this.camera.aspect);
-    const away = (0.64 * ball.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / narrow;
-    this.orbit.look(ball.center.clone().addScaledVector(new Vector3(0.45, -0.78, 0.42).normalize(), away), ball.center);
+    const points = this.cap.map((point) => point.clone());
+    for (const item of [...this.links, ...this.layers.bodies.children]) {
+      if (item instanceof GridHelper) continue;
+      const { min, max } = new Box3().setFromObject(item);
+      for (const x of [min.x, max.x])
+        for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) points.push(new Vector3(x, y, z));
+    }
+    const towards = new Vector3(0.45, -0.78, 0.42).normalize();
+    const right = this.camera.up.clone().cross(towards).normalize();
+    const up = towards.clone().cross(right);
+    const middle = new Vector3();
+    for (const axis of [towards, right, up]) {
+      const along = points.map((point) => point.dot(axis));
+      middle.addScaledVector(axis, (Math.min(...along) + Math.max(...along)) / 2);
+    }
+    const slope = Math.tan((this.camera.fov * Math.PI) / 360) / MARGIN;
+    const distances = points.map((point) => {
+      const from = point.clone().sub(middle);
+      const aside = Math.max(Math.abs(from.dot(up)), Math.abs(from.dot(right)) / this.camera.aspect);
+      return from.dot(towards) + aside / slope;
+    });
+    this.orbit.look(middle.clone().addScaledVector(towards, Math.max(...distances)), middle);
   }
 
   /** Turns the view about its middle, rad, and comes nearer by a factor. */
@@ -239,7 +254,11 @@ export class CellView {
       side: DoubleSide,
     });
     this.world.add(posed(standing(radius_m, radius_m, height_m, object), matrix(base_from_object)));
-    this.world.add(frustum(scene.camera, palette.ink), dome(scene.dome, palette.ink));
+    const cap = dome(scene.dome, palette.ink);
+    this.world.add(frustum(scene.camera, palette.ink), cap);
+    const places = cap.geometry.getAttribute("position");
+    for (let index = 0; index < places.count; index += 1)
+      this.cap.push(new Vector3().fromBufferAttribute(places, index));
     this.layers.candidates.add(this.candidates());
   }
 

@@ -6,7 +6,7 @@
 import { html, nothing, type TemplateResult } from "lit";
 import { customElement, property } from "lit/decorators.js";
 import { PageElement } from "../parts/element";
-import { t, tOr } from "../words/language";
+import { exact, t, tOr } from "../words/language";
 import type { Field } from "./recipe-schema";
 
 export type Values = Record<string, unknown>;
@@ -69,8 +69,8 @@ export class RecipeForm extends PageElement {
   /** This page's words where it has some, else the schema's own, and the range. */
   private explanation(field: Field, path: string): string {
     const words = tOr(`explain.${path}`, field.explanation);
-    const range =
-      field.least === undefined || field.most === undefined || field.most > 1e6 ? "" : `${field.least}–${field.most}`;
+    const { least, most } = field;
+    const range = least === undefined || most === undefined || most > 1e6 ? "" : `${exact(least)}–${exact(most)}`;
     return [words, range].filter(Boolean).join(" · ");
   }
 

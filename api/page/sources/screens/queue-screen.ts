@@ -48,7 +48,11 @@ export class QueueScreen extends PageElement {
     const running = queue.state === "running";
     return html`<div class=${queue.reason ? "notice warning" : "notice"} id="queue-state" data-state=${queue.state}>
       <b>${t(running ? "queue.running" : "queue.stopped")}</b>
-      <small>${queue.changed_by} · ${when(queue.changed)}</small>
+      ${
+        Date.parse(queue.changed) > 0 // the epoch: nobody has changed it yet
+          ? html`<small>${queue.changed_by} · ${when(queue.changed)}</small>`
+          : nothing
+      }
       ${
         queue.reason
           ? html`<p>

@@ -52,6 +52,11 @@ export function number(value: number | null | undefined, digits = 2): string {
   return value.toLocaleString(REGION[chosen], { minimumFractionDigits: digits, maximumFractionDigits: digits });
 }
 
+/** A number with as many digits as it has. */
+export function exact(value: number): string {
+  return value.toLocaleString(REGION[chosen]);
+}
+
 export function degrees(value: number | null | undefined, digits = 2): string {
   return value === null || value === undefined ? "–" : `${number(value, digits)}°`;
 }
