@@ -59,8 +59,11 @@ def open_page(context: BrowserContext, console: Console, address: str, key: str 
     return page
 
 
-def until(page: Page, condition: str, within_s: float = 60.0) -> None:
-    """Waits until an expression is true in a page: its policy forbids playwright's own way, which needs `eval`."""
+def until(page: Page, condition: str, within_s: float = 1_200.0) -> None:
+    """Waits until an expression is true in a page: its policy forbids playwright's own way, which needs `eval`.
+
+    Where it is about the arm, the first lights may have to be computed on a busy machine before.
+    """
     deadline = time.monotonic() + within_s
     while not page.evaluate(condition):
         assert time.monotonic() < deadline, condition

@@ -113,7 +113,7 @@ class Lab:
     def get(self, address: str) -> httpx.Response:
         """An answer of the service to an admin."""
         authorization = {"Authorization": f"Bearer {self.secrets[Role.ADMIN]}"}
-        return httpx.get(self.url + address, headers=authorization, timeout=60)
+        return httpx.get(self.url + address, headers=authorization, timeout=COMPUTED_WITHIN_MS / 1e3)
 
 
 @pytest.fixture(scope="module")
