@@ -67,7 +67,7 @@ def take(page: Page, url: str, client: Client, folder: Path) -> None:
         page.wait_for_timeout(1_500)
         save(page, name, folder)
 
-    shoot("start", "start", lambda: page.locator("#dry-run-seconds").wait_for(timeout=300_000))
+    shoot("start", "start", lambda: page.locator("#dry-run-seconds").wait_for())
     session = client.create(RECIPE)
     client.start(session.id)
     wait_for(client, session.id, State.PAUSED)
@@ -76,20 +76,29 @@ def take(page: Page, url: str, client: Client, folder: Path) -> None:
     wait_for(client, session.id, State.COMPLETED)
     shoot("progress", f"sessions/{session.id}", lambda: page.locator(".images img").nth(6).wait_for())
     shoot("result", f"sessions/{session.id}/result", lambda: page.locator("#map").wait_for(), TALL)
+    page.emulate_media(color_scheme="dark")  # while another screen is shown: the cell is drawn in its colours at once
+    shoot("cell", "cell", lambda: page.locator("#cell[data-frames]").wait_for(), TALL - 100)
+    page.emulate_media(color_scheme="light")
     client.create(Recipe(label="Coin, obverse", notes="after cleaning"))
     shoot("sessions", "sessions", lambda: page.locator("tbody tr").nth(1).wait_for())
     for name in ("Coin, obverse", "Coin, reverse"):
         client.enqueue(name)
     shoot("queue", "queue", lambda: page.locator("tbody tr").nth(1).wait_for())
-    shoot("camera", f"preview/{session.id}", lambda: page.locator("#preview:not([data-images='0'])").wait_for())
     shoot("rig", "rig", lambda: page.locator("#checks").wait_for(), TALL)
-    page.emulate_media(color_scheme="dark")  # while another screen is shown: the cell is drawn in its colours at once
-    shoot("cell", "cell", lambda: page.locator("#cell[data-frames]").wait_for(), TALL - 100)
-    page.emulate_media(color_scheme="light")
+
+
+def take_camera(page: Page, url: str, folder: Path) -> None:
+    """Takes the picture of the live image of a lit room."""
+    page.set_viewport_size({"width": SIZE["width"], "height": SIZE["height"]})
+    page.goto(f"{url}/#/preview")
+    page.locator("preview-figures .histogram rect").nth(63).wait_for(state="attached")
+    page.wait_for_timeout(1_500)
+    save(page, "camera", folder)
 
 
 def take_calibration(page: Page, url: str, cell: Cell, client: Client, folder: Path) -> None:
-    """Takes the picture of a calibration that has an estimate and goes on."""
+    """Takes the pictures of the camera, and of a calibration that has an estimate and goes on."""
+    take_camera(page, url, folder)
     cell.place("charuco@flange")
     client.wait_ready()
     client.state_tool("board")
@@ -114,9 +123,9 @@ def photograph(profile: str, address: str, take_pictures: Callable[[Page, str, C
         Client(service.url) as client,
         sync_playwright() as playwright,
     ):
-        client.wait_ready(60)
+        client.wait_ready(600)
         context = chromium.launch(playwright).new_context(viewport=SIZE, locale="en-GB")  # type: ignore[arg-type]
-        context.set_default_timeout(60_000)
+        context.set_default_timeout(600_000)
         page = chromium.open_page(context, Console(), f"{service.url}/#/start")
         take_pictures(page, service.url, cell, client)
         context.close()
