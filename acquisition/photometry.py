@@ -32,7 +32,7 @@ from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration, LampLobe, SensorModel
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.light_plan import Light
+from acquisition.models.light_plan import FrameExposure, Light
 from acquisition.models.result import NormalMap
 from acquisition.models.tuned import tuned
 
@@ -239,6 +239,33 @@ def sensor_noise(
     ambient_e = sensor.gain_e_per_dn * np.asarray(ambient_dn if ambient_dn is not None else np.zeros(len(scale)))
     floor = 2.0 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12.0 + np.maximum(ambient_e, 0.0)) / scale**2
     return 1.0 / scale, floor
+
+
+def frames_noise(
+    calibration: Calibration, exposures: Sequence[FrameExposure], ambient_dn: Sequence[float] | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """`sensor_noise` of the mean of as many equal frames as each exposure says, less one lamp-off frame: (G,) each."""
+    frames = np.array([one.frames for one in exposures], dtype=np.float64)
+    shot, floor = sensor_noise(calibration, [one.exposure_s for one in exposures], ambient_dn)
+    return shot / frames, floor * (1 + 1 / frames) / 2
+
+
+def merged_variance(
+    value: FloatArray | Float32Array, exposures: Sequence[FrameExposure], calibration: Calibration
+) -> tuple[FloatArray, BoolArray]:
+    """Variance that the sensor gives to values y (P,) merged of several exposures, without ambient light, and which of
+    them saturate in the shortest.
+
+    Frames count where they do not saturate, weighted by their inverse variances.
+    """
+    shot, floor = frames_noise(calibration, exposures)
+    sensor = calibration.sensor
+    clipping = (clipping_dn(sensor) - sensor.black_level_dn) / (sensor.full_scale_dn * calibration.lamp_intensity)
+    information, shortest = np.zeros(value.shape), min(one.exposure_s for one in exposures)
+    for one, photons, constant in zip(exposures, shot, floor, strict=True):
+        counts = (value * one.exposure_s <= clipping) | (one.exposure_s == shortest)
+        information += np.where(counts, 1 / (photons * np.maximum(value, 0) + constant), 0)
+    return 1 / information, np.asarray(value * shortest > clipping)
 
 
 def model_noise(calibration: Calibration, shot: FloatArray, floor: FloatArray, distance_m: float) -> Noise:

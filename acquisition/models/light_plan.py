@@ -17,6 +17,30 @@ class Light(Value):
     )
 
 
+class FrameExposure(Value):
+    """Equal frames of one light."""
+
+    exposure_s: float = Field(gt=0, description="Exposure time of each, s")
+    frames: int = Field(default=1, ge=1, description="How many of them; they are averaged")
+
+
+class LightExposure(Value):
+    """The exposures of one light, merged into one image by their noise."""
+
+    frames: list[FrameExposure] = Field(
+        min_length=1, description="The first is the one that the image is judged by; others are longer or shorter"
+    )
+    seconds: float = Field(ge=0, description="Time that the light's frames take, without moving there, s")
+    gain: float = Field(
+        description="Fraction by which the mean σ would rise if this light had one automatic exposure instead"
+    )
+
+    @property
+    def times_s(self) -> list[float]:
+        """The exposure time of each frame, in the order in which they are taken, s."""
+        return [one.exposure_s for one in self.frames for _ in range(one.frames)]
+
+
 class ForecastPoint(Value):
     """One point of the forecast: the expected σ after a number of lights."""
 
@@ -83,6 +107,10 @@ class LightPlan(Value):
         default=None,
         description="For each light, the expected 99.5th percentile of the object's signal as a fraction of full scale "
         "per second; none: the object is not known yet",
+    )
+    exposures: list[LightExposure] | None = Field(
+        default=None,
+        description="For each light, its planned exposures with their time and gain; none: one automatic exposure each",
     )
     notes: list[str] = Field(
         default_factory=list[str], description="Notes for the user, such as lights left out and why"

@@ -1,7 +1,7 @@
 """Captured images: what was measured while each was exposed, and the set of all that a session has captured."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
@@ -57,12 +57,18 @@ class Shot(Value):
     """One image and what was measured while it was exposed."""
 
     key: ShotKey = Field(description="Pass and number")
-    kind: Literal["light", "dark", "reference"] = Field(
-        description="`light`: lamp on; `dark`: lamp off; `reference`: taken a second time, for the noise"
+    kind: Literal["light", "dark", "reference", "bracket"] = Field(
+        description="`light`: lamp on; `dark`: lamp off; `reference`: taken a second time, for the noise; `bracket`: a "
+        "further frame of a light, merged with its `light` frame"
     )
     frame: FrameRef = Field(description="The file")
     exposure_s: float = Field(description="Exposure time, s")
     light_number: int | None = Field(default=None, description="Number of its light in the pass's plan; null: lamp off")
+    further_s: list[float] = Field(
+        default_factory=list[float],
+        description="Of a `light` frame, the exposure times of the light's further frames in the order in which they "
+        "are taken, s",
+    )
     repeats: ShotKey | None = Field(default=None, description="The image that this one was taken again of")
     light: Light | None = Field(
         default=None, description="From the measured tool pose, never from where the arm was sent"
@@ -95,12 +101,20 @@ class FrameSource(Protocol):
 @dataclass(frozen=True)
 class Observations:
     """All images captured so far: lit shots, the lamp-off frame for each exposure time, and where to read them;
-    `repeats` are second captures of lit shots and lamp-off frames, which serve the noise estimate only."""
+    `repeats` are second captures of lit shots and lamp-off frames, which serve the noise estimate only; `further` are
+    the further frames of lit shots, by pass and number of the light."""
 
     shots: Sequence[Shot]
     darks: dict[float, Shot]
     frames: FrameSource
     repeats: Sequence[Shot] = ()
+    further: Mapping[tuple[int, int], Sequence[Shot]] = field(default_factory=dict[tuple[int, int], Sequence[Shot]])
+
+    def frames_of(self, shot: Shot) -> Sequence[Shot]:
+        """All frames of a lit shot's light: itself, and the further ones that are merged with it."""
+        if shot.light_number is None:
+            return (shot,)
+        return (shot, *self.further.get((shot.key.pass_number, shot.light_number), ()))
 
     @classmethod
     def of(cls, captured: Iterable[Shot], frames: FrameSource) -> "Observations":
@@ -109,7 +123,12 @@ class Observations:
         darks = {shot.exposure_s: shot for shot in shots if shot.kind == "dark"}
         again = [shot for shot in shots if shot.kind == "reference"]
         older = [shot for shot in shots if shot.kind == "dark" and shot is not darks[shot.exposure_s]]
-        return cls([shot for shot in shots if shot.kind == "light"], darks, frames, [*again, *older])
+        further: dict[tuple[int, int], list[Shot]] = {}
+        for shot in shots:
+            if shot.kind == "bracket" and shot.light_number is not None:
+                further.setdefault((shot.key.pass_number, shot.light_number), []).append(shot)
+        lit = [shot for shot in shots if shot.kind == "light"]
+        return cls(lit, darks, frames, [*again, *older], dict(further))
 
     def lit_as(self, light_of: Callable[[FloatArray, FloatArray], Light]) -> "Observations":
         """The same images with lights computed anew from the measured tool poses (4, 4) and joints (6,), as of another
@@ -122,4 +141,4 @@ class Observations:
             return shot.model_copy(update={"light": light})
 
         shots, repeats = [again(shot) for shot in self.shots], [again(shot) for shot in self.repeats]
-        return Observations(shots, self.darks, self.frames, repeats)
+        return Observations(shots, self.darks, self.frames, repeats, self.further)

@@ -310,7 +310,7 @@ def _self_calibrate(
         if turn in (0, 3):
             noise = residual_noise.estimate(
                 estimate, diffuse, noise, nominal.noise, sample.ray_direction, lamps,
-                SETTINGS.calibration_depth_sigma_m, extra + estimate.highlight_variance,
+                SETTINGS.calibration_depth_sigma_m, sample.pixels.plus_extra(extra + estimate.highlight_variance),
             )  # fmt: skip
         if turn == 3:
             break

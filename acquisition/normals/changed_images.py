@@ -8,7 +8,7 @@ import numpy as np
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.light_plan import Light
 from acquisition.normals import surface_diffusion
-from acquisition.normals.session_images import Images, ValuesAndClipped
+from acquisition.normals.session_images import ImageBlock, Images
 from acquisition.normals.surface_diffusion import SurfaceGraph
 
 
@@ -35,7 +35,7 @@ class Changed:
         """The window's columns in the frame."""
         return self.images.columns
 
-    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+    def read(self, start: int, stop: int, /) -> ImageBlock:
         """Reads the rows [start, stop), counted from the window's first."""
         return self.images.read(start, stop)
 
@@ -46,12 +46,12 @@ class WithoutImage(Changed):
 
     number: int = 0
 
-    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+    def read(self, start: int, stop: int, /) -> ImageBlock:
         """Reads the rows [start, stop), counted from the window's first."""
-        values, clipped = self.images.read(start, stop)
-        clipped = clipped.copy()
+        block = self.images.read(start, stop)
+        clipped = block.clipped.copy()
         clipped[self.number] = True
-        return values, clipped
+        return block._replace(clipped=clipped)
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,11 @@ class Linearised(Changed):
 
     exponent: float = 1.0
 
-    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+    def read(self, start: int, stop: int, /) -> ImageBlock:
         """Reads the rows [start, stop), counted from the window's first."""
-        values, clipped = self.images.read(start, stop)
+        block = self.images.read(start, stop)
         level = (np.min(self.images.shot) / self.images.shot)[:, None, None].astype(np.float32)
-        return np.maximum(values * level, 0) ** np.float32(self.exponent) / level, clipped
+        return block._replace(values=np.maximum(block.values * level, 0) ** np.float32(self.exponent) / level)
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,10 @@ class Scaled(Changed):
 
     factors: FloatArray = field(default_factory=lambda: np.ones(0))
 
-    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+    def read(self, start: int, stop: int, /) -> ImageBlock:
         """Reads the rows [start, stop), counted from the window's first."""
-        values, clipped = self.images.read(start, stop)
-        return values / self.factors[:, None, None].astype(np.float32), clipped
+        block = self.images.read(start, stop)
+        return block._replace(values=block.values / self.factors[:, None, None].astype(np.float32))
 
 
 @dataclass(frozen=True)
@@ -90,18 +90,18 @@ class Translated(Changed):
     translation: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     spacing: int = 1
 
-    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+    def read(self, start: int, stop: int, /) -> ImageBlock:
         """Reads the rows [start, stop), counted from the window's first."""
         height = self.rows.stop - self.rows.start
         margin = self.spacing * (int(np.ceil(np.max(np.abs(self.translation)) / self.spacing)) + 1)
         first, last = max(start - margin, 0), min(stop + margin, height)
-        values, clipped = self.images.read(first, last)
+        values, clipped, extra = self.images.read(first, last)
         own = slice(start - first, stop - first)
         out, full = np.empty_like(values[:, own]), np.empty_like(clipped[:, own])
         for number, shift in enumerate(self.translation):
             out[number] = self._shifted(values[number], shift)[own]
             full[number] = self._shifted(clipped[number].astype(np.float32), shift)[own] >= HALF
-        return out, full
+        return ImageBlock(out, full, None if extra is None else extra[:, own])
 
     def _shifted(self, image: Float32Array, shift: FloatArray) -> Float32Array:
         out, step = np.empty_like(image), self.spacing
@@ -123,11 +123,11 @@ class Sharpened(Changed):
     albedo: Float32Array = field(default_factory=lambda: np.zeros((1, 1), np.float32))
     length_px: float = 0.0
 
-    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+    def read(self, start: int, stop: int, /) -> ImageBlock:
         """Reads the rows [start, stop), counted from the window's first."""
         margin = surface_diffusion.reach(self.length_px)
         first, last = max(start - margin, 0), min(stop + margin, self.rows.stop - self.rows.start)
-        values, clipped = self.images.read(first, last)
+        values, clipped, extra = self.images.read(first, last)
         own, over, albedo = slice(start - first, stop - first), self.over.rows(first, last), self.albedo[first:last]
         known = albedo > 0
         out = values[:, own].copy()
@@ -135,7 +135,7 @@ class Sharpened(Changed):
             irradiance = np.divide(image, albedo, out=np.zeros_like(albedo), where=known)
             sharp = surface_diffusion.sharpened(irradiance, over, self.length_px)
             np.multiply(sharp[own], albedo[own], out=out[number], where=known[own])
-        return out, clipped[:, own]
+        return ImageBlock(out, clipped[:, own], None if extra is None else extra[:, own])
 
 
 HALF = 0.5

@@ -363,7 +363,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     extra = np.zeros_like(measured) if extra is None else extra
     if estimate.terms is not None:
         extra = extra + estimate.terms.highlight_variance
-    return PixelSolution(estimate, measured, values, extra, indirect)
+    return PixelSolution(estimate, measured, values, pixels.plus_extra(extra), indirect)
 
 
 def _stratified_sample(count: int) -> np.ndarray:

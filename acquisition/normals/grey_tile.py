@@ -79,7 +79,7 @@ def measure(observations: Observations, calibration: Calibration, tile: GreyTile
     lamps = photometry.lamps(lights)
     shading = np.einsum("c,fcn->fn", tile.normal, photometry.light_vectors(point, lamps, calibration))
     images = session_images.read(observations, calibration, rows, columns)
-    values, clipped = images.read(0, rows.stop - rows.start)
+    values, clipped, _ = images.read(0, rows.stop - rows.start)
     ratio = values[:, inside] / np.maximum(shading, 1e-6)
     brightness = np.mean(ratio, axis=1).astype(np.float64)
     even = _evenness(ratio)

@@ -20,7 +20,7 @@ from acquisition.normals import colour_albedo, colour_channels, pixel_noise, ses
 from acquisition.normals.distant import pixel_blocks, point_lights
 from acquisition.normals.distant.distant_solve import refuse_unusable, solve_blocks
 from acquisition.normals.image_set import ImageSet, NearLights, check
-from acquisition.normals.session_images import ImageStack, StoredImages, ValuesAndClipped
+from acquisition.normals.session_images import ImageBlock, ImageStack, StoredImages
 from acquisition.normals.solve import solve_stack
 
 
@@ -155,7 +155,7 @@ class _Rows:
     rows: slice
     columns: slice
 
-    def __call__(self, start: int, stop: int) -> ValuesAndClipped:
+    def __call__(self, start: int, stop: int) -> ImageBlock:
         size = (self.images.count, stop - start, self.columns.stop - self.columns.start)
         values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
         lines = self.rows.start + start, self.rows.start + stop
@@ -164,12 +164,12 @@ class _Rows:
                 [self.images.values(index, *lines)[:, self.columns] for index in range(self.images.count)]
             )
             values, clipped = colour_channels.combined(blocks, blocks >= self.images.saturated_from)
-            return values / self.intensity.astype(np.float32)[:, None, None], clipped
+            return ImageBlock(values / self.intensity.astype(np.float32)[:, None, None], clipped)
         for index, intensity in enumerate(self.intensity):
             block = self.images.values(index, *lines)[:, self.columns]
             clipped[index] = block >= self.images.saturated_from
             values[index] = block * np.float32(1 / intensity)
-        return values, clipped
+        return ImageBlock(values, clipped)
 
 
 def calibration_of(images: ImageSet) -> Calibration:

@@ -97,6 +97,7 @@ class Pixels:
     values: Float32Array  # (F, N) normalised values y
     clipped: BoolArray  # (F, N) saturated
     channel: Sites | None = None  # (N,) of a mosaic's sites; none: all pixels see alike
+    extra: Float32Array | None = None  # (F, N) sensor variance beyond the noise model's; none: zero
 
     def image(self, values: np.ndarray, outside: float = 0.0) -> np.ndarray:
         """Scatters values (..., N) into an image (..., h, w) of the window."""
@@ -117,7 +118,12 @@ class Pixels:
             values=np.ascontiguousarray(self.values[:, chosen]),
             clipped=self.clipped[:, chosen],
             channel=None if self.channel is None else self.channel[chosen],
+            extra=None if self.extra is None else np.ascontiguousarray(self.extra[:, chosen]),
         )
+
+    def plus_extra(self, variance: Float32Array) -> Float32Array:
+        """A variance (F, N) beside the noise model's, and the sensor's own beyond it."""
+        return variance if self.extra is None else variance + self.extra
 
 
 def depth_derivative(
@@ -206,9 +212,9 @@ def solve(
     """Iteratively reweighted least squares (Cauchy weights) of g and depth offset at each of N pixels at depth (N,).
 
     `values` (F, N) replaces the measured ones where intensities were divided out or light subtracted; `extra_variance`
-    (F, N) is added to the noise model's. Where a highlight was subtracted that depends on g, `highlight_by_g`
-    (F, 3, N) is its derivative ∂h/∂g; rotating a normal leaves |g| as it is, so the derivative adds to the light
-    vectors and nothing to the values.
+    (F, N) is added to the noise model's and the pixels' own. Where a highlight was subtracted that depends on g,
+    `highlight_by_g` (F, 3, N) is its derivative ∂h/∂g; rotating a normal leaves |g| as it is, so the derivative adds to
+    the light vectors and nothing to the values.
     """
     lighting = Lighting.at(pixels, depth_m, scene)
     return solve_lit(
@@ -256,9 +262,10 @@ def _solve(
         typical = float(np.median(_peak_ratio(lambertian, lighting.light, pixels.clipped)))
     else:
         typical = scene.median_albedo
+    extra = pixels.extra if extra_variance is None else pixels.plus_extra(extra_variance)
     problem = PixelProblem(
         values=values, by_g=bent, light=lighting.light, point=lighting.point, ray_direction=lighting.ray_direction,
-        view=lighting.view, extra=extra_variance, terms=terms, response=scene.response(pixels.channel),
+        view=lighting.view, extra=extra, terms=terms, response=scene.response(pixels.channel),
         lamps=scene.lamps, noise=scene.noise, least_albedo=max(0.2 * typical, 1e-6),
         cauchy_scale=options.cauchy_scale, offset_sigma_m=options.offset_sigma_m, iterations=options.iterations,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from acquisition.mosaic import Sites
 from acquisition.normals import resampling, silhouette
 from acquisition.normals.interreflection import Table
 from acquisition.normals.pixel_solve import Pixels
-from acquisition.normals.session_images import ImageRows, Images
+from acquisition.normals.session_images import ImageBlock, ImageRows, Images
 
 BLOCK_VALUES = 1 << 22
 """Values of all images in a block; the final solve takes about ninety bytes for each."""
@@ -49,17 +49,18 @@ class MaskedImages:
 
     def pixels(self, rows: slice) -> Pixels:
         """Reads the object's pixels in a block of rows."""
-        return self._pixels(rows, *self.images.read(rows.start, rows.stop))
+        return self._pixels(rows, self.images.read(rows.start, rows.stop))
 
-    def _pixels(self, rows: slice, values: Float32Array, clipped: BoolArray) -> Pixels:
-        mask, count = self.mask[rows], len(values)
+    def _pixels(self, rows: slice, block: ImageBlock) -> Pixels:
+        mask, count = self.mask[rows], len(block.values)
         index = np.flatnonzero(mask)
         return Pixels(
             shape=(mask.shape[0], mask.shape[1]),
             index=index,
             ray=np.take(self.ray[:, rows].reshape(2, -1), index, axis=1),
-            values=np.take(values.reshape(count, -1), index, axis=1),
-            clipped=np.take(clipped.reshape(count, -1), index, axis=1),
+            values=np.take(block.values.reshape(count, -1), index, axis=1),
+            clipped=np.take(block.clipped.reshape(count, -1), index, axis=1),
+            extra=None if block.extra is None else np.take(block.extra.reshape(count, -1), index, axis=1),
             channel=None if self.channel is None else self.channel[rows].ravel()[index],
         )
 
@@ -73,14 +74,14 @@ class MaskedImages:
         table_values: list[Float32Array] = []
         before = 0
         for rows in self.blocks(factor):
-            values, clipped = self.images.read(rows.start, rows.stop)
-            pixels = self._pixels(rows, values, clipped)
+            block = self.images.read(rows.start, rows.stop)
+            pixels = self._pixels(rows, block)
             after = before + len(pixels.index)
             inside = chosen[np.searchsorted(chosen, before) : np.searchsorted(chosen, after)]
             sample.append((rows.start, pixels.subset(inside - before)))
             coarse.append(resampling.coarsen(pixels, factor))
             if table_depth_m is not None:
-                table_values.append(resampling.block_means(values, factor))
+                table_values.append(resampling.block_means(block.values, factor))
             before = after
         table = None
         if table_depth_m is not None:
@@ -119,7 +120,7 @@ def albedo_bound(
     its least mean over the channels."""
     out = np.empty(masked.mask.shape, np.float32)
     for rows in masked.blocks():
-        values, clipped = masked.images.read(rows.start, rows.stop)
+        values, clipped, _ = masked.images.read(rows.start, rows.stop)
         point = photometry.points(masked.ray[:, rows], depth_m[rows]).reshape(3, -1)
         light = photometry.light_vectors(point, lamps, calibration)
         strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light)).reshape(values.shape)

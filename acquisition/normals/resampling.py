@@ -42,6 +42,8 @@ def coarsen(pixels: Pixels, factor: int) -> Pixels:
     def mean(values: np.ndarray) -> np.ndarray:
         return np.stack([np.bincount(inverse, one) * share for one in values])
 
+    extra = None if pixels.extra is None else (mean(pixels.extra) * share).astype(np.float32)
+
     return replace(
         pixels,
         shape=(height, width),
@@ -50,6 +52,7 @@ def coarsen(pixels: Pixels, factor: int) -> Pixels:
         values=mean(pixels.values).astype(np.float32),
         clipped=mean(pixels.clipped) > 0,
         channel=None,
+        extra=extra,
     )
 
 
@@ -66,6 +69,7 @@ def concatenate_rows(parts: Sequence[Pixels]) -> Pixels:
     above = np.cumsum([0, *(part.shape[0] for part in parts)])
     width = parts[0].shape[1]
     channels = [part.channel for part in parts if part.channel is not None]
+    extras = [part.extra for part in parts if part.extra is not None]
     return Pixels(
         shape=(int(above[-1]), width),
         index=np.concatenate([part.index + width * top for part, top in zip(parts, above[:-1], strict=True)]),
@@ -73,6 +77,7 @@ def concatenate_rows(parts: Sequence[Pixels]) -> Pixels:
         values=np.concatenate([part.values for part in parts], axis=1),
         clipped=np.concatenate([part.clipped for part in parts], axis=1),
         channel=np.concatenate(channels) if channels else None,
+        extra=np.concatenate(extras, axis=1) if extras else None,
     )
 
 

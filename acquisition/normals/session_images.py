@@ -7,7 +7,7 @@ again each time, because reading a file costs less than the memory that would ho
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -17,18 +17,27 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.shot import Observations, Shot
+from acquisition.normals import exposure_merge
 
 MAX_HELD_BYTES = 1 << 28
 """Size up to which stacks of values and clipped pixels are held in memory."""
 
-BYTES_PER_VALUE = 5
-"""float32 value and clipped flag."""
+BYTES_PER_VALUE, BYTES_PER_EXTRA = 5, 4
+"""float32 value and clipped flag; float32 variance beyond the stated one, of merged exposures only."""
 
 BLOCK_ROWS = 64
 """Rows that are read at once."""
 
-ValuesAndClipped = tuple[Float32Array, BoolArray]
-"""Values y and clipped pixels (F, n, w) of n rows of a window."""
+
+class ImageBlock(NamedTuple):
+    """Values y and clipped pixels (F, n, w) of n rows of a window, and their sensor variance beyond shot·y + floor.
+
+    `extra` is none where all pixels of an image have the noise that `shot` and `floor` state.
+    """
+
+    values: Float32Array
+    clipped: BoolArray
+    extra: Float32Array | None = None
 
 
 class Images(Protocol):
@@ -59,7 +68,7 @@ class Images(Protocol):
     @property
     def floor(self) -> FloatArray: ...
 
-    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+    def read(self, start: int, stop: int, /) -> ImageBlock:
         """Reads the rows [start, stop), counted from the window's first."""
         ...
 
@@ -75,22 +84,25 @@ class ImageStack:
     columns: slice
     shot: FloatArray
     floor: FloatArray
+    extra: Float32Array | None = None
 
-    def read(self, start: int, stop: int) -> ValuesAndClipped:
+    def read(self, start: int, stop: int) -> ImageBlock:
         """Slices the rows [start, stop)."""
-        return self.values[:, start:stop], self.clipped[:, start:stop]
+        extra = None if self.extra is None else self.extra[:, start:stop]
+        return ImageBlock(self.values[:, start:stop], self.clipped[:, start:stop], extra)
 
 
 @dataclass(frozen=True)
 class StoredImages:
-    """`Images` that are read from their files each time."""
+    """`Images` that are read from their files each time; `merged`: of some, several exposures were merged."""
 
-    read: Callable[[int, int], ValuesAndClipped]
+    read: Callable[[int, int], ImageBlock]
     lights: tuple[Light, ...]
     rows: slice
     columns: slice
     shot: FloatArray
     floor: FloatArray
+    merged: bool = False
 
 
 @dataclass(frozen=True)
@@ -126,7 +138,7 @@ class ImageRows:
         """Noise floor of each image (F,)."""
         return self.images.floor
 
-    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+    def read(self, start: int, stop: int, /) -> ImageBlock:
         """Reads the rows [start, stop), counted from the part's first."""
         return self.images.read(self.part.start + start, self.part.start + stop)
 
@@ -134,13 +146,18 @@ class ImageRows:
 def held_if_small(images: StoredImages) -> ImageStack | StoredImages:
     """Reads images up to MAX_HELD_BYTES into memory; larger ones stay in their files."""
     count, height, width = len(images.lights), _length(images.rows), _length(images.columns)
-    if BYTES_PER_VALUE * count * height * width > MAX_HELD_BYTES:
+    size = (count, height, width)
+    if (BYTES_PER_VALUE + BYTES_PER_EXTRA * images.merged) * count * height * width > MAX_HELD_BYTES:
         return images
-    values, clipped = np.empty((count, height, width), np.float32), np.empty((count, height, width), np.bool_)
+    values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
+    extra = np.zeros(size, np.float32) if images.merged else None
     for start in range(0, height, BLOCK_ROWS):
-        block = slice(start, min(start + BLOCK_ROWS, height))
-        values[:, block], clipped[:, block] = images.read(block.start, block.stop)
-    return ImageStack(values, clipped, images.lights, images.rows, images.columns, images.shot, images.floor)
+        rows = slice(start, min(start + BLOCK_ROWS, height))
+        block = images.read(rows.start, rows.stop)
+        values[:, rows], clipped[:, rows] = block.values, block.clipped
+        if extra is not None and block.extra is not None:
+            extra[:, rows] = block.extra
+    return ImageStack(values, clipped, images.lights, images.rows, images.columns, images.shot, images.floor, extra)
 
 
 def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
@@ -165,41 +182,48 @@ def read(
     """Dark-frame subtraction, normalisation and flat field of all lit images within a window of rows and columns.
 
     `log_intensity` (F,): how much brighter than calibrated each image's lamp was, where that is known; divided out.
-    The sensor's noise is stated for pixels in the image's centre: it differs by the lens's few per cent elsewhere.
+    An image of several exposures is merged from them (`exposure_merge`). The sensor's noise is stated
+    for pixels in the image's centre: it differs by the lens's few per cent elsewhere.
 
     Raises RigError normals.infeasible when a frame's size is not the calibration's or a lamp-off frame is missing.
     """
     shots, lights = zip(*lit_shots(observations), strict=True)
-    darks = {shot.exposure_s: _lamp_off_shot(observations, shot) for shot in shots}
+    sets = [exposure_merge.groups(observations.frames_of(shot)) for shot in shots]
+    frames = [shot for groups in sets for group in groups for shot in group]
+    darks = {shot.exposure_s: _lamp_off_shot(observations, shot) for shot in frames}
     factors = np.exp(np.zeros(len(shots)) if log_intensity is None else log_intensity)
-    for shot in (*shots, *darks.values()):
+    for shot in (*frames, *darks.values()):
         _refuse_other_size(shot, calibration)
+    black = calibration.sensor.black_level_dn
+    ambient = {seconds: _window_mean(observations, dark, rows, columns) - black for seconds, dark in darks.items()}
+    noise = [exposure_merge.Noise.of(groups, calibration, ambient) for groups in sets]
+    merged = any(len(groups) > 1 or len(groups[0]) > 1 for groups in sets)
 
-    def block(start: int, stop: int) -> ValuesAndClipped:
+    def block(start: int, stop: int) -> ImageBlock:
         lines = rows.start + start, rows.start + stop
 
         def window(shot: Shot) -> np.ndarray:
             return observations.frames.rows(shot.frame, *lines)[:, columns]
 
         dark = {seconds: window(shot) for seconds, shot in darks.items()}
+        extra = np.zeros((len(shots), stop - start, _length(columns)), np.float32) if merged else None
         sensitivity = photometry.sensitivity(calibration, slice(*lines), columns)
         size = (len(shots), stop - start, _length(columns))
         values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
-        for index, shot in enumerate(shots):
-            frame = window(shot)
-            values[index] = photometry.normalised(frame, dark[shot.exposure_s], shot.exposure_s, calibration)
-            clipped[index] = photometry.saturated(frame, calibration.sensor)
+        for index, groups in enumerate(sets):
+            one = exposure_merge.merge(groups, window, dark, noise[index], calibration)
+            values[index], clipped[index] = one.values, one.clipped
+            if extra is not None and one.extra is not None:
+                extra[index] = one.extra / np.float32(factors[index] ** 2)
         if sensitivity is not None:
             values /= sensitivity
         if log_intensity is not None:
             values /= factors.astype(np.float32)[:, None, None]
-        return values, clipped
+        return ImageBlock(values, clipped, extra)
 
-    black = calibration.sensor.black_level_dn
-    ambient = {seconds: _window_mean(observations, dark, rows, columns) - black for seconds, dark in darks.items()}
-    seconds = [shot.exposure_s for shot in shots]
-    photons, floor = photometry.sensor_noise(calibration, seconds, [ambient[one] for one in seconds])
-    return held_if_small(StoredImages(block, lights, rows, columns, photons / factors, floor / factors**2))
+    photons, floor = (np.array([getattr(one, name) for one in noise]) for name in ("all_shot", "all_floor"))
+    stored = StoredImages(block, lights, rows, columns, photons / factors, floor / factors**2, merged)
+    return held_if_small(stored)
 
 
 def common_lamp_errors(observations: Observations, calibration: Calibration) -> FloatArray | None:

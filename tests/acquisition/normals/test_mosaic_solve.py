@@ -125,7 +125,7 @@ def test_translated_mosaic_mixes_no_channels() -> None:
     sites = mosaic.sites("rggb", WHOLE, WHOLE)
     even = (SURFACE.astype(np.float32))[sites][None]
     stack = ImageStack(even, even > 2, tuple(_lights()[:1]), WHOLE, WHOLE, np.ones(1), np.ones(1))
-    moved, _ = changed_images.translated(stack, np.array([[1.3, -0.7]]), mosaic.CELL).read(11, 40)
+    moved = changed_images.translated(stack, np.array([[1.3, -0.7]]), mosaic.CELL).read(11, 40).values
     np.testing.assert_allclose(moved, even[:, 11:40], atol=1e-6)
     mixed, _ = changed_images.translated(stack, np.array([[1.3, -0.7]])).read(11, 40)
     assert np.abs(mixed - even[:, 11:40]).max() > 0.1
@@ -135,7 +135,7 @@ def test_translated_mosaic_moves_content_as_far_as_asked() -> None:
     row, column = np.mgrid[:SIZE, :SIZE].astype(np.float32)
     ramp = (0.01 * column + 0.02 * row)[None]
     stack = ImageStack(ramp, ramp > 9, tuple(_lights()[:1]), WHOLE, WHOLE, np.ones(1), np.ones(1))
-    moved, _ = changed_images.translated(stack, np.array([[3.0, -1.0]]), mosaic.CELL).read(20, 60)
+    moved = changed_images.translated(stack, np.array([[3.0, -1.0]]), mosaic.CELL).read(20, 60).values
     np.testing.assert_allclose(moved[:, :, 20:-20], (ramp + 0.03 - 0.02)[:, 20:60, 20:-20], atol=1e-5)
 
 

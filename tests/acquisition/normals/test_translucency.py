@@ -113,13 +113,13 @@ def test_sharpened_images_have_sharper_shadows_and_no_other_texture() -> None:
         soft.astype(np.float32), np.zeros(soft.shape, np.bool_), lights, window, window, np.full(6, 1e-4), np.zeros(6)
     )
     images = changed_images.sharpened(stack, over, albedo, LENGTH_PX, 2.0)
-    sharp, _ = images.read(0, 64)
+    sharp = images.read(0, 64).values
     true = albedo * irradiance
     assert np.linalg.norm(sharp - true) < 0.7 * np.linalg.norm(soft - true)
     assert images.shot == pytest.approx(2 * stack.shot)
     assert images.read(20, 30)[0] == pytest.approx(sharp[:, 20:30], abs=1e-4)
     even = replace(stack, values=np.broadcast_to(albedo, soft.shape).astype(np.float32))
-    textured, _ = changed_images.sharpened(even, over, albedo, LENGTH_PX, 2.0).read(0, 64)
+    textured = changed_images.sharpened(even, over, albedo, LENGTH_PX, 2.0).read(0, 64).values
     assert textured == pytest.approx(even.values, abs=1e-4)
 
 
