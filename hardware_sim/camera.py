@@ -28,7 +28,7 @@ from hardware_sim.frame_faults import FrameFaults
 from hardware_sim.shutter import ExposureInterval, StateSource
 
 LONGEST_REQUEST = 4096
-MOST_ATTEMPTS = 1000
+MOST_ATTEMPTS = 100_000
 
 TakeFrame = Callable[[list[ExposureInterval], float, int], npt.NDArray[np.uint16]]
 """Exposure intervals, exposure in s and attempt → frame (H, W)."""

@@ -2,7 +2,8 @@
 
 A name is a shape (`sphere`, `vase`, `relief`, `part`, `bumps`, `figure`), or a shape and a finish joined by a dash:
 `-matt` (one albedo near 0.6), `-textured` (patches between 0.3 and 0.7 with clear edges), `-glossy` (the plain finish
-under a thin gloss). Without a finish the albedo drifts softly between 0.3 and 0.7.
+under a thin gloss), `-contrast` (patches of 0.03 and 0.9, polished). Without a finish the albedo drifts softly between
+0.3 and 0.7.
 """
 
 import hashlib
@@ -22,7 +23,11 @@ from hardware_sim.sheets import Mesh
 LAMBERT = Reflectance()
 """The reflectance of every built-in object."""
 
-Finish = Literal["soft", "matt", "textured", "glossy"]
+POLISHED = 200.0
+"""Exponent of the gloss of finish `-contrast`: highlights 5° wide, which saturate; the plain gloss, 12° wide, would
+cover the dark patches, which reflect less than it."""
+
+Finish = Literal["soft", "matt", "textured", "glossy", "contrast"]
 
 SHAPES = {
     "sphere": shapes.sphere,
@@ -109,8 +114,8 @@ def build(name: str, seed: int) -> SceneObject:
         name=name,
         mesh=mesh.transformed(turn, np.zeros(3)),
         texture=_texture(finish or "soft", random),
-        gloss=gloss if finish == "glossy" else 0.0,
-        gloss_exponent=30.0,
+        gloss=gloss if finish in ("glossy", "contrast") else 0.0,
+        gloss_exponent=POLISHED if finish == "contrast" else 30.0,
     )
 
 
@@ -127,9 +132,11 @@ def _texture(finish: str, random: np.random.Generator) -> Texture:
     count = 12
     directions = random.normal(size=(count, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    shortest, longest = (0.016, 0.040) if finish == "textured" else (0.030, 0.090)
+    shortest, longest = (0.016, 0.040) if finish in ("textured", "contrast") else (0.030, 0.090)
     waves = directions * (2 * np.pi / random.uniform(shortest, longest, count))[:, None]
     phases = random.uniform(0, 2 * np.pi, count)
     if finish == "matt":
         return Texture(random.uniform(0.55, 0.65), 0.0, 1.0, waves, phases)
+    if finish == "contrast":
+        return Texture(0.465, 0.435, 6.0, waves, phases)
     return Texture(0.5, 0.2, 6.0 if finish == "textured" else 0.8, waves, phases)

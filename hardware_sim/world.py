@@ -42,9 +42,10 @@ ProfileName = Literal["ideal", "direct", "realistic"]
 class Profile:
     """Deviations of the world from its calibration.
 
-    `intensity_sigma` (fraction) and `lamp_position_sigma_m` (per axis) are sampled for each image; `camera_shift_m` and
-    `camera_turn_rad` are the lengths of a fixed error of the camera's pose in a direction that the seed chooses;
-    `ambient_per_s` is the room's light on a white surface under open sky, in full scales per second.
+    `intensity_sigma` (fraction) and `lamp_position_sigma_m` (per axis) are sampled for each image, whatever frames it
+    is made of; `camera_shift_m` and `camera_turn_rad` are the lengths of a fixed error of the camera's pose in a
+    direction that the seed chooses; `ambient_per_s` is the room's light on a white surface under open sky, in full
+    scales per second.
     """
 
     noise: bool
@@ -74,6 +75,10 @@ FLICKER_HZ = 100.0
 FLICKER_DEPTH = 0.3
 DRIFT = 0.02
 """The room's lamps flicker with the mains, and its brightness drifts from image to image (1 σ, fraction)."""
+
+FRAMES_APART = 100
+"""Attempts that differ by multiples of this number are frames of one light: the arm stays where it is between them, so
+that the lamp's errors are the same and no mean over frames lowers them. Noise and room light are each frame's own."""
 
 CACHED_IMAGES = 1
 """A frame that is captured again while nothing has moved needs no new rendering, only another exposure."""
@@ -175,8 +180,9 @@ class World:
         is_on = any(moment.lamp_level > 0 for moment in intervals)
         joints = [round(joint / 1e-4) for joint in intervals[0].joints]
         random = _generator(self._seed, joints, repr(exposure_s), is_on, attempt)
-        intensity = self._true.lamp_intensity * (1 + profile.intensity_sigma * random.normal())
-        shift = profile.lamp_position_sigma_m * random.normal(size=3)
+        lamp = _generator(self._seed, "lamp", joints, is_on, attempt % FRAMES_APART)
+        intensity = self._true.lamp_intensity * (1 + profile.intensity_sigma * lamp.normal())
+        shift = profile.lamp_position_sigma_m * lamp.normal(size=3)
         ambient = profile.ambient_per_s * exposure_s * _flicker(exposure_s, random)
 
         signal = np.zeros((self.lens.height, self.lens.width), dtype=np.float32)

@@ -12,8 +12,8 @@ ObjectName = Annotated[
     str | None,
     typer.Option(
         "--object",
-        help="sphere, vase, relief, part, bumps or figure; -textured or -glossy after it for its versions; or a "
-        "calibration target, as for lightpose place; default: vase",
+        help="sphere, vase, relief, part, bumps or figure; -textured, -glossy or -contrast after it for its versions; "
+        "or a calibration target, as for lightpose place; default: vase",
     ),
 ]
 MeshFile = Annotated[

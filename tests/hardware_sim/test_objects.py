@@ -86,6 +86,11 @@ def test_build_finishes_set_albedo_and_gloss() -> None:
     assert (soft.gloss, matt.gloss, textured.gloss) == (0, 0, 0)
     assert 0.1 <= glossy.gloss <= 0.2
     assert np.array_equal(soft.mesh.triangles, glossy.mesh.triangles)
+    contrast = objects.build("vase-contrast", 3)
+    dark, bright = np.quantile(contrast.texture(points), [0.05, 0.95])
+    assert dark == pytest.approx(0.03, abs=0.01)
+    assert bright == pytest.approx(0.9, abs=0.01)
+    assert (contrast.gloss, contrast.gloss_exponent) == (glossy.gloss, objects.POLISHED)
 
 
 @pytest.mark.parametrize("name", ["", "cube", "sphere-", "sphere-soft", "sphere-shiny", "SPHERE", "-matt"])
@@ -96,5 +101,5 @@ def test_build_unknown_name_raises(name: str) -> None:
 
 
 def test_names_all_have_a_shape() -> None:
-    assert len(objects.names()) == 24
+    assert len(objects.names()) == 30
     assert {name.split("-")[0] for name in objects.names()} == set(objects.SHAPES)
