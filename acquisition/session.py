@@ -62,6 +62,7 @@ from acquisition.models.step import (
     SolveNormals,
     Step,
     TakeDark,
+    TakeFurther,
     TakeScan,
     TakeShot,
 )
@@ -71,6 +72,10 @@ SAME_JOINTS_RAD = 2e-3
 
 FIRST_REFERENCE_NUMBER = 1000
 """Number of the first repeated image within a pass; above the number of lights of any pass."""
+
+
+FIRST_FURTHER_NUMBER, FURTHER_PER_LIGHT = 10_000, 100
+"""Number of the first further frame of a pass's first light, and how far those of successive lights are apart."""
 
 
 class State(StrEnum):
@@ -222,11 +227,29 @@ class PassRecord:
     plan: LightPlan | None = None
     route: Route | None = None
     shots: dict[int, Shot] = field(default_factory=dict[int, Shot])  # by light number
+    further: dict[int, tuple[Shot, ...]] = field(default_factory=dict[int, tuple[Shot, ...]])  # by light number
     darks: dict[float, Shot] = field(default_factory=dict[float, Shot])  # by exposure time
     references: tuple[Shot, ...] = ()  # repeated images, of this pass or of one before
     repeated: frozenset[ShotKey] = frozenset()  # those repeated after the last of `shots`
     solved: bool = False
     reviewed: bool = False  # a person has approved the plan
+
+    def missing_frame(self, light: int) -> int | None:
+        """Number of the first further frame that a captured light lacks; None: it has all."""
+        taken = {shot.key.number - further_number(light, 0) for shot in self.further.get(light, ())}
+        return next((index for index in range(len(self.shots[light].further_s)) if index not in taken), None)
+
+    @property
+    def lights_left(self) -> tuple[int, ...]:
+        """Numbers of the plan's lights that have not all their frames."""
+        lights = range(0 if self.plan is None else len(self.plan.lights))
+        return tuple(one for one in lights if one not in self.shots or self.missing_frame(one) is not None)
+
+    @property
+    def exposures(self) -> list[float]:
+        """The exposure times of all lit frames, ascending, s."""
+        further = (shot for shots in self.further.values() for shot in shots)
+        return sorted({shot.exposure_s for shot in (*self.shots.values(), *further)})
 
 
 @dataclass(frozen=True)
@@ -253,8 +276,8 @@ def next_step(record: SessionRecord, joints: tuple[float, ...], home: tuple[floa
             break
         if not current.reviewed and (waiting := _waits_for(record.recipe, number)) is not None:
             return waiting if same_joints(joints, home) or isinstance(waiting, AwaitReview) else GoHome(number, None)
-        left = tuple(light for light in range(len(current.plan.lights)) if light not in current.shots)
-        darks = sorted({shot.exposure_s for shot in current.shots.values()} if _takes_darks(record.recipe) else set())
+        left = current.lights_left
+        darks = current.exposures if _takes_darks(record.recipe) else []
         reference_key = ShotKey(pass_number=number, number=FIRST_REFERENCE_NUMBER + record.references)
         first = _first_image(record, number)
         if not left and first is not None and first.key not in current.repeated and _may_have_moved(current):
@@ -266,8 +289,9 @@ def next_step(record: SessionRecord, joints: tuple[float, ...], home: tuple[floa
             legs = [] if current.route is None else _next_legs(current.route, left, joints)
             if not legs:
                 return PlanRoute(number, left)
-            shots = [TakeShot(ShotKey(pass_number=number, number=light), waypoint) for light, waypoint in legs]
-            return TakeScan(tuple(shots)) if while_moving(record.recipe) and len(shots) > 1 else shots[0]
+            shots = [_frame_of_light(current, number, light, waypoint) for light, waypoint in legs]
+            firsts = tuple(shot for shot in shots if isinstance(shot, TakeShot))
+            return TakeScan(firsts) if while_moving(record.recipe) and len(firsts) > 1 else shots[0]
         if not same_joints(joints, home):
             return GoHome(number, current.route)
         for dark_number, exposure_s in enumerate(darks):
@@ -276,6 +300,11 @@ def next_step(record: SessionRecord, joints: tuple[float, ...], home: tuple[floa
                 return TakeDark(key, exposure_s)
         return SolveNormals(number)
     return None if same_joints(joints, home) else GoHome(max(len(record.passes) - 1, 0), None)
+
+
+def further_number(light: int, index: int) -> int:
+    """Number within the pass of a light's further frame, both counted from 0."""
+    return FIRST_FURTHER_NUMBER + FURTHER_PER_LIGHT * light + index
 
 
 def max_passes(recipe: AnyRecipe) -> int:
@@ -302,7 +331,7 @@ def stage(record: SessionRecord, step: Step | None) -> Stage:
             return Stage.PLAN
         case PlanRoute():
             return Stage.WAYPOINTS
-        case RepeatReference() | TakeShot() | TakeScan() | TakeDark() | GoHome():
+        case RepeatReference() | TakeShot() | TakeScan() | TakeFurther() | TakeDark() | GoHome():
             return Stage.CAPTURE
         case SolveNormals():
             return Stage.NORMALS if isinstance(record.recipe, Recipe) else Stage.ESTIMATE
@@ -335,6 +364,15 @@ def same_joints(joints: tuple[float, ...], other: tuple[float, ...]) -> bool:
     return len(joints) == len(other) and all(
         abs(one - two) < SAME_JOINTS_RAD for one, two in zip(joints, other, strict=True)
     )
+
+
+def _frame_of_light(work: PassRecord, number: int, light: int, waypoint: Waypoint) -> TakeShot | TakeFurther:
+    """The next frame of a light of pass `number`: its first, or the first further one that it lacks."""
+    key = ShotKey(pass_number=number, number=light)
+    if light not in work.shots or (index := work.missing_frame(light)) is None:
+        return TakeShot(key, waypoint)
+    further = ShotKey(pass_number=number, number=further_number(light, index))
+    return TakeFurther(further, key, index, work.shots[light].further_s[index], waypoint)
 
 
 def _is_pilot(recipe: AnyRecipe, pass_number: int) -> bool:

@@ -46,13 +46,16 @@ REASONS: dict[str, str] = {
         near_light.SAMPLE_PIXELS photon_transfer.INITIAL_SAMPLE pixel_noise.STRIPS pixel_noise.MAX_PRODUCTS
         pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS poisson._STRIP pyramid.BLOCK_VALUES
         pyramid.MIN_BLOCK_ROWS regularisation.STRIP_ROWS sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS
+        session_images.BYTES_PER_EXTRA
         session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES criterion_kernels.BLOCK
         stopping_rule.COUNTS""",
     "steps and tolerances of numerical methods": """
         photometry.UNDISTORTION_ROUNDS distant.light_intensities.ITERATIONS distant.light_intensities.TOLERANCE
         distant.reflectance_fit.DIFFERENCE_STEP distant.reflectance_kernels.DIFFERENCE_STEP
         photon_transfer.CLIP_ITERATIONS photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE
-        surface_diffusion.MIN_COEFFICIENT""",
+        surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS""",
+    "grids of what may be chosen": """
+        exposure_options.SHORTEST exposure_options.LONGEST exposure_options.FRAMES exposure_options.RATIOS""",
     "pictures": """
         explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE placed_lights.PICTURE_PIXELS
         placed_lights.BRIGHTEST_PERCENTILE placed_lights.SHOWN_RANGE""",
@@ -86,7 +89,8 @@ INLINE = {
     "alternation": 1, "baselines": 2, "criterion": 4, "criterion_kernels": 2, "discontinuity": 1,
     "distant.distant_solve": 1, "distant.least_squares_kernels": 5, "distant.light_intensities": 2,
     "distant.lit_mask": 1, "distant.reflectance_fit": 6, "distant.reflectance_kernels": 14,
-    "distant.robust_regression": 6, "distant.solvers": 1, "equivalent_session": 1, "grey_tile": 1, "image_terms": 4,
+    "distant.robust_regression": 6, "distant.solvers": 1, "equivalent_session": 1, "exposure_plan": 2,
+    "grey_tile": 1, "image_terms": 4,
     "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "photometry": 1,
     "photon_transfer": 3, "pixel_solve": 1, "planner": 2, "prior_forecast": 2, "relaxation": 2, "residual_noise": 2,
     "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,

@@ -59,11 +59,7 @@ def lit_frame(
     """Judges a frame (H, W) taken with the lamp on, by the pixels of `region` (H, W)."""
     quality = _measure(pixels, region, sensor)
     level, saturated = quality.bright_level, quality.saturated
-    read_noise = sensor.read_noise_e / sensor.gain_e_per_dn / sensor.full_scale_dn
-    if (
-        level < MIN_LEVEL_OVER_NOISE * max(read_noise, 0.5 / sensor.full_scale_dn)
-        and exposure_s >= camera.min_exposure_s
-    ):
+    if level < MIN_LEVEL_OVER_NOISE * _read_noise(sensor) and exposure_s >= camera.min_exposure_s:
         longer = exposure.in_range(exposure_s * 8, camera) if wanted.seconds is None else exposure_s
         reason = f"no light: the brightest pixels are at {level:.1%} of full scale; is the lamp on and in view?"
         dark = quality.model_copy(update={"accepted": False, "reason": reason})
@@ -83,6 +79,35 @@ def lit_frame(
             reason = f"dark: the brightest pixels are at {level:.1%} of full scale"
             return Verdict(quality.model_copy(update={"accepted": False, "reason": reason}), longer)
     return Verdict(quality, None)
+
+
+def planned_frame(
+    pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel, exposure_s: float, camera: CameraConfig
+) -> Verdict:
+    """Judges a frame (H, W) at an exposure time from the plan, which lets some pixels saturate on purpose.
+
+    Only one without light, or with half of the region saturated, is taken again, the latter at a shorter time.
+    """
+    verdict = lit_frame(pixels, region, sensor, exposure_s, Exposure(seconds=exposure_s), camera)
+    if verdict.usable or verdict.quality.saturated < UNUSABLE_SATURATED_SHARE:
+        return verdict
+    shorter = exposure.series_value(exposure_s * 0.25, camera)
+    return Verdict(verdict.quality, shorter if shorter < exposure_s else None, usable=False)
+
+
+def further_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel) -> FrameQuality:
+    """The quality of a further frame (H, W) of a light; rejected without light. Saturated pixels do not count when
+    frames are merged."""
+    quality = _measure(pixels, region, sensor)
+    if quality.bright_level < MIN_LEVEL_OVER_NOISE * _read_noise(sensor):
+        reason = f"no light: the brightest pixels are at {quality.bright_level:.1%} of full scale; is the lamp on?"
+        return quality.model_copy(update={"accepted": False, "reason": reason})
+    return quality
+
+
+def _read_noise(sensor: SensorModel) -> float:
+    """1 σ of a dark pixel, or half a value where that is more, as a fraction of full scale."""
+    return max(sensor.read_noise_e / sensor.gain_e_per_dn, 0.5) / sensor.full_scale_dn
 
 
 def compare_with_earlier(

@@ -8,6 +8,7 @@ import math
 from acquisition.models.calibration import Calibration
 from acquisition.models.camera_config import CameraConfig
 from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Exposure
 
 STEP = 2.0 ** (1 / 3)
@@ -16,8 +17,29 @@ STEP = 2.0 ** (1 / 3)
 ASSUMED_ALBEDO = 0.6
 """Albedo assumed for the brightest parts of an object before its first frame; later frames correct it."""
 
+UNPLANNED_FACTOR, MIN_FURTHER_FACTOR = 8.0, 2.0
+"""How many times as long the second frame of a light is of whose object nothing is known yet, as of a pilot's; and
+what of that limits have to leave for it to be taken."""
+
 MAX_PREDICTED_LEVEL = 0.9
 """Fraction of full scale: predicted levels are right within a few per cent, and must not saturate."""
+
+
+def require_in_range(wanted: Exposure, camera: CameraConfig) -> None:
+    """Raises RigError request.invalid for exposures that the camera cannot make, naming its limits."""
+    low, high = camera.min_exposure_s, camera.max_exposure_s
+    if wanted.seconds is not None and not low <= wanted.seconds <= high:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"exposure.seconds is {wanted.seconds:g} s, and the camera's exposure times go from {low:g} to {high:g} s: "
+            "choose one of these, or leave it out for an automatic exposure",
+        )
+    if wanted.plan == "planned" and wanted.seconds_per_light < low:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"exposure.seconds_per_light is {wanted.seconds_per_light:g} s, and the camera's shortest exposure time is "
+            f"{low:g} s: allow as much for each light",
+        )
 
 
 def assumed_level(cell: CellConfig, calibration: Calibration) -> float:
@@ -39,6 +61,17 @@ def for_predicted_level(level_per_s: float, wanted: Exposure, camera: CameraConf
     """
     most = max(wanted.target, min(wanted.target * STEP**0.5, MAX_PREDICTED_LEVEL))
     return for_level(level_per_s, wanted.model_copy(update={"target": most}), camera)
+
+
+def further_times(exposure_s: float, wanted: Exposure, camera: CameraConfig) -> list[float]:
+    """Exposure times (s) of the further frames of a light that no plan has an exposure for, its first having taken
+    `exposure_s`: with planned exposures one that is UNPLANNED_FACTOR times as long, or as the recipe's limits allow.
+    """
+    if wanted.plan == "fixed" or wanted.max_frames_per_light < 2:
+        return []
+    longest = min(UNPLANNED_FACTOR * exposure_s, wanted.seconds_per_light - exposure_s)
+    longer = series_value(longest, camera) if longest > 0 else 0.0
+    return [longer] if longer >= MIN_FURTHER_FACTOR * exposure_s else []
 
 
 def series_value(exposure_s: float, camera: CameraConfig) -> float:

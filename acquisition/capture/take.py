@@ -15,6 +15,10 @@ from acquisition.models.shot import ShotMotion
 MAX_EXPOSURE_MOTION_RAD = 5e-4
 """Largest movement, rad, of a joint during an exposure (0.5 mm at 1 m); a larger one rejects the frame."""
 
+FRAMES_APART = 100
+"""Distance of the attempt numbers of a light's successive frames, by which a simulated cell draws their noise anew and
+keeps the lamp's errors, as the arm does not move between them."""
+
 MOST_RETURNS = 5
 """How often the camera may go away and come back during one image; then its link is what has to be mended."""
 

@@ -7,6 +7,9 @@ from pydantic import Field, model_validator
 from acquisition.models.base import Value, Vector3
 
 Method = Literal["optimal", "two-rings", "ring", "drbohlav", "max-distance", "paper", "random", "user"]
+ExposurePlan = Literal["fixed", "planned"]
+"""One automatic exposure of each light; or exposures as part of the plan, several of a light merged by their noise."""
+
 Objective = Literal["capped", "mean", "quantile", "coverage"]
 """Design criterion over the object's pixels, or over the region of interest: `capped` the mean of the angular variance,
 each pixel's capped so that a few that no light can reach do not dominate; `mean` the mean σ; `quantile` the 0.9
@@ -16,6 +19,11 @@ quantile of σ; `coverage` first the number of pixels lit by at least three ligh
 class Exposure(Value):
     """Automatic exposure: sets the 99.5th percentile of the object's pixels to the fraction `target` of full scale."""
 
+    plan: ExposurePlan = Field(
+        default="fixed",
+        description="`fixed`: one automatic exposure of each light; `planned`: exposure times and numbers of frames of "
+        "each light are chosen with the plan, for the least expected loss in a given time, and merged by their noise",
+    )
     target: float = Field(
         default=0.8,
         gt=0.05,
@@ -25,6 +33,21 @@ class Exposure(Value):
     seconds: float | None = Field(
         default=None, gt=0, le=10, description="A fixed exposure time for all lights; none: automatic"
     )
+    max_frames_per_light: int = Field(
+        default=6,
+        ge=1,
+        le=32,
+        description="With `planned`: most frames of one light, of all its exposure times together",
+    )
+    seconds_per_light: float = Field(
+        default=2.0, gt=0, le=60, description="With `planned`: most exposure time of one light, all its frames, s"
+    )
+
+    @model_validator(mode="after")
+    def _fixed_time_is_not_planned(self) -> "Exposure":
+        if self.plan == "planned" and self.seconds is not None:
+            raise ValueError("give `seconds` or plan `planned`: a fixed exposure time leaves nothing to be planned")
+        return self
 
 
 class Capture(Value):
@@ -96,6 +119,14 @@ class Recipe(Value):
             raise ValueError("target_sigma_deg is for method `optimal`: a fixed pattern has a fixed number of lights")
         if self.max_lights < self.pilot_lights:
             raise ValueError("max_lights counts the pilot's lights too: it must not be below pilot_lights")
+        return self
+
+    @model_validator(mode="after")
+    def _several_exposures_are_taken_at_rest(self) -> "Recipe":
+        if self.exposure.plan == "planned" and self.capture.while_moving:
+            raise ValueError(
+                "give exposure.plan `planned` or capture.while_moving: several exposures of a light need a lamp at rest"
+            )
         return self
 
     @model_validator(mode="after")

@@ -66,6 +66,17 @@ class TakeScan:
 
 
 @dataclass(frozen=True)
+class TakeFurther:
+    """Take the further frame `number` of a light's image, from 0, with the arm where it stands: at the waypoint."""
+
+    key: ShotKey
+    light: ShotKey
+    number: int
+    exposure_s: float
+    waypoint: Waypoint
+
+
+@dataclass(frozen=True)
 class GoHome:
     """Follow a collision-free path home, so that the arm is out of the picture."""
 
@@ -96,6 +107,7 @@ Step = (
     | PlanRoute
     | TakeShot
     | TakeScan
+    | TakeFurther
     | GoHome
     | TakeDark
     | SolveNormals

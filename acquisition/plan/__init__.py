@@ -7,7 +7,9 @@ image, and `baseline` gives the fixed patterns that plans are compared with.
 """
 
 from acquisition.plan.baselines import baseline
-from acquisition.plan.planner import PlanOptions, choose, forecast
+from acquisition.plan.design_problem import PlanOptions
+from acquisition.plan.exposure_options import CaptureTimes
+from acquisition.plan.planner import choose, forecast
 from acquisition.plan.stopping_rule import plan_to_target
 
-__all__ = ["PlanOptions", "baseline", "choose", "forecast", "plan_to_target"]
+__all__ = ["CaptureTimes", "PlanOptions", "baseline", "choose", "forecast", "plan_to_target"]

@@ -8,6 +8,8 @@ light of probability above its level as visible, because an error of one pixel's
 together. Multiplying information by probability instead would be optimistic (decision 0027).
 """
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -16,14 +18,15 @@ import numpy.typing as npt
 from scipy.special import ndtr
 
 from acquisition import photometry
-from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.light_plan import Light
+from acquisition.models.light_plan import FrameExposure, Light
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import LIT, NormalMap
-from acquisition.models.shot import Observations
+from acquisition.models.shot import Observations, Shot
 from acquisition.models.tuned import tuned
 from acquisition.plan import criterion_kernels, planned_noise, visibility
+from acquisition.plan.exposure_options import Exposures
 from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
 
@@ -43,6 +46,9 @@ class CriterionSettings:
     """1 σ of the cast-shadow threshold, in slope of clearance; combined with the normal's own σ."""
     max_indirect_share: float = tuned(0.5, "share")
     """Upper bound of the share of interreflection in a pixel's images; larger estimates are clipped."""
+    assumed_factor: float = tuned(8.0, "ratio")
+    """Ratio of the second exposure time to the first that candidates are given while the exposures are not planned
+    yet."""
 
 
 SETTINGS = CriterionSettings()
@@ -193,27 +199,23 @@ def _shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> _
 
 def candidates(
     sample: Samples, lights: list[Light], surface: Surface, calibration: Calibration, recipe: Recipe,
-    gloss: Gloss = planned_noise.DIFFUSE, *, cautious: bool = False,
+    gloss: Gloss = planned_noise.DIFFUSE, *, cautious: bool = False, exposures: Sequence[Exposures] | None = None,
 ) -> Candidates:  # fmt: skip
-    """Whitened design rows and visibility probabilities of lights at the sample pixels, at each light's own exposure.
+    """Whitened design rows and visibility probabilities of lights at the sample pixels, at each light's own exposures.
 
-    `cautious`: with the noise by which lights are chosen, otherwise with the expected noise (`planned_noise`).
+    `exposures` None: the automatic one of each light, with planned exposures also one that is `ASSUMED_FACTOR` times
+    as long, until they are planned. `cautious`: with the noise by which lights are chosen, otherwise with the expected
+    noise (`planned_noise`).
     """
     lamp = photometry.lamps(lights)
     shading = _shading(sample, lamp, calibration)
-    direction_sigma = sample.sigma / np.sqrt(2.0)
-    clearance = surface.clearance(sample.point, lamp)
-    visibility_probability = ndtr(
-        (shading.cosine - SETTINGS.min_cosine) / np.hypot(SETTINGS.attached_sigma, direction_sigma)
-    ) * ndtr(clearance / np.hypot(SETTINGS.cast_sigma, direction_sigma))
-    lit = np.where(visibility_probability > 0.5, shading.value, 0.0)
-    brightest = np.maximum(np.quantile(lit, 0.995, axis=1), 1e-4)
-    level = recipe.exposure.target / brightest
-    if recipe.exposure.seconds is not None:
-        level = np.full_like(brightest, recipe.exposure.seconds * calibration.lamp_intensity)
-    sensor = calibration.sensor
-    clipping = (photometry.clipping_dn(sensor) - sensor.black_level_dn) / sensor.full_scale_dn
-    visibility_probability = np.where(shading.value * level[:, None] > clipping, 0.0, visibility_probability)
+    visibility_probability = _visibility(sample, shading, surface, lamp)
+    if exposures is None:
+        seconds = _automatic_seconds(shading, visibility_probability, calibration, recipe)
+        factors = (1.0,) if recipe.exposure.plan == "fixed" else (1.0, SETTINGS.assumed_factor)
+        exposures = [[FrameExposure(exposure_s=float(one * factor)) for factor in factors] for one in seconds]
+    sensor, saturated = _sensor_variance(shading.value, exposures, calibration)
+    visibility_probability = np.where(saturated, 0.0, visibility_probability)
 
     strength = sample.albedo * shading.strength
     expected = planned_noise.variance(
@@ -221,7 +223,7 @@ def candidates(
         shading.cosine,
         strength,
         shading.distance,
-        level,
+        sensor,
         calibration,
         sample.indirect,
         cautious=cautious,
@@ -239,6 +241,50 @@ def candidates(
         np.ascontiguousarray(row, np.float32),
         np.ascontiguousarray(visibility_probability, np.float32),
     )
+
+
+def automatic_seconds(
+    sample: Samples, lights: list[Light], surface: Surface, calibration: Calibration, recipe: Recipe
+) -> FloatArray:
+    """The automatic exposure time (K,), s, of lights by the sample pixels' expected level."""
+    lamp = photometry.lamps(lights)
+    shading = _shading(sample, lamp, calibration)
+    return _automatic_seconds(shading, _visibility(sample, shading, surface, lamp), calibration, recipe)
+
+
+def _visibility(sample: Samples, shading: _Shading, surface: Surface, lamp: Float32Array) -> FloatArray:
+    """Probability (K, P) of neither attached nor cast shadow."""
+    direction_sigma = sample.sigma / np.sqrt(2.0)
+    clearance = surface.clearance(sample.point, lamp)
+    return ndtr((shading.cosine - SETTINGS.min_cosine) / np.hypot(SETTINGS.attached_sigma, direction_sigma)) * ndtr(
+        clearance / np.hypot(SETTINGS.cast_sigma, direction_sigma)
+    )
+
+
+def _automatic_seconds(
+    shading: _Shading, visibility_probability: FloatArray, calibration: Calibration, recipe: Recipe
+) -> FloatArray:
+    lit = np.where(visibility_probability > 0.5, shading.value, 0.0)
+    brightest = np.maximum(np.quantile(lit, 0.995, axis=1), 1e-4)
+    if recipe.exposure.seconds is not None:
+        return np.full_like(brightest, recipe.exposure.seconds)
+    return recipe.exposure.target / brightest / calibration.lamp_intensity
+
+
+def _sensor_variance(
+    value: Float32Array, exposures: Sequence[Exposures], calibration: Calibration
+) -> tuple[FloatArray, BoolArray]:
+    """The sensor's part of the variance of values (K, P) by each light's exposures, and which are saturated."""
+    variance, saturated = np.empty(value.shape), np.empty(value.shape, np.bool_)
+    for number, (one, wanted) in enumerate(zip(value, exposures, strict=True)):
+        variance[number], saturated[number] = photometry.merged_variance(one, wanted, calibration)
+    return variance, saturated
+
+
+def _exposures_of(frames: Sequence[Shot]) -> Exposures:
+    """The exposures of a light's frames."""
+    times = Counter(shot.exposure_s for shot in frames)
+    return [FrameExposure(exposure_s=seconds, frames=count) for seconds, count in sorted(times.items())]
 
 
 def _half_vector_cosine(sample: Samples, shading: _Shading) -> Float32Array:
@@ -263,7 +309,9 @@ def reweight(
         return sample
     lamp = photometry.lamps([shot.light for shot in shots if shot.light is not None])
     shading = _shading(sample, lamp, calibration)
-    level = np.array([shot.exposure_s for shot in shots]) * calibration.lamp_intensity
+    sensor, _ = _sensor_variance(
+        shading.value, [_exposures_of(observations.frames_of(shot)) for shot in shots], calibration
+    )
     strength = sample.albedo * shading.strength
     lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
     indirect = np.zeros_like(sample.albedo)
@@ -271,10 +319,10 @@ def reweight(
         share = np.clip(normal_map.indirect[sample.row, sample.column], 0, SETTINGS.max_indirect_share)
         indirect = np.asarray(np.mean(np.where(lit, shading.value, 0), axis=0) * share / (1 - share), np.float32)
     assumed = planned_noise.solved_variance(
-        shading.value, strength, float(np.mean(shading.distance)), level, calibration, normal_map, indirect
+        shading.value, strength, float(np.mean(shading.distance)), sensor, calibration, normal_map, indirect
     )
     expected = planned_noise.variance(
-        shading.value, shading.cosine, strength, shading.distance, level, calibration, indirect, cautious=cautious
+        shading.value, shading.cosine, strength, shading.distance, sensor, calibration, indirect, cautious=cautious
     )
     before = np.sum(np.where(lit, shading.strength**2 / assumed, 0.0), axis=0)
     after = np.sum(np.where(lit, shading.strength**2 / expected, 0.0), axis=0)

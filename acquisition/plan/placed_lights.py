@@ -18,9 +18,9 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
-from acquisition.plan import criterion, explain, planner
+from acquisition.plan import criterion, design_problem, explain, planner
 from acquisition.plan.criterion import Candidates, Samples
-from acquisition.plan.planner import PlanOptions, Problem
+from acquisition.plan.design_problem import PlanOptions, Problem
 
 PICTURE_PIXELS = 4000
 """Number of sample pixels behind a picture of σ: as many as are distinct in a picture of the size of a gain image."""
@@ -68,7 +68,7 @@ def basis(
     region: BoolArray | None,
 ) -> ForecastBasis:  # fmt: skip
     """Prepares forecasts from the last result. Raises RigError plan.infeasible as `planner.choose` does."""
-    problem = planner.build_problem(normal_map, observations, recipe, reach, calibration, PlanOptions(region=region), 1)
+    problem = design_problem.build(normal_map, observations, recipe, reach, calibration, PlanOptions(region=region), 1)
     usable = criterion.usable_pixels(normal_map, calibration)
     kept = np.sort(np.random.default_rng(recipe.seed).permutation(usable)[:PICTURE_PIXELS])
     shown = criterion.reweight(criterion.samples(normal_map, calibration, kept), normal_map, observations, calibration)

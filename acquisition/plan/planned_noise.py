@@ -15,7 +15,7 @@ Highlights on a glossy surface are another error of the images: where the pilot 
 them at many pixels carry less information.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -86,31 +86,26 @@ def gloss(normal_map: NormalMap) -> Gloss:
 
 def variance(
     value: FloatArray | Float32Array, cosine: FloatArray | Float32Array, strength: FloatArray | Float32Array,
-    distance: FloatArray | Float32Array, level: FloatArray, calibration: Calibration, indirect: Float32Array, *,
+    distance: FloatArray | Float32Array, sensor: FloatArray, calibration: Calibration, indirect: Float32Array, *,
     cautious: bool = False,
 ) -> FloatArray:  # fmt: skip
     """Heteroscedastic noise model: variance of y (K, P), expected or `cautious`.
 
-    `distance` (K, P) of the lights in m, `strength` ρ|s| (K, P), `cosine` (K, P) of the angle of incidence, `level`
-    (K,): y = 1 is exposed to this fraction of full scale.
+    `distance` (K, P) of the lights in m, `strength` ρ|s| (K, P), `cosine` (K, P) of the angle of incidence, `sensor`
+    (K, P) the sensor's part of the variance.
 
     `indirect` (P,) is the indirect radiance, in y.
     """
     indirect_variance = (SETTINGS.indirect_sigma * indirect) ** 2
     if cautious:
-        assumed = photometry.noise(calibration, list(level / calibration.lamp_intensity), float(np.mean(distance)))
-        assumed = replace(
-            assumed,
-            shot=SETTINGS.integrability_factor * assumed.shot,
-            floor=SETTINGS.integrability_factor * assumed.floor,
-        )
-        sensor_and_lamp = assumed.variance(np.asarray(value, np.float64), np.asarray(strength, np.float64))
-        return np.asarray(sensor_and_lamp + indirect_variance)
-    shot, floor = photometry.sensor_noise(calibration, list(level / calibration.lamp_intensity))
+        none = np.zeros(len(value))
+        assumed = photometry.model_noise(calibration, none, none, float(np.mean(distance)))
+        lamp = assumed.variance(np.asarray(value, np.float64), np.asarray(strength, np.float64))
+        return np.asarray(SETTINGS.integrability_factor * sensor + lamp + indirect_variance)
     lamp_angle = calibration.lamp_position_sigma_m / distance
     intensity_variance = SETTINGS.self_calibration_factor**2 * (calibration.intensity_sigma**2 + (2 * lamp_angle) ** 2)
     direction_variance = lamp_angle**2 * np.clip(1 - cosine**2, 0, 1)
-    pixel_variance = shot[:, None] * value + floor[:, None] + photometry.SETTINGS.flat_field_sigma**2 * value**2
+    pixel_variance = sensor + photometry.SETTINGS.flat_field_sigma**2 * value**2
     return np.asarray(
         SETTINGS.integrability_factor * pixel_variance
         + intensity_variance * value**2
@@ -120,13 +115,14 @@ def variance(
 
 
 def solved_variance(
-    value: Float32Array, strength: Float32Array, distance_m: float, level: FloatArray, calibration: Calibration,
+    value: Float32Array, strength: Float32Array, distance_m: float, sensor: FloatArray, calibration: Calibration,
     normal_map: NormalMap, indirect: Float32Array,
 ) -> FloatArray:  # fmt: skip
-    """Variance (K, P) of y by which the solver of `normal_map` weighted such values; `indirect` as in `variance`."""
-    assumed = photometry.noise(calibration, list(level / calibration.lamp_intensity), distance_m)
+    """Variance (K, P) of y by which the solver of `normal_map` weighted such values; arguments as of `variance`."""
+    none = np.zeros(len(value))
+    assumed = photometry.model_noise(calibration, none, none, distance_m)
     intensity = normal_map.noise.get("intensity", assumed.intensity)
     direction = normal_map.noise.get("direction", assumed.direction)
     lamps = (intensity * value) ** 2 + (direction * strength) ** 2
     predicted = (photometry.SETTINGS.predicted_indirect_sigma * indirect) ** 2
-    return assumed.shot[:, None] * value + assumed.floor[:, None] + lamps + predicted
+    return np.asarray(sensor + lamps + predicted)

@@ -27,6 +27,8 @@ from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
 from acquisition.models.tuned import tuned
 from acquisition.plan import planner
+from acquisition.plan.design_problem import PlanOptions
+from acquisition.plan.exposure_options import CaptureTimes
 
 COUNTS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 28, 40, 76)
 """Numbers of further lights for which σ is forecast; between them it is interpolated linearly in logarithms."""
@@ -61,10 +63,12 @@ def plan_to_target(
     calibration: Calibration,
     *,
     region: BoolArray | None = None,
+    times: CaptureTimes | None = None,
 ) -> LightPlan:
     """Sequential design towards the recipe's `target_sigma_deg`: the next lights, or an empty plan with a `conclusion`.
 
-    `region` (H, W) is the part of the image whose mean σ counts, none: the full object. Raises RigError
+    `region` (H, W) is the part of the image whose mean σ counts, none: the full object; `times` as of `PlanOptions`.
+    Raises RigError
     request.invalid when the recipe has no target, plan.infeasible as `choose` does.
     """
     target = recipe.target_sigma_deg
@@ -95,7 +99,7 @@ def plan_to_target(
         )
     count = _fewest_lights_meeting(curve, (1 + slack) * aim_deg)
     chosen = planner.choose(
-        normal_map, observations, recipe, reach, calibration, count, planner.PlanOptions(region=region)
+        normal_map, observations, recipe, reach, calibration, count, PlanOptions(region=region, times=times)
     )
     notes = [f"{state} with {captured} images; {target:.3g}° is wanted"]
     if unreachable:

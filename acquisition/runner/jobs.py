@@ -60,6 +60,8 @@ _TOP_PERCENTILE = 99.0
 """Percentile of the heights of all pixels that is the object's top: single pixels at discontinuities are too high."""
 FORECAST_COUNTS = (1, 2, 4, 8, 16)
 """Numbers of further lights for which a plan forecasts the error."""
+ASSUMED_MOVE_S = 2.0
+"""Time of a move between two lights, s, assumed where no route is on record."""
 
 
 def make_reach(cell: CellConfig, calibration: Calibration, cache: Path) -> None:
@@ -116,10 +118,12 @@ def further_lights(
     require_within_keep_out(normal_map, cell, calibration)
     reach = _reach(cell, calibration, cache)
     known, region_mask = (normal_map, observations, recipe, reach, calibration), _region_mask(region_file, calibration)
+    times = _capture_times(cell, _routes(result.parent.parent, int(result.name)))
     if recipe.target_sigma_deg is None:
-        chosen = plan.choose(*known, options=plan.PlanOptions(region=region_mask, forecast_counts=FORECAST_COUNTS))
+        options = plan.PlanOptions(region=region_mask, times=times, forecast_counts=FORECAST_COUNTS)
+        chosen = plan.choose(*known, options=options)
     else:
-        chosen = plan.plan_to_target(*known, region=region_mask)
+        chosen = plan.plan_to_target(*known, region=region_mask, times=times)
     if not chosen.lights:
         return chosen, []
     gain_maps = explain.gains(normal_map, observations, recipe, chosen.lights, calibration)
@@ -129,6 +133,16 @@ def further_lights(
         "brightest_gain_deg": gain_maps.brightest_deg,
     }
     return chosen.model_copy(update=summary), pictures
+
+
+def _capture_times(cell: CellConfig, routes: Sequence[Route]) -> plan.CaptureTimes:
+    """Limits and times of a cell's captures; the time between two lights is the mean of the routes so far."""
+    moving_s = [route.seconds / (len(route.waypoints) + 1) for route in routes if route.waypoints]
+    return plan.CaptureTimes(
+        shortest_s=cell.camera.min_exposure_s,
+        longest_s=cell.camera.max_exposure_s,
+        move_s=cell.arm.settle_s + cell.lamp.rise_s + (float(np.mean(moving_s)) if moving_s else ASSUMED_MOVE_S),
+    )
 
 
 def require_within_keep_out(normal_map: NormalMap, cell: CellConfig, calibration: Calibration) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition import session
+from acquisition.capture import exposure
 from acquisition.devices import Rig
 from acquisition.formats.frames import FolderFrames
 from acquisition.models.base import Vector3
@@ -87,18 +88,25 @@ class PlanningService:
     def dry_run(self, recipe: Recipe) -> DryRun:
         """The lights and the route of a recipe's first pass, from where the arm stands (or from home).
 
-        Raises RigError rig.busy while a session works, plan.infeasible, waypoints.unreachable, waypoints.collision.
+        Raises RigError rig.busy while a session works, request.invalid for exposures that the camera cannot make,
+        plan.infeasible, waypoints.unreachable, waypoints.collision.
         """
         self._require_idle()
         arm, cell = self._rig.arm.reading, self._rig.cell
+        exposure.require_in_range(recipe.exposure, cell.camera)
         start = arm.joints if arm.connected else cell.arm.home
         try:
             plan, forecast = self._design(recipe)
             route = self._route(plan, start)
         except Preempted as error:
             raise _busy() from error
-        stop_s = cell.arm.settle_s + cell.lamp.rise_s + (recipe.exposure.seconds or ASSUMED_EXPOSURE_S)
-        return DryRun(plan, route, route.seconds + stop_s * (len(plan.lights) + 1), forecast)
+        frame_s = recipe.exposure.seconds or ASSUMED_EXPOSURE_S
+        stop_s = cell.arm.settle_s + cell.lamp.rise_s + frame_s
+        further_s = ASSUMED_EXPOSURE_S + sum(exposure.further_times(frame_s, recipe.exposure, cell.camera))
+        if recipe.exposure.plan == "fixed":
+            further_s = 0.0
+        seconds = route.seconds + stop_s * (len(plan.lights) + 1) + further_s * len(plan.lights)
+        return DryRun(plan, route, seconds, forecast)
 
     def first_views(self, recipe: BoardRecipe) -> tuple[LightPlan, Calibration]:
         """The poses of a calibration's first pass, and the calibration in use, by which they are planned.

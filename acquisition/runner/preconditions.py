@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.capture import exposure
 from acquisition.devices import ArmIdentity
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
@@ -65,6 +66,12 @@ def require_near_path(path: Sequence[Sequence[float]], joints: Sequence[float]) 
         )
 
 
+def require_exposures(recipe: AnyRecipe, cell: CellConfig) -> None:
+    """Raises RigError request.invalid for exposures that the camera cannot make."""
+    if isinstance(recipe, Recipe):
+        exposure.require_in_range(recipe.exposure, cell.camera)
+
+
 def require_space_for_session(store: Store, recipe: AnyRecipe | None, calibration: Calibration) -> None:
     """Raises RigError store.disk_full unless a whole session of this recipe (none: one more file) fits on the disk."""
     if recipe is None:
@@ -74,7 +81,9 @@ def require_space_for_session(store: Store, recipe: AnyRecipe | None, calibratio
     if not isinstance(recipe, Recipe):
         require_space(store.data, pixels * 2 * (recipe.max_images + passes))
         return
-    frames = recipe.lights_total + passes * DARKS_PER_PASS
+    planned = recipe.exposure.plan == "planned"
+    each = recipe.exposure.max_frames_per_light if planned else 1
+    frames = recipe.lights_total * each + passes * DARKS_PER_PASS * (1 + planned)
     require_space(store.data, pixels * (2 * frames + passes * RESULT_BYTES_PER_PIXEL))
 
 

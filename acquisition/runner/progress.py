@@ -108,7 +108,9 @@ class ProgressEstimator:
         routes = [passed.route for passed in record.passes if passed.route is not None and passed.route.waypoints]
         if work == "images" and routes:
             moving_s = routes[-1].seconds / (len(routes[-1].waypoints) + _PASS_EXTRAS)
-            return moving_s + self._cell.arm.settle_s + self._cell.lamp.rise_s + ASSUMED_STOP_S, "route"
+            planned = [one.seconds for work in record.passes[-1:] if work.plan for one in work.plan.exposures or ()]
+            stop_s = statistics.mean(planned) if planned else ASSUMED_STOP_S
+            return moving_s + self._cell.arm.settle_s + self._cell.lamp.rise_s + stop_s, "route"
         return ASSUMED_S[work], "assumed"
 
     def _earlier(self, session_id: str) -> Durations:
@@ -169,6 +171,8 @@ def measured(events: Sequence[Event]) -> Durations:
             case "shot.captured":
                 if since is not None and event.body["kind"] == "light":
                     result.setdefault("images", []).append(event.at - since)
+                elif since is not None and event.body["kind"] == "bracket" and result.get("images"):
+                    result["images"][-1] += event.at - since
                 since = event.at
             case _:
                 if work is not None and since is not None:

@@ -64,7 +64,14 @@ class SolveRequest:
 def observations(record: SessionRecord, folder: Path, last_pass: int | None = None) -> Observations:
     """All images so far, or those up to a pass; the lamp-off frame of each exposure time is the newest one."""
     passes = record.passes if last_pass is None else record.passes[: last_pass + 1]
-    shots = (shot for work in passes for shot in (*work.shots.values(), *work.darks.values(), *work.references))
+    shots = (
+        shot
+        for work in passes
+        for shot in (
+            *work.shots.values(), *(one for more in work.further.values() for one in more), *work.darks.values(),
+            *work.references,
+        )
+    )  # fmt: skip
     return Observations.of(shots, FolderFrames(folder))
 
 

@@ -35,7 +35,7 @@ class ResponseShots(ShotCapture):
         exposure_s = self._exposure(record, step.key, setting, stop)
         # Frames of one exposure have noise of their own in a simulated cell too.
         exposed, attempt = self._expose(record, step.key, exposure_s, 0, stop, 1 + step.key.number)
-        self._require_arm_at_light(exposed, step)
+        self._require_arm_at_light(exposed, step.key, step.waypoint)
         verdict = check.lit_frame(
             exposed.frame.pixels, self.region, self._calibration.sensor, exposure_s, _recipe(record).exposure,
             self._rig.cell.camera,

@@ -111,8 +111,12 @@ class Runner:
         self._compute.close()
 
     def create(self, recipe: AnyRecipe, idempotency_key: str | None = None) -> tuple[SessionRow, bool]:
-        """Creates a session; nothing moves. The flag is False when the idempotency key names an existing session."""
+        """Creates a session; nothing moves. The flag is False when the idempotency key names an existing session.
+
+        Raises RigError request.invalid for exposures that the camera cannot make.
+        """
         cell = self._rig.cell
+        preconditions.require_exposures(recipe, cell)
         row, new = self._store.journal.create_session(recipe, cell.model_dump_json(), cell.fingerprint, idempotency_key)
         if new:
             self._executor.create_folder(row.id, recipe)

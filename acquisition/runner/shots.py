@@ -7,7 +7,7 @@ same light: equal images show that nothing has moved in between; otherwise the t
 images of the pass are discarded and captured anew once a person has looked.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -27,7 +27,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.route import JointPath, Waypoint
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
-from acquisition.models.step import GoHome, RepeatReference, TakeDark, TakeShot
+from acquisition.models.step import GoHome, RepeatReference, TakeDark, TakeFurther, TakeShot
 from acquisition.runner.compute import Compute
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.session import SessionRecord
@@ -85,6 +85,8 @@ class ShotCapture:
         if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
             self._follow(record, step.waypoint, stop)
 
+        planned = _planned_times(record, step.key)
+
         def judge(pixels: np.ndarray, exposure_s: float) -> check.Verdict:
             return self.judge_lit(record, step, pixels, exposure_s)
 
@@ -96,12 +98,39 @@ class ShotCapture:
                 f"Light {step.key.number} of pass {step.key.pass_number}: {verdict.quality.reason}",
                 light=step.key.number,
             )
-        self._store_shot(record, step.key, taken.exposed, taken.exposure_s, taken.attempt, verdict.quality)
+        further = planned[1:] or exposure.further_times(
+            taken.exposure_s, record.recipe.exposure, self._rig.cell.camera
+        )  # fmt: skip
+        self._store_shot(
+            record, step.key, taken.exposed, taken.exposure_s, taken.attempt, verdict.quality, further=further
+        )
+
+    def take_further(self, record: SessionRecord, step: TakeFurther, stop: StopToken) -> None:
+        """Takes a further frame of a light with the arm at its waypoint; it moves nowhere.
+
+        Raises Halted, RigError capture.frame_rejected, arm.move_failed, and what devices report.
+        """
+        attempt, before = 0, take.FRAMES_APART * (step.number + 1)
+        while True:
+            exposed, attempt = self._expose(record, step.key, step.exposure_s, attempt, stop, before)
+            self._require_arm_at_light(exposed, step.light, step.waypoint)
+            quality = check.further_frame(exposed.frame.pixels, self.region, self._calibration.sensor)
+            if quality.accepted:
+                break
+            if attempt == record.recipe.retakes:
+                where = f"Light {step.light.number} of pass {step.light.pass_number}, further frame {step.number}"
+                raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, f"{where}: {quality.reason}", light=step.light.number)
+            self._announce_retake(record, step.key, quality.reason)
+            attempt += 1
+        self._store_shot(record, step.key, exposed, step.exposure_s, attempt, quality, kind="bracket", of=step.light)
 
     def judge_lit(self, record: SessionRecord, step: TakeShot, pixels: np.ndarray, exposure_s: float) -> check.Verdict:
         """Judges a lit frame (H, W) by itself, and then against the earlier ones and the predicted image."""
-        wanted, camera = record.recipe.exposure, self._rig.cell.camera
-        verdict = check.lit_frame(pixels, self.region, self._calibration.sensor, exposure_s, wanted, camera)
+        wanted, camera, sensor = record.recipe.exposure, self._rig.cell.camera, self._calibration.sensor
+        if _planned_times(record, step.key):
+            verdict = check.planned_frame(pixels, self.region, sensor, exposure_s, camera)
+        else:
+            verdict = check.lit_frame(pixels, self.region, sensor, exposure_s, wanted, camera)
         if verdict.retake_s is not None or not verdict.usable:
             return verdict
         return self._compare_with_earlier(record, step, pixels, exposure_s, verdict.quality)
@@ -191,7 +220,7 @@ class ShotCapture:
         attempt = rejected = 0
         while True:
             exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop)
-            self._require_arm_at_light(exposed, step)
+            self._require_arm_at_light(exposed, step.key, step.waypoint)
             verdict = judge(exposed.frame.pixels, exposure_s)
             if verdict.retake_s is None or rejected == record.recipe.retakes:
                 return Attempt(exposed, exposure_s, attempt, verdict)
@@ -234,16 +263,18 @@ class ShotCapture:
         body = {"pass": key.pass_number, "number": key.number, "reason": reason}
         self._store.journal.announce(record.session_id, "shot.retaken", body)
 
-    def _require_arm_at_light(self, exposed: Exposed, step: TakeShot) -> None:
+    def _require_arm_at_light(self, exposed: Exposed, light: ShotKey, waypoint: Waypoint) -> None:
         """Raises RigError arm.move_failed unless the arm was at the waypoint: somebody else has moved it."""
-        if not session.same_joints(exposed.reading.joints, step.waypoint.joints):
+        if not session.same_joints(exposed.reading.joints, waypoint.joints):
             raise RigError(
-                ErrorCode.ARM_MOVE_FAILED, f"The arm was not at light {step.key.number} while its frame was exposed"
+                ErrorCode.ARM_MOVE_FAILED, f"The arm was not at light {light.number} while its frame was exposed"
             )
 
     def _first_exposure(self, record: SessionRecord, step: TakeShot) -> float:
         wanted, camera = record.recipe.exposure, self._rig.cell.camera
         work = record.passes[step.key.pass_number]
+        if planned := _planned_times(record, step.key):
+            return planned[0]
         if work.plan is not None and work.plan.levels_per_s is not None:
             return exposure.for_predicted_level(work.plan.levels_per_s[step.key.number], wanted, camera)
         seen = [shot.quality.bright_level / shot.exposure_s for shot in work.shots.values()]
@@ -252,12 +283,16 @@ class ShotCapture:
 
     def _store_shot(
         self, record: SessionRecord, key: ShotKey, exposed: Exposed, exposure_s: float, attempt: int,
-        quality: FrameQuality, *, kind: Literal["light", "dark"] = "light", repeats: ShotKey | None = None,
+        quality: FrameQuality, *, kind: Literal["light", "dark", "bracket"] = "light", repeats: ShotKey | None = None,
+        further: Sequence[float] = (), of: ShotKey | None = None,
     ) -> None:  # fmt: skip
         """Writes the frame's file, then its row and event: the event announces only what is on the disk."""
         file, dark = f"shots/{key.number}.tiff", kind == "dark"
+        light = key if of is None else of
         if dark:
             file = f"dark_{round(exposure_s * 1e6)}.tiff"
+        elif kind == "bracket":
+            file = f"brackets/{key.number}.tiff"
         elif repeats is not None:
             file = f"references/{key.number}.tiff"
         folder, reading = self._store.folder(record.session_id), exposed.reading
@@ -268,7 +303,8 @@ class ShotCapture:
             repeats=repeats,
             frame=frame,
             exposure_s=exposure_s,
-            light_number=key.number if kind == "light" and repeats is None else None,
+            further_s=list(further),
+            light_number=light.number if not dark and repeats is None else None,
             light=None
             if dark
             else measured_pose.light(
@@ -285,6 +321,13 @@ class ShotCapture:
             motion=exposed.motion,
         )
         self._store.journal.add_shot(record.session_id, shot)
+
+
+def _planned_times(record: SessionRecord, key: ShotKey) -> list[float]:
+    """The exposure times (s) of a light's frames by its pass's plan, in their order; empty: none is planned."""
+    work = record.passes[key.pass_number]
+    exposures = None if work.plan is None else work.plan.exposures
+    return [] if exposures is None else exposures[key.number].times_s
 
 
 def _camera_record(frame: Frame) -> CameraRecord | None:

@@ -33,6 +33,7 @@ from acquisition.models.step import (
     SolveNormals,
     Step,
     TakeDark,
+    TakeFurther,
     TakeScan,
     TakeShot,
 )
@@ -112,6 +113,8 @@ class StepExecutor:
                 shots.take_shot(record, step, stop)
             case TakeScan():
                 self._shots.take_scan(record, step, stop)
+            case TakeFurther():
+                shots.take_further(record, step, stop)
             case GoHome():
                 shots.go_home(record, step, stop)
             case TakeDark():

@@ -27,6 +27,7 @@ MIGRATIONS = (
     "schema_005.sql",
     "schema_006.sql",
     "schema_007.sql",
+    "schema_008.sql",
 )
 
 

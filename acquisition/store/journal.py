@@ -278,6 +278,7 @@ class Journal(OutboxTable):
                     for shot in shots
                     if shot.key.pass_number == number and shot.kind == "light" and shot.light_number is not None
                 },
+                further=_further(shots, number),
                 darks={
                     shot.exposure_s: shot for shot in shots if shot.key.pass_number == number and shot.kind == "dark"
                 },
@@ -365,6 +366,15 @@ class Journal(OutboxTable):
             "SELECT body FROM event WHERE session_id = ? AND type = ? ORDER BY id DESC LIMIT 1", session_id, type_
         )
         return None if row is None else json.loads(row["body"])
+
+
+def _further(shots: list[Shot], number: int) -> dict[int, tuple[Shot, ...]]:
+    """The further frames of each light of pass `number`."""
+    result: dict[int, tuple[Shot, ...]] = {}
+    for shot in shots:
+        if shot.key.pass_number == number and shot.kind == "bracket" and shot.light_number is not None:
+            result[shot.light_number] = (*result.get(shot.light_number, ()), shot)
+    return result
 
 
 def _repeated(shots: list[Shot]) -> frozenset[ShotKey]:

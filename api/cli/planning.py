@@ -29,7 +29,7 @@ from acquisition.models.route import Reach
 from acquisition.normals import distant, equivalent_session, near_light
 from acquisition.normals.equivalent_session import EquivalentSession
 from acquisition.normals.image_set import DistantLights, ImageSet, NearLights, check
-from acquisition.plan import candidate_lights, planner
+from acquisition.plan import candidate_lights, design_problem
 from acquisition.plan.candidate_lights import FreeDome, ListedLights
 from acquisition.runner.session_solve import solve_in_cell
 
@@ -317,7 +317,7 @@ def _outcome(
         places = reach.numbers(chosen.lights)
         lights = [{frame.word: offer.own[place].tolist(), "number": offer.numbers[place]} for place in places]
         notes += offer.notes
-        if len(offer.numbers) > (most := planner.SETTINGS.max_candidates):
+        if len(offer.numbers) > (most := design_problem.SETTINGS.max_candidates):
             notes.append(f"{most} of {len(offer.numbers)} candidates, evenly over the list, were considered")
     return {
         "lights": lights,

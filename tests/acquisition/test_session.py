@@ -25,6 +25,7 @@ from acquisition.models.step import (
     SolveNormals,
     Step,
     TakeDark,
+    TakeFurther,
     TakeScan,
     TakeShot,
 )
@@ -243,6 +244,50 @@ def test_next_step_displaced_arm_replans_for_remaining_lights() -> None:
     assert isinstance(at_the_next, TakeShot)
     elsewhere = session.next_step(record(Recipe(), half), (0.5,) * 6, HOME)
     assert elsewhere == PlanRoute(0, (1, 2))
+
+
+def test_next_step_takes_further_frames_before_the_next_light() -> None:
+    first = shot(0).model_copy(update={"further_s": [0.4, 0.4]})
+    work = PassRecord(plan=plan(3), route=route([0, 1, 2]), shots={0: first})
+    one = session.next_step(record(Recipe(), work), joints(0), HOME)
+    key = ShotKey(pass_number=0, number=session.further_number(0, 0))
+    assert one == TakeFurther(key, first.key, 0, 0.4, route([0]).waypoints[0])
+    assert session.stage(record(Recipe()), one) is Stage.CAPTURE
+    taken = shot(session.further_number(0, 0), 0.4).model_copy(update={"kind": "bracket", "light_number": 0})
+    half = replace(work, further={0: (taken,)})
+    two = session.next_step(record(Recipe(), half), joints(0), HOME)
+    assert isinstance(two, TakeFurther)
+    assert (two.number, two.key.number) == (1, key.number + 1)
+    other = taken.model_copy(update={"key": two.key})
+    all_taken = session.next_step(record(Recipe(), replace(work, further={0: (taken, other)})), joints(0), HOME)
+    assert isinstance(all_taken, TakeShot)
+    assert all_taken.key.number == 1
+
+
+def test_next_step_lost_further_frame_is_taken_before_those_after_it() -> None:
+    first = shot(0).model_copy(update={"further_s": [0.2, 0.4]})
+    second = shot(session.further_number(0, 1), 0.4).model_copy(update={"kind": "bracket", "light_number": 0})
+    work = PassRecord(plan=plan(1), route=route([0]), shots={0: first}, further={0: (second,)})
+    step = session.next_step(record(Recipe(), work), joints(0), HOME)
+    assert isinstance(step, TakeFurther)
+    assert (step.number, step.exposure_s) == (0, 0.2)
+
+
+def test_next_step_arm_away_from_half_taken_light_returns_to_it() -> None:
+    first = shot(0).model_copy(update={"further_s": [0.4]})
+    work = PassRecord(plan=plan(2), route=route([0, 1]), shots={0: first})
+    assert session.next_step(record(Recipe(), work), (0.5,) * 6, HOME) == PlanRoute(0, (0, 1))
+
+
+def test_next_step_darks_are_of_all_exposure_times() -> None:
+    first = shot(0, shift_px=0.1).model_copy(update={"further_s": [0.4]})
+    taken = shot(session.further_number(0, 0), 0.4).model_copy(update={"kind": "bracket", "light_number": 0})
+    work = PassRecord(
+        plan=plan(1), shots={0: first}, further={0: (taken,)}, darks={0.05: shot(9, kind="dark")},
+    )  # fmt: skip
+    step = session.next_step(record(Recipe(), work), HOME, HOME)
+    assert isinstance(step, TakeDark)
+    assert step.exposure_s == 0.4
 
 
 def test_same_joints_full_turn_differs() -> None:

@@ -78,7 +78,7 @@ def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene, *, cau
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
         planned_noise.variance(
-            value, cosine, strength, distance, np.array([0.4, 0.8]), ball.calibration, light, cautious=cautious
+            value, cosine, strength, distance, np.full((2, 3), 1e-4), ball.calibration, light, cautious=cautious
         )
         for light in (bounced, np.zeros(3, np.float32))
     )
@@ -90,7 +90,7 @@ def test_solved_variance_indirect_light_adds_a_tenth(ball: scenes.Scene) -> None
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
         planned_noise.solved_variance(
-            value, strength, 0.45, np.array([0.4, 0.8]), ball.calibration, piloted(ball), light
+            value, strength, 0.45, np.full((2, 3), 1e-4), ball.calibration, piloted(ball), light
         )
         for light in (bounced, np.zeros(3, np.float32))
     )

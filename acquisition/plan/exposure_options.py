@@ -1,0 +1,86 @@
+"""Exposures that a light may get, within the limits of camera and recipe, and the time that they take."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.models.light_plan import FrameExposure
+from acquisition.models.recipe import Exposure
+from acquisition.models.shot import Observations
+from acquisition.models.tuned import tuned
+
+Exposures = Sequence[FrameExposure]
+"""The exposures of one light."""
+
+SHORTEST, LONGEST = -3, 6
+"""Octaves of the exposure times, relative to the automatic one, among which a light's are chosen."""
+
+FRAMES = (1, 2, 4)
+"""Numbers of equal frames among which the shorter exposure's is chosen."""
+
+RATIOS = (2, 3, 4, 5)
+"""Octaves by which the longer of two exposure times exceeds the shorter."""
+
+
+@dataclass(frozen=True)
+class CaptureTimeSettings:
+    """Tuned numbers of a capture's times."""
+
+    frame_s: float = tuned(0.1, "s")
+    """Time of a frame beside its exposure: readout, transfer, check, file and journal."""
+
+
+SETTINGS = CaptureTimeSettings()
+
+
+@dataclass(frozen=True)
+class CaptureTimes:
+    """Limits and times of a capture, s: the camera's shortest and longest exposure, the time between two lights without
+    their frames (path, settling, lamp), and that of a frame beside its exposure."""
+
+    shortest_s: float
+    longest_s: float
+    move_s: float
+    frame_s: float = SETTINGS.frame_s
+
+    def of_light(self, exposures: Exposures) -> float:
+        """Time of one light's frames, s."""
+        return sum(one.frames * (one.exposure_s + self.frame_s) for one in exposures)
+
+    def of_pass(self, lights: Sequence[Exposures]) -> float:
+        """Time of a pass's lights with their moves and the lamp-off frames of all their exposure times, s."""
+        times = {one.exposure_s for exposures in lights for one in exposures}
+        return sum(self.move_s + self.of_light(one) for one in lights) + sum(times) + len(times) * self.frame_s
+
+    def so_far(self, observations: Observations) -> float:
+        """Time of the images captured so far, s."""
+        frames = [
+            [FrameExposure(exposure_s=one.exposure_s) for one in observations.frames_of(shot)]
+            for shot in observations.shots
+        ]
+        return self.of_pass(frames) if frames else 0.0
+
+
+def options(automatic_s: float, wanted: Exposure, times: CaptureTimes) -> list[list[FrameExposure]]:
+    """All exposures that one light may get: equal frames of one time, or these and one longer frame, in octaves."""
+    base = np.floor(np.log2(automatic_s) + 1e-9)
+    found: list[list[FrameExposure]] = []
+    for octave in range(SHORTEST, LONGEST + 1):
+        seconds = round(float(2.0 ** (base + octave)), 6)
+        for frames in FRAMES:
+            found.append([FrameExposure(exposure_s=seconds, frames=frames)])
+            found += [
+                [*found[-1], FrameExposure(exposure_s=round(float(2.0 ** (base + octave + ratio)), 6))]
+                for ratio in RATIOS
+                if octave + ratio <= LONGEST and octave <= 0
+            ]
+    allowed = [one for one in found if _is_allowed(one, wanted, times)]
+    return allowed or [[FrameExposure(exposure_s=automatic_s)]]
+
+
+def _is_allowed(exposures: list[FrameExposure], wanted: Exposure, times: CaptureTimes) -> bool:
+    seconds = sum(one.frames * one.exposure_s for one in exposures)
+    within = all(times.shortest_s <= one.exposure_s <= times.longest_s for one in exposures)
+    few = sum(one.frames for one in exposures) <= wanted.max_frames_per_light
+    return within and few and seconds <= wanted.seconds_per_light

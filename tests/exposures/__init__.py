@@ -1,0 +1,1 @@
+"""Bench of planned exposures against automatic ones: `python -m tests.exposures`."""
