@@ -18,7 +18,7 @@ import tifffile
 
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session import FIRST_FURTHER_NUMBER, FIRST_REFERENCE_NUMBER, State
 from acquisition.store import Journal
 from api import Client, ProblemError
 from api.rest.schemas import EventResource, SessionResource
@@ -48,6 +48,7 @@ class Bench:
     control: ControlClient
     record: Path | None = None
     environment: Mapping[str, str] = field(default_factory=dict[str, str])
+    recipe: Recipe = RECIPE
     undisturbed: "Course | None" = None
     service: Service | None = None
     _services: ExitStack = field(default_factory=ExitStack)
@@ -81,7 +82,7 @@ class Bench:
 
     def start_from_home(self, client: Client) -> str:
         """Starts a session in a cell that is ready; returns its id."""
-        session_id = client.create(RECIPE).id
+        session_id = client.create(self.recipe).id
         for attempt in range(3):  # a machine that is too busy refuses for good reasons; a person tries again
             try:
                 client.start(session_id)
@@ -168,6 +169,7 @@ def bench(
     record: Path | None = None,
     environment: Mapping[str, str] = {},
     speed: float = SPEED,
+    recipe: Recipe = RECIPE,
 ) -> Generator[Bench, None, None]:
     """A cell and its undisturbed session; `record` receives the controller's ticks."""
     with (
@@ -177,7 +179,7 @@ def bench(
         ) as cell,
         ControlClient(address) as control,
     ):
-        made = Bench(cell, data or folder / "data", control, record, environment)
+        made = Bench(cell, data or folder / "data", control, record, environment, recipe)
         try:
             with made.serve() as client:
                 undisturbed(made, client)  # the first one starts processes and makes the reach
@@ -297,8 +299,12 @@ def assert_equal_to_the_undisturbed(made: Bench, session: SessionResource, kept:
     shots, wanted = frames(mine), frames(other)
     assert sorted(shots) == sorted(wanted)
     assert {key: shots[key] for key in kept if key in shots} == {key: kept[key] for key in kept if key in shots}
-    assert all(key in shots or key[1] >= 1000 for key in kept)  # repeated images have numbers of their own
-    on_disk = [path for path in mine.rglob("*.tiff") if path.parent.name == "shots" or path.name.startswith("dark_")]
+    references = range(FIRST_REFERENCE_NUMBER, FIRST_FURTHER_NUMBER)  # repeated images have numbers of their own
+    assert all(key in shots or key[1] in references for key in kept)
+    on_disk = [
+        path for path in mine.rglob("*.tiff")
+        if path.parent.name in ("shots", "brackets") or path.name.startswith("dark_")
+    ]  # fmt: skip
     assert len(on_disk) == len(wanted)
     for number in (0, 1):
         plans = [newest_plan(folder, number) for folder in (mine, other)]

@@ -1,7 +1,7 @@
 """SIGKILL of the service at a random moment of a session, restart, resume: no lost frame, no motion without a command.
 
-Shards by `LIGHTPOSE_CRASHES=start:stop`; the number of a case is its seed. The cases take the stages in turn, and a
-random moment of the stage.
+Shards by `LIGHTPOSE_CRASHES=start:stop`, those with several exposures of each light by `LIGHTPOSE_BRACKET_CRASHES`; the
+number of a case is its seed. The cases take the stages in turn, and a random moment of the stage.
 """
 
 import random
@@ -9,8 +9,10 @@ from collections.abc import Generator
 
 import pytest
 
+from acquisition.models.recipe import Exposure
 from acquisition.session import State
 from tests.crash.crashing import (
+    RECIPE,
     Bench,
     announced,
     assert_equal_to_the_undisturbed,
@@ -31,8 +33,26 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, Non
         yield running
 
 
+@pytest.fixture(scope="module")
+def bracketing(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, None]:
+    """A cell whose sessions take several exposures of each light."""
+    recipe = RECIPE.model_copy(update={"exposure": Exposure(plan="planned")})
+    with bench(tmp_path_factory.mktemp("bracketing"), "127.0.14.11", recipe=recipe) as running:
+        yield running
+
+
+@pytest.mark.parametrize("case", cases("LIGHTPOSE_BRACKET_CRASHES", 40))
+def test_killed_service_session_of_several_exposures_resumes_to_the_same_result(bracketing: Bench, case: int) -> None:
+    assert_resumes_to_the_same_result(bracketing, case)
+
+
 @pytest.mark.parametrize("case", cases("LIGHTPOSE_CRASHES", 200))
 def test_killed_service_session_resumes_to_the_same_result(made: Bench, case: int) -> None:
+    assert_resumes_to_the_same_result(made, case)
+
+
+def assert_resumes_to_the_same_result(made: Bench, case: int) -> None:
+    """Kills the service at a random moment of stage `case` (they repeat), restarts it, resumes, and compares."""
     chance = random.Random(case)  # noqa: S311 - a test's seed
     number = case % (len(made.stage_begins) - 1)
     with made.serve() as client:

@@ -74,7 +74,7 @@ def start(rig: Rig, session_id: str, within_s: float = 300.0) -> None:
             return
 
 
-def wait_for(rig: Rig, session_id: str, *states: State, within_s: float = 90.0) -> State:
+def wait_for(rig: Rig, session_id: str, *states: State, within_s: float = 240.0) -> State:
     deadline = time.monotonic() + within_s
     while (state := rig.store.journal.session(session_id).state) not in states:
         assert time.monotonic() < deadline, rig.store.journal.session(session_id)
