@@ -206,7 +206,8 @@ export const de: Record<keyof typeof en, string> = {
   "explain.exposure.plan":
     "Geplant: Belichtungszeiten und Zahl der Aufnahmen werden mit den Lichtern gewählt, die Aufnahmen eines Lichts verrechnet. Lohnt sich, wo manches dunkel und anderes hell ist.",
   "explain.exposure.max_frames_per_light": "Bei geplanten Belichtungszeiten: Aufnahmen aller Zeiten zusammen.",
-  "explain.exposure.seconds_per_light": "Bei geplanten Belichtungszeiten: Die Aufnahmen eines Lichts dauern zusammen nicht länger.",
+  "explain.exposure.seconds_per_light":
+    "Bei geplanten Belichtungszeiten: Die Aufnahmen eines Lichts dauern zusammen nicht länger.",
   "explain.exposure.target": "Die hellsten Pixel des Objekts erreichen diesen Anteil der Aussteuerung.",
   "explain.exposure.seconds": "Leer: für jedes Licht automatisch.",
   "explain.capture.while_moving":
