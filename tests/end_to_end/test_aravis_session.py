@@ -54,14 +54,17 @@ def test_aravis_session_equals_the_simulated_cameras(tmp_path: Path) -> None:
         simulated = mean_error_deg(cell, cell.cell_file, tmp_path / "simulated")
         text = cell.cell_file.read_text()
         errors = {}
-        with gige_process(cell.cell_file, "--trigger-output", str(OUTPUT)) as gige:
-            gige.say("lost 0.0005")
-            for name, section in {"software": GIGE, "hardware": GIGE + LINE}.items():
-                start = text.index("[camera]")
-                end = text.index("\n[", start)
-                file = cell.folder / f"{name}.toml"
-                file.write_text(text[:start] + section + text[end:])
+        for name, section in {"software": GIGE, "hardware": GIGE + LINE, "lossy": GIGE}.items():
+            start = text.index("[camera]")
+            end = text.index("\n[", start)
+            file = cell.folder / f"{name}.toml"
+            file.write_text(text[:start] + section + text[end:])
+            # Each session has a camera of its own: a scene that was seen before has other noise.
+            with gige_process(cell.cell_file, "--trigger-output", str(OUTPUT)) as gige:
+                if name == "lossy":
+                    gige.say("lost 0.002")
                 errors[name] = mean_error_deg(cell, file, tmp_path / name)
     print(simulated, errors)
     assert errors["software"] == pytest.approx(simulated, rel=0.01)
     assert errors["hardware"] == pytest.approx(simulated, rel=0.01)
+    assert errors["lossy"] == pytest.approx(simulated, rel=0.3)  # frames that are taken again have other noise
