@@ -22,8 +22,8 @@ SIZE = 16
 class Tethering:
     """Writes a file at each trigger, but for the faults that are ordered; its pixels tell what they are of."""
 
-    def __init__(self, folder: Path, *, numbered: bool = True) -> None:
-        self.folder, self.numbered = folder, numbered
+    def __init__(self, folder: Path, *, numbered: bool = True, late_s: float = 0.7) -> None:
+        self.folder, self.numbered, self.late_s = folder, numbered, late_s
         self.label = self.written = 0
         self.faults: deque[str] = deque()
         self.threads: list[threading.Thread] = []
@@ -43,7 +43,7 @@ class Tethering:
             case "slow":
                 self.later(0.15, path, label)
             case "late":
-                self.later(0.7, path, label)
+                self.later(self.late_s, path, label)
             case "surplus":
                 self.write(path, label)
                 self.later(0.5, self.next_path(), label)
@@ -164,7 +164,7 @@ def test_folder_config_without_release_is_refused() -> None:
 def test_folder_thousand_frames_with_faults_none_mislabelled(tmp_path: Path) -> None:
     """A surplus file comes before the next trigger: one that comes while the next image's own is lost is that image to
     every driver."""
-    program = Tethering(tmp_path)
+    program = Tethering(tmp_path, late_s=1.6)
     taking = camera(tmp_path, program, timeout_s=1.0, late_s=2.0)
     draw = np.random.default_rng(20)
     ordered: Counter[str] = Counter()
