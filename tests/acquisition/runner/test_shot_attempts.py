@@ -33,7 +33,7 @@ class Exposing(ShotCapture):
     def _announce_retake(self, record: SessionRecord, key: ShotKey, reason: str) -> None:
         pass
 
-    def _require_arm_at_light(self, exposed: take.Exposed, step: TakeShot) -> None:
+    def _require_arm_at_light(self, exposed: take.Exposed, light: ShotKey, waypoint: Waypoint) -> None:
         pass
 
     def take(self) -> check.Verdict:
