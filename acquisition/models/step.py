@@ -52,6 +52,11 @@ class TakeShot:
     key: ShotKey
     waypoint: Waypoint
 
+    @property
+    def light(self) -> ShotKey:
+        """The light of the image, whose first frame it is."""
+        return self.key
+
 
 @dataclass(frozen=True)
 class TakeScan:
@@ -67,7 +72,7 @@ class TakeScan:
 
 @dataclass(frozen=True)
 class TakeFurther:
-    """Take the further frame `number` of a light's image, from 0, with the arm where it stands: at the waypoint."""
+    """Take the further frame `number` of a light's image, from 0, with the arm at the light's waypoint."""
 
     key: ShotKey
     light: ShotKey

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acquisition import session
 from acquisition.capture import check, exposure
 from acquisition.devices import StopToken
 from acquisition.models.calibration_recipe import BoardRecipe, CheckRecipe
@@ -33,8 +32,7 @@ class BoardShots(ShotCapture):
         report.
         """
         recipe = _board_recipe(record)
-        if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
-            self._follow(record, step.waypoint, stop)
+        self._go_to(record, step.waypoint, stop)
         levels = [shot.quality.bright_level / shot.exposure_s for work in record.passes for shot in work.shots.values()]
         exposure_s = START_EXPOSURE_S
         if levels or recipe.exposure.seconds is not None:

@@ -7,7 +7,6 @@ row, or the first one of a pass, pause the session.
 
 import numpy as np
 
-from acquisition import session
 from acquisition.calibrate import lamp_targets
 from acquisition.capture import check, exposure
 from acquisition.devices import StopToken
@@ -50,8 +49,7 @@ class LampShots(BoardShots):
         report.
         """
         recipe, sphere = _lamp_recipe(record), _shows_sphere(record, step.key.pass_number)
-        if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
-            self._follow(record, step.waypoint, stop)
+        self._go_to(record, step.waypoint, stop)
 
         def judge(pixels: np.ndarray, exposure_s: float) -> check.Verdict:
             if sphere:

@@ -102,9 +102,8 @@ class PlanningService:
             raise _busy() from error
         frame_s = recipe.exposure.seconds or ASSUMED_EXPOSURE_S
         stop_s = cell.arm.settle_s + cell.lamp.rise_s + frame_s
-        further_s = ASSUMED_EXPOSURE_S + sum(exposure.further_times(frame_s, recipe.exposure, cell.camera))
-        if recipe.exposure.plan == "fixed":
-            further_s = 0.0
+        further = exposure.further_times(frame_s, recipe.exposure, cell.camera)
+        further_s = sum(ASSUMED_EXPOSURE_S + one for one in further)
         seconds = route.seconds + stop_s * (len(plan.lights) + 1) + further_s * len(plan.lights)
         return DryRun(plan, route, seconds, forecast)
 

@@ -6,7 +6,6 @@ interrupted. Before it frames are taken that only measure and are not kept.
 
 from dataclasses import replace
 
-from acquisition import session
 from acquisition.capture import check, exposure
 from acquisition.devices import StopToken
 from acquisition.models.calibration_recipe import FrameSetting, ResponseRecipe
@@ -29,13 +28,12 @@ class ResponseShots(ShotCapture):
         Raises Halted, RigError capture.frame_rejected for an image without light, arm.move_failed, and what devices
         report.
         """
-        if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
-            self._follow(record, step.waypoint, stop)
+        self._go_to(record, step.waypoint, stop)
         setting = _setting(record)
         exposure_s = self._exposure(record, step.key, setting, stop)
         # Frames of one exposure have noise of their own in a simulated cell too.
         exposed, attempt = self._expose(record, step.key, exposure_s, 0, stop, 1 + step.key.number)
-        self._require_arm_at_light(exposed, step.key, step.waypoint)
+        self._require_arm_at_light(exposed, step)
         verdict = check.lit_frame(
             exposed.frame.pixels, self.region, self._calibration.sensor, exposure_s, _recipe(record).exposure,
             self._rig.cell.camera,

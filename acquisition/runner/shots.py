@@ -82,10 +82,7 @@ class ShotCapture:
 
         Raises Halted, RigError capture.frame_rejected, scene.moved, arm.move_failed, and what devices report.
         """
-        if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
-            self._follow(record, step.waypoint, stop)
-
-        planned = _planned_times(record, step.key)
+        self._go_to(record, step.waypoint, stop)
 
         def judge(pixels: np.ndarray, exposure_s: float) -> check.Verdict:
             return self.judge_lit(record, step, pixels, exposure_s)
@@ -98,7 +95,7 @@ class ShotCapture:
                 f"Light {step.key.number} of pass {step.key.pass_number}: {verdict.quality.reason}",
                 light=step.key.number,
             )
-        further = planned[1:] or exposure.further_times(
+        further = _planned_times(record, step.key)[1:] or exposure.further_times(
             taken.exposure_s, record.recipe.exposure, self._rig.cell.camera
         )  # fmt: skip
         self._store_shot(
@@ -106,23 +103,25 @@ class ShotCapture:
         )
 
     def take_further(self, record: SessionRecord, step: TakeFurther, stop: StopToken) -> None:
-        """Takes a further frame of a light with the arm at its waypoint; it moves nowhere.
+        """Takes a further frame of a light at its waypoint, where the arm stands already unless it was moved away.
 
         Raises Halted, RigError capture.frame_rejected, arm.move_failed, and what devices report.
         """
-        attempt, before = 0, take.FRAMES_APART * (step.number + 1)
-        while True:
-            exposed, attempt = self._expose(record, step.key, step.exposure_s, attempt, stop, before)
-            self._require_arm_at_light(exposed, step.light, step.waypoint)
-            quality = check.further_frame(exposed.frame.pixels, self.region, self._calibration.sensor)
-            if quality.accepted:
-                break
-            if attempt == record.recipe.retakes:
-                where = f"Light {step.light.number} of pass {step.light.pass_number}, further frame {step.number}"
-                raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, f"{where}: {quality.reason}", light=step.light.number)
-            self._announce_retake(record, step.key, quality.reason)
-            attempt += 1
-        self._store_shot(record, step.key, exposed, step.exposure_s, attempt, quality, kind="bracket", of=step.light)
+        self._go_to(record, step.waypoint, stop)
+
+        def judge(pixels: np.ndarray, exposure_s: float) -> check.Verdict:
+            quality = check.further_frame(pixels, self.region, self._calibration.sensor)
+            return check.Verdict(quality, None if quality.accepted else exposure_s)
+
+        before = take.FRAMES_APART * (step.number + 1)
+        taken = self._expose_until_good(record, step, step.exposure_s, judge, stop, before)
+        quality = taken.verdict.quality
+        if not quality.accepted:
+            where = f"Light {step.light.number} of pass {step.light.pass_number}, further frame {step.number}"
+            raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, f"{where}: {quality.reason}", light=step.light.number)
+        self._store_shot(
+            record, step.key, taken.exposed, step.exposure_s, taken.attempt, quality, kind="bracket", of=step.light
+        )
 
     def judge_lit(self, record: SessionRecord, step: TakeShot, pixels: np.ndarray, exposure_s: float) -> check.Verdict:
         """Judges a lit frame (H, W) by itself, and then against the earlier ones and the predicted image."""
@@ -177,6 +176,11 @@ class ShotCapture:
 
     # ---------------------------------------------------------------------------------------------------------- pieces
 
+    def _go_to(self, record: SessionRecord, waypoint: Waypoint, stop: StopToken) -> None:
+        """Follows the path to a waypoint unless the arm stands there."""
+        if not session.same_joints(self._rig.arm.reading.joints, waypoint.joints):
+            self._follow(record, waypoint, stop)
+
     def _return_to(self, record: SessionRecord, first: Shot, here: tuple[float, ...], stop: StopToken) -> None:
         """Moves from `here` (rad) to where the arm stood for an image."""
         if first.joints is None:
@@ -212,15 +216,15 @@ class ShotCapture:
                 attempt, lost = attempt + 1, lost + 1
 
     def _expose_until_good(
-        self, record: SessionRecord, step: TakeShot, exposure_s: float,
-        judge: Callable[[np.ndarray, float], check.Verdict], stop: StopToken,
+        self, record: SessionRecord, step: TakeShot | TakeFurther, exposure_s: float,
+        judge: Callable[[np.ndarray, float], check.Verdict], stop: StopToken, attempts_before: int = 0,
     ) -> Attempt:  # fmt: skip
         """The frame of a step with the verdict on it, retaken at the exposure time that the verdict asks for as often
         as the recipe allows; `judge` takes pixels (H, W) and exposure time, s. Frames that were lost count apart."""
         attempt = rejected = 0
         while True:
-            exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop)
-            self._require_arm_at_light(exposed, step.key, step.waypoint)
+            exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop, attempts_before)
+            self._require_arm_at_light(exposed, step)
             verdict = judge(exposed.frame.pixels, exposure_s)
             if verdict.retake_s is None or rejected == record.recipe.retakes:
                 return Attempt(exposed, exposure_s, attempt, verdict)
@@ -263,11 +267,11 @@ class ShotCapture:
         body = {"pass": key.pass_number, "number": key.number, "reason": reason}
         self._store.journal.announce(record.session_id, "shot.retaken", body)
 
-    def _require_arm_at_light(self, exposed: Exposed, light: ShotKey, waypoint: Waypoint) -> None:
+    def _require_arm_at_light(self, exposed: Exposed, step: TakeShot | TakeFurther) -> None:
         """Raises RigError arm.move_failed unless the arm was at the waypoint: somebody else has moved it."""
-        if not session.same_joints(exposed.reading.joints, waypoint.joints):
+        if not session.same_joints(exposed.reading.joints, step.waypoint.joints):
             raise RigError(
-                ErrorCode.ARM_MOVE_FAILED, f"The arm was not at light {light.number} while its frame was exposed"
+                ErrorCode.ARM_MOVE_FAILED, f"The arm was not at light {step.light.number} while its frame was exposed"
             )
 
     def _first_exposure(self, record: SessionRecord, step: TakeShot) -> float:

@@ -109,6 +109,22 @@ def test_pause_in_mid_bracket_resumes_without_double_or_lost_frames(rig: Rig) ->
     assert [shot.frame.sha256 for shot in shots][: len(before)] == before
 
 
+def test_arm_moved_away_in_mid_bracket_returns_to_the_light(rig: Rig) -> None:
+    session_id = in_mid_bracket(rig)
+    rig.control.fault("protective_stop")
+    wait_for(rig, session_id, State.INTERRUPTED)
+    acknowledge(rig)
+    joints = list(rig.control.state()["joints"])
+    rig.control.fault("hand_move", joints=[joints[0] + 0.3, *joints[1:]], seconds=0)
+    deadline = time.monotonic() + 60
+    while rig.runner.status().reading.joints[0] < joints[0] + 0.299:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    rig.runner.act(session_id, Trigger.RESUME, "a", from_here=True)
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+    assert_each_light_is_complete(rig.store.journal.shots(session_id))
+
+
 def test_protective_stop_in_mid_bracket_resumes_to_complete_lights(rig: Rig) -> None:
     session_id = in_mid_bracket(rig)
     rig.control.fault("protective_stop")
