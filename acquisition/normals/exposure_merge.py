@@ -78,16 +78,8 @@ def merge(
         frame = read(shot)
         values = photometry.normalised(frame, darks[shot.exposure_s], shot.exposure_s, calibration)
         return Merged(values, photometry.saturated(frame, calibration.sensor), None)
-    means: list[Float32Array] = []
-    counts: list[BoolArray] = []
-    clipped: BoolArray | None = None
-    for group in frame_groups:
-        value, usable, saturated = _mean(group, read, darks[group[0].exposure_s], calibration)
-        means.append(value)
-        counts.append(usable)
-        clipped = saturated if clipped is None else clipped  # of the shortest time: longer ones are saturated then
-    values, usable = np.stack(means), np.stack(counts)
-    everything = np.ones(len(means), np.float32)
+    means = [_mean(group, read, darks[group[0].exposure_s], calibration) for group in frame_groups]
+    values, usable, saturated = (np.stack(parts) for parts in zip(*means, strict=True))
     time = np.array([sum(shot.exposure_s for shot in group) for group in frame_groups], np.float32)
     nowhere = ~np.any(usable, axis=0)
     usable[0] |= nowhere  # its value is kept for whoever looks at it
@@ -97,9 +89,10 @@ def merge(
     weight = usable.astype(np.float32) / (shot[:, None, None] * rough + floor[:, None, None])
     merged = _weighted(values, weight)
     present = np.maximum(merged, 0)
-    variance = 1 / np.tensordot(everything, weight, axes=1)
+    variance = 1 / np.sum(weight, axis=0)
     extra = variance - (np.float32(noise.all_shot) * present + np.float32(noise.all_floor))
-    return Merged(merged, nowhere & (clipped if clipped is not None else nowhere), np.maximum(extra, 0))
+    # Where it saturates at the shortest time, longer ones do too.
+    return Merged(merged, nowhere & saturated[0], np.maximum(extra, 0))
 
 
 def _mean(

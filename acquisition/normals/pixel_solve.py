@@ -20,7 +20,7 @@ from acquisition.mosaic import Sites
 from acquisition.normals import pixel_solve_kernels, robust_solve, term_solve
 from acquisition.normals.estimate import Estimate
 from acquisition.normals.image_terms import ImageTerms, TermValues
-from acquisition.normals.robust_solve import PixelProblem
+from acquisition.normals.robust_solve import Classified, PixelProblem
 from acquisition.normals.term_solve import TermProblem
 
 
@@ -163,9 +163,7 @@ class Lighting:
         return cls(photometry.light_vectors(point, scene.lamps, scene.calibration), point, ray_direction, view)
 
 
-def classify_measurements(
-    pixels: Pixels, values: Float32Array, light: Float32Array, threshold: float
-) -> tuple[BoolArray, Float32Array, Float32Array]:
+def classify_measurements(pixels: Pixels, values: Float32Array, light: Float32Array, threshold: float) -> Classified:
     """Shadow and saturation test by a threshold relative to each pixel's peak.
 
     From `values` y (F, N) and light vectors s (F, 3, N) it gives the usable measurements (F, N), the variance (F, N)
@@ -179,7 +177,7 @@ def classify_measurements(
         np.ascontiguousarray(values, np.float32), light, np.ascontiguousarray(pixels.clipped), peak, threshold,
         (row + 1) * width + column + 1, width, SETTINGS.penumbra_sigma, usable, variance,
     )  # fmt: skip
-    return usable, variance, peak
+    return Classified(usable, variance, peak)
 
 
 def _peak_ratio(values: Float32Array, light: Float32Array, clipped: BoolArray) -> Float32Array:
@@ -258,10 +256,13 @@ def _solve(
     measurements are classified."""
     lambertian = values if terms is None else values - terms.value
     values = values if terms is None else values - terms.constant
-    if scene.median_albedo is None:
-        typical = float(np.median(_peak_ratio(lambertian, lighting.light, pixels.clipped)))
-    else:
-        typical = scene.median_albedo
+
+    def classify(clipped: BoolArray) -> Classified:
+        without = replace(pixels, clipped=clipped)
+        return classify_measurements(without, lambertian, lighting.light, options.shadow_threshold)
+
+    classified = classify(pixels.clipped)
+    typical = float(np.median(classified.peak)) if scene.median_albedo is None else scene.median_albedo
     extra = pixels.extra if extra_variance is None else pixels.plus_extra(extra_variance)
     problem = PixelProblem(
         values=values, by_g=bent, light=lighting.light, point=lighting.point, ray_direction=lighting.ray_direction,
@@ -269,12 +270,7 @@ def _solve(
         lamps=scene.lamps, noise=scene.noise, least_albedo=max(0.2 * typical, 1e-6),
         cauchy_scale=options.cauchy_scale, offset_sigma_m=options.offset_sigma_m, iterations=options.iterations,
     )  # fmt: skip
-
-    def classify(clipped: BoolArray) -> robust_solve.Classified:
-        without = replace(pixels, clipped=clipped)
-        return classify_measurements(without, lambertian, lighting.light, options.shadow_threshold)
-
-    return robust_solve.solve(problem, pixels.clipped, classify)
+    return robust_solve.solve(problem, pixels.clipped, classified, classify)
 
 
 def clamp_to_visible(normals: Float32Array, ray_direction: Float32Array) -> Float32Array:

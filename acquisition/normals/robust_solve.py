@@ -11,6 +11,7 @@ error from 4.3° to 0.9°.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +22,13 @@ from acquisition.normals import pixel_solve_kernels
 from acquisition.normals.estimate import Estimate
 from acquisition.normals.image_terms import TermValues
 
-Classified = tuple[BoolArray, Float32Array, Float32Array]
-"""Usable measurements (F, N), variance (F, N) of those beside shadow, and peaks y/|s| (N,)."""
+
+class Classified(NamedTuple):
+    """Usable measurements (F, N), variance (F, N) of those beside shadow, and each pixel's largest y/|s| (N,)."""
+
+    usable: BoolArray
+    variance: Float32Array
+    peak: Float32Array
 
 
 @dataclass(frozen=True)
@@ -124,7 +130,9 @@ class PixelProblem:
         )
         return out
 
-    def robust_weights(self, g: Float32Array, offset_m: Float32Array, scale: float) -> tuple[FloatArray, Float32Array]:
+    def loss_and_weights(
+        self, g: Float32Array, offset_m: Float32Array, scale: float
+    ) -> tuple[FloatArray, Float32Array]:
         """Cauchy's loss c² ln(1 + r²/(c² v)) and weight 1/(v + r²/c²) of each measurement (F, N), for scale c; light
         that the solution does not have, since a surface turns away from the lamp, is none."""
         change = np.empty(self.light.shape, np.float32)
@@ -137,43 +145,52 @@ class PixelProblem:
         return scale**2 * np.log1p(squared / variance), (1 / (variance + squared)).astype(np.float32)
 
 
-def solve(problem: PixelProblem, clipped: BoolArray, classify: Callable[[BoolArray], Classified]) -> Estimate:
+def solve(
+    problem: PixelProblem, clipped: BoolArray, classified: Classified, classify: Callable[[BoolArray], Classified]
+) -> Estimate:
     """The solution of each pixel with the lower of Cauchy's loss, from one start or two.
 
-    `clipped` (F, N) are measurements that do not count, and `classify` tells which others are usable without some.
+    `clipped` (F, N) are measurements that do not count, `classified` the others, and `classify` tells which are usable
+    without some more.
     """
-    classified = classify(clipped)
-    first = problem.solve(classified)
-    scale = problem.cauchy_scale
+    first, scale = problem.solve(classified), problem.cauchy_scale
     if scale is None:
         return first
-    strength = np.sqrt(np.sum(problem.light * problem.light, axis=1))
-    brightest = np.argmax(np.where(first.usable, problem.values / strength, -np.inf), axis=0)
+    strength = np.maximum(np.sqrt(np.sum(problem.light * problem.light, axis=1)), np.float32(1e-9))
+    brightest = np.argmax(np.where(classified.usable, problem.values / strength, -np.inf), axis=0)
     without = clipped.copy()
     without[brightest, np.arange(len(brightest))] = True
-    usable, added, peak = classify(without)
-    others = np.count_nonzero(usable, axis=0)
-    lost_to_shadow = others >= np.count_nonzero(first.usable, axis=0)
+    others = classify(without)
+    count = np.count_nonzero(others.usable, axis=0)
+    lost_to_shadow = count >= np.count_nonzero(classified.usable, axis=0)
     doubtful = np.flatnonzero(
-        (others >= SETTINGS.min_lights - 1)
+        (count >= SETTINGS.min_lights - 1)
         & (lost_to_shadow | (first.residual > SETTINGS.second_start_from))
-        & (classified[2] > SETTINGS.peak_ratio * peak)
+        & (classified.peak > SETTINGS.peak_ratio * others.peak)
     )
-    if not len(doubtful):
-        return first
+    if len(doubtful):
+        _keep_better(first, problem, scale, others, brightest, doubtful)
+    return first
+
+
+def _keep_better(
+    first: Estimate, problem: PixelProblem, scale: float, others: Classified, brightest: np.ndarray,
+    doubtful: np.ndarray,
+) -> None:  # fmt: skip
+    """Solves the `doubtful` pixels (K,) without their `brightest` measurement (N,), and writes what has less loss over
+    `first`; `others` are the measurements usable then, `scale` is Cauchy's."""
     part, brightest, here = problem.at(doubtful), brightest[doubtful], np.arange(len(doubtful))
-    usable, added = np.ascontiguousarray(usable[:, doubtful]), np.ascontiguousarray(added[:, doubtful])
-    second = part.solve((usable, added, peak[doubtful]))
+    usable, variance = np.ascontiguousarray(others.usable[:, doubtful]), others.variance[:, doubtful]
+    second = part.solve(Classified(usable, np.ascontiguousarray(variance), others.peak[doubtful]))
     usable[brightest, here] = True
-    counted = usable | first.usable[:, doubtful]
-    loss, _ = part.robust_weights(first.g[:, doubtful], first.offset_m[doubtful], scale)
-    second_loss, weights = part.robust_weights(second.g, second.offset_m, scale)
+    loss, _ = part.loss_and_weights(first.g[:, doubtful], first.offset_m[doubtful], scale)
+    second_loss, weights = part.loss_and_weights(second.g, second.offset_m, scale)
     second.weights[brightest, here] = weights[brightest, here]
     others_predict = np.sum(part.by_g[brightest, :, here].T * second.g, axis=0)
     is_highlight = part.values[brightest, here] > SETTINGS.highlight_ratio * np.maximum(others_predict, 0)
-    better = np.flatnonzero(is_highlight & (np.sum((second_loss - loss) * counted, axis=0) < 0))
+    less = np.sum((second_loss - loss) * (usable | first.usable[:, doubtful]), axis=0) < 0
+    better = np.flatnonzero(is_highlight & less)
     chosen = doubtful[better]
     for name in ("g", "offset_m", "variance", "residual", "weights"):
         getattr(first, name)[..., chosen] = getattr(second, name)[..., better]
     first.usable[:, chosen] = usable[:, better]
-    return first
