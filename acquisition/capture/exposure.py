@@ -9,7 +9,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.camera_config import CameraConfig
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.recipe import Exposure
+from acquisition.models.recipe import UNPLANNED_FACTOR, Exposure
 
 STEP = 2.0 ** (1 / 3)
 """Ratio of successive exposure times of the series."""
@@ -17,9 +17,8 @@ STEP = 2.0 ** (1 / 3)
 ASSUMED_ALBEDO = 0.6
 """Albedo assumed for the brightest parts of an object before its first frame; later frames correct it."""
 
-UNPLANNED_FACTOR, MIN_FURTHER_FACTOR = 8.0, 2.0
-"""How many times as long the second frame of a light is of whose object nothing is known yet, as of a pilot's; and
-what of that limits have to leave for it to be taken."""
+MIN_FURTHER_FACTOR = 2.0
+"""What limits have to leave of `UNPLANNED_FACTOR` for a second frame to be taken."""
 
 MAX_PREDICTED_LEVEL = 0.9
 """Fraction of full scale: predicted levels are right within a few per cent, and must not saturate."""

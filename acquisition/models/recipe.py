@@ -10,6 +10,9 @@ Method = Literal["optimal", "two-rings", "ring", "drbohlav", "max-distance", "pa
 ExposurePlan = Literal["fixed", "planned"]
 """One automatic exposure of each light; or exposures as part of the plan, several of a light merged by their noise."""
 
+UNPLANNED_FACTOR = 8.0
+"""How many times as long the second exposure of a light is for which none is planned yet, as for a pilot's."""
+
 Objective = Literal["capped", "mean", "quantile", "coverage"]
 """Design criterion over the object's pixels, or over the region of interest: `capped` the mean of the angular variance,
 each pixel's capped so that a few that no light can reach do not dominate; `mean` the mean σ; `quantile` the 0.9

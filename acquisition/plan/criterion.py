@@ -21,7 +21,7 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import FrameExposure, Light
-from acquisition.models.recipe import Recipe
+from acquisition.models.recipe import UNPLANNED_FACTOR, Recipe
 from acquisition.models.result import LIT, NormalMap
 from acquisition.models.shot import Observations, Shot
 from acquisition.models.tuned import tuned
@@ -46,9 +46,6 @@ class CriterionSettings:
     """1 σ of the cast-shadow threshold, in slope of clearance; combined with the normal's own σ."""
     max_indirect_share: float = tuned(0.5, "share")
     """Upper bound of the share of interreflection in a pixel's images; larger estimates are clipped."""
-    assumed_factor: float = tuned(8.0, "ratio")
-    """Ratio of the second exposure time to the first that candidates are given while the exposures are not planned
-    yet."""
 
 
 SETTINGS = CriterionSettings()
@@ -203,7 +200,7 @@ def candidates(
 ) -> Candidates:  # fmt: skip
     """Whitened design rows and visibility probabilities of lights at the sample pixels, at each light's own exposures.
 
-    `exposures` None: the automatic one of each light, with planned exposures also one that is `ASSUMED_FACTOR` times
+    `exposures` None: the automatic one of each light, with planned exposures also one that is `UNPLANNED_FACTOR` times
     as long, until they are planned. `cautious`: with the noise by which lights are chosen, otherwise with the expected
     noise (`planned_noise`).
     """
@@ -212,7 +209,7 @@ def candidates(
     visibility_probability = _visibility(sample, shading, surface, lamp)
     if exposures is None:
         seconds = _automatic_seconds(shading, visibility_probability, calibration, recipe)
-        factors = (1.0,) if recipe.exposure.plan == "fixed" else (1.0, SETTINGS.assumed_factor)
+        factors = (1.0,) if recipe.exposure.plan == "fixed" else (1.0, UNPLANNED_FACTOR)
         exposures = [[FrameExposure(exposure_s=float(one * factor)) for factor in factors] for one in seconds]
     sensor, saturated = _sensor_variance(shading.value, exposures, calibration)
     visibility_probability = np.where(saturated, 0.0, visibility_probability)

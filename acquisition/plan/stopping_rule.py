@@ -68,8 +68,7 @@ def plan_to_target(
     """Sequential design towards the recipe's `target_sigma_deg`: the next lights, or an empty plan with a `conclusion`.
 
     `region` (H, W) is the part of the image whose mean σ counts, none: the full object; `times` as of `PlanOptions`.
-    Raises RigError
-    request.invalid when the recipe has no target, plan.infeasible as `choose` does.
+    Raises RigError request.invalid when the recipe has no target, plan.infeasible as `choose` does.
     """
     target = recipe.target_sigma_deg
     if target is None:
