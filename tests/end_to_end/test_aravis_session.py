@@ -28,8 +28,8 @@ height = {PIXELS}
 LINE = f'trigger = "hardware"\ntrigger_output = {OUTPUT}\n'
 
 
-def mean_error_deg(cell: Cell, cell_file: Path, data: Path) -> float:
-    """Mean error within 78° of a session with this cell file, in a cell that runs."""
+def run(cell: Cell, cell_file: Path, data: Path) -> tuple[float, int]:
+    """Mean error within 78° and number of faults of the camera, of a session with this cell file in a running cell."""
     service = wiring.build(settings.read(cell=cell_file, data=data))
     service.open()
     with ControlClient(cell.address) as control:
@@ -39,10 +39,11 @@ def mean_error_deg(cell: Cell, cell_file: Path, data: Path) -> float:
         assert simulated_rig.wait_for(rig, session_id, *ENDED, within_s=900.0) is State.COMPLETED
         shots = service.store.journal.shots(session_id)
         assert len({shot.camera.settings for shot in shots if shot.camera is not None}) == 1
+        faults = service.store.journal.events(0, 500, session_id, ("camera.fault",))
         folder = service.store.folder(session_id)
     service.close()
     truth, calibration = truth_file.load(cell.truth_file), cell_config.load_calibration(cell.calibration_file)
-    return grade.grade_folder(folder / "results" / "1", truth, calibration).mean_deg
+    return grade.grade_folder(folder / "results" / "1", truth, calibration).mean_deg, len(faults)
 
 
 @needs_aravis
@@ -51,9 +52,9 @@ def mean_error_deg(cell: Cell, cell_file: Path, data: Path) -> float:
 def test_aravis_session_equals_the_simulated_cameras(tmp_path: Path) -> None:
     options = CellOptions("127.0.49.61", "sphere", 1, "direct", 8.0, pixels=PIXELS, cell_file=simulated_rig.CELL_FILE)
     with Cell(options, tmp_path / "cell") as cell:
-        simulated = mean_error_deg(cell, cell.cell_file, tmp_path / "simulated")
+        simulated, _ = run(cell, cell.cell_file, tmp_path / "simulated")
         text = cell.cell_file.read_text()
-        errors = {}
+        errors, faults = {}, {}
         for name, section in {"software": GIGE, "hardware": GIGE + LINE, "lossy": GIGE}.items():
             start = text.index("[camera]")
             end = text.index("\n[", start)
@@ -63,8 +64,10 @@ def test_aravis_session_equals_the_simulated_cameras(tmp_path: Path) -> None:
             with gige_process(cell.cell_file, "--trigger-output", str(OUTPUT)) as gige:
                 if name == "lossy":
                     gige.say("lost 0.002")
-                errors[name] = mean_error_deg(cell, file, tmp_path / name)
-    print(simulated, errors)
+                errors[name], faults[name] = run(cell, file, tmp_path / name)
+    print(simulated, errors, faults)
     assert errors["software"] == pytest.approx(simulated, rel=0.01)
     assert errors["hardware"] == pytest.approx(simulated, rel=0.01)
+    assert faults["software"] == faults["hardware"] == 0
+    assert faults["lossy"] > 0
     assert errors["lossy"] == pytest.approx(simulated, rel=0.3)  # frames that are taken again have other noise

@@ -79,7 +79,7 @@ def table(lines: list[dict[str, Any]]) -> str:
             out.append(f"  {name}, planned over automatic: {np.exp(mean):.3f} ± {deviation / len(logs) ** 0.5:.3f}")
         for kind in ("planned", "fixed"):
             eight = [line["planned"] if kind == "planned" else _eight(line) for line in some]
-            means = {name: np.mean([one[name] for one in eight]) for name in CALIBRATION}
+            means = {name: np.nanmean([one[name] for one in eight]) for name in CALIBRATION}
             out.append("  " + kind + ": " + ", ".join(f"{name} {value:.3f}" for name, value in means.items()))
     return "\n".join(out)
 
