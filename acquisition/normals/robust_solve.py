@@ -5,8 +5,9 @@ is least squares that counts bright measurements most, which shadows and indirec
 highlight on a dark surface does: it is ten times as bright as the diffuse light and draws normal and albedo to itself,
 and what remains in the other images is then taken for shadow. So where residuals stay large, or images count that were
 in shadow beside the brightest, a pixel is solved a second time without its brightest measurement, and the solution of
-less loss is kept; the measurement then has the weight of its own residual. On dark polished patches that took the mean
-error from 4.3° to 0.9°.
+less loss is kept; the measurement then has the weight of its own residual. On 24 unseen shapes of GGX 0.1 that lowered
+the mean error to 0.76 ± 0.09 of what it was, on the same with their own reflectances to 0.96 ± 0.02 (`python -m
+tests.unseen run --families all --seeds 2:5 --lights 8 --patterns two-rings`, with `--reflectance ggx:0.1` and without).
 """
 
 from collections.abc import Callable
@@ -38,8 +39,9 @@ class RobustSettings:
     second_start_from: float = tuned(3.0, "σ")
     """Rms of a pixel's whitened residuals from which it is solved from a second start; a lower one costs time."""
     highlight_ratio: float = tuned(1.5, "ratio")
-    """Ratio of the brightest measurement to what the others predict from which the second solution may be kept. Without
-    it a matt object with steps has 6 % more error, at 2.5 glossy ones lose half of the gain."""
+    """Ratio of the brightest measurement to what the others predict from which the second solution may be kept. Set on
+    three matt and three glossy design scenes: without it one with steps has 6 % more error, at 2.5 the glossy ones lose
+    half of the gain."""
     peak_ratio: float = tuned(1.2, "ratio")
     """Ratio of the brightest y/|s| to the next from which it may be a highlight; a lower one costs time."""
     min_lights: int = tuned(5, "lights")
