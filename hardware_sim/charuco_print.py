@@ -1,8 +1,8 @@
 """ChArUco board as it is printed: which of its points are black, by its own layout, markers from OpenCV's dictionary.
 
 The layout is OpenCV's since 4.6: the upper left square is black, and the white squares carry the dictionary's markers
-row by row. It is written out here rather than drawn by OpenCV, so that a fault in how a calibration describes a board
-shows in what it finds.
+row by row; before 4.6 that square was white where the number of rows is even. It is written out here rather than drawn
+by OpenCV, so that a fault in how a calibration describes a board shows in what it finds.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ INK_SPREAD_M = 5e-5
 """1 σ of an edge: toner spreads, and paper scatters light sideways."""
 
 PAPER_ALBEDO, INK_ALBEDO = 0.85, 0.05
-"""Of matt paper and of laser toner."""
+"""Of matt office paper and of laser toner."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,8 @@ class CharucoPrint:
     """A print of `columns` × `rows` squares of `square_m`, markers `marker_share` of these; the frame is the board's: x
     along columns, y along rows, from its upper left corner.
 
-    `border_squares`: 0 for squares all over, n for a frame of n squares round a blank middle.
+    `border_squares`: 0 for squares all over, n for a frame of n squares round a blank middle. `legacy_pattern`: the
+    layout of OpenCV before 4.6.
     """
 
     columns: int
@@ -43,6 +44,8 @@ class CharucoPrint:
     marker_share: float = 0.75
     dictionary: str = "DICT_5X5_250"
     border_squares: int = 0
+    legacy_pattern: bool = False
+    paper_albedo: float = PAPER_ALBEDO
 
     @property
     def size_m(self) -> tuple[float, float]:
@@ -61,21 +64,21 @@ class CharucoPrint:
     @cached_property
     def _picture(self) -> Float32Array:
         """Albedo of the print and some paper round it, `TEXELS` to a square, edges as soft as toner on paper."""
-        picture = np.full(((self.rows + 2) * TEXELS, (self.columns + 2) * TEXELS), PAPER_ALBEDO, np.float32)
+        picture = np.full(((self.rows + 2) * TEXELS, (self.columns + 2) * TEXELS), self.paper_albedo, np.float32)
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
         bit = round(TEXELS * self.marker_share / MARKER_BITS)
         inset = (TEXELS - MARKER_BITS * bit) // 2
-        marker = 0
+        marker, first_white = 0, int(self.legacy_pattern and self.rows % 2 == 0)
         for row in range(self.rows):
             for column in range(self.columns):
                 square = picture[
                     (row + MARGIN_SQUARES) * TEXELS : (row + MARGIN_SQUARES + 1) * TEXELS,
                     (column + MARGIN_SQUARES) * TEXELS : (column + MARGIN_SQUARES + 1) * TEXELS,
                 ]
-                white = (row + column) % 2 == 1
+                white = (row + column + first_white) % 2 == 1
                 if white and not self._blank(row, column):
                     bits = cv2.aruco.generateImageMarker(dictionary, marker, MARKER_BITS)
-                    drawn = np.kron(np.where(bits == 0, INK_ALBEDO, PAPER_ALBEDO), np.ones((bit, bit)))
+                    drawn = np.kron(np.where(bits == 0, INK_ALBEDO, self.paper_albedo), np.ones((bit, bit)))
                     square[inset : inset + len(drawn), inset : inset + len(drawn)] = drawn
                 elif not self._blank(row, column):
                     square[:] = INK_ALBEDO

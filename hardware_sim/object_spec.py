@@ -15,7 +15,7 @@ import numpy as np
 
 from acquisition.models import cell_config
 from acquisition.models.base import Float32Array, FloatArray
-from acquisition.models.cell_config import KeepOut
+from acquisition.models.cell_config import CellConfig, KeepOut
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import families, mesh_file, objects, targets
 from hardware_sim.families import RandomObject
@@ -96,26 +96,27 @@ def as_spec(spec: ObjectSpec | str) -> ObjectSpec:
     return ObjectSpec(spec, "target" if targets.is_name(spec) else "built-in")
 
 
-def target(spec: ObjectSpec, seed: int) -> Target | None:
-    """The calibration target that is described; None for an object. Raises RigError request.invalid."""
+def target(spec: ObjectSpec, seed: int, cell: CellConfig) -> Target | None:
+    """The cell's calibration target that is described; None for an object. Raises RigError request.invalid."""
     if spec.source != "target":
         return None
     if spec.reflectance is not None:
         raise RigError(
             ErrorCode.REQUEST_INVALID, f"the target {spec.name!r} reflects as it does: leave --reflectance out"
         )
-    return targets.build(targets.parse(spec.name), seed)
+    return targets.build(targets.parse(spec.name), seed, targets.nominal_of(cell))
 
 
-def build(spec: ObjectSpec, seed: int, keep_out: KeepOut) -> SceneObject:
-    """Makes the object so that it fits the keep-out. A family's that is larger is scaled down; others are refused.
+def build(spec: ObjectSpec, seed: int, cell: CellConfig) -> SceneObject:
+    """Makes the object so that it fits the cell's keep-out: a family's is scaled down to it, others are refused.
 
     Of a target on the flange nothing stands on the table: its mesh is empty.
 
     Raises RigError request.invalid that names what cannot be made and what can, config.invalid with both sizes and what
     to do where the object stands out of the keep-out.
     """
-    made_target = target(spec, seed)
+    keep_out = cell.object.keep_out
+    made_target = target(spec, seed, cell)
     if made_target is not None:
         on_table = made_target.spec.mount == "table" and made_target.spec.kind != "empty"
         scene = made_target.posed(np.eye(4)) if on_table else targets.nothing()
@@ -143,9 +144,9 @@ def check(spec: ObjectSpec, seed: int, cell_file: Path) -> None:
 
     A built-in object's name alone is looked at, since all fit the simulated cell; `World` measures it in any other.
     """
-    keep_out = cell_config.load(cell_file).object.keep_out
+    cell = cell_config.load(cell_file)
     if spec.source != "built-in":
-        build(spec, seed, keep_out)
+        build(spec, seed, cell)
         return
     objects.check_name(spec.name)
     if spec.reflectance is not None:

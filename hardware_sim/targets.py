@@ -2,8 +2,9 @@
 
 A target is chosen where an object is, by its name: `charuco`, `mirror-sphere`, `matt-plane`, `grey-tile`, or `empty`
 for the table alone; `@flange` after it screws it to the arm's flange, `#N` is the N-th way in which an operator lays it
-down (0: flat; others tilted, on a wedge). What an operator knows of it is nominal: the print comes out larger or
-smaller, the board warps, the ball is not quite as large as is stamped on it, and where it lies nobody measured.
+down (0: flat; others tilted, on a wedge). It is the one that the cell file describes, and where that describes none,
+this module's. What an operator knows of it is nominal: the print comes out larger or smaller, the board warps, the ball
+is not quite as large as is stamped on it, and where it lies nobody measured.
 """
 
 import re
@@ -15,9 +16,10 @@ import numpy as np
 
 from acquisition import geometry
 from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import sheets
-from hardware_sim.charuco_print import PAPER_ALBEDO, CharucoPrint
+from hardware_sim.charuco_print import CharucoPrint
 from hardware_sim.objects import SceneObject
 from hardware_sim.sheets import Mesh
 
@@ -57,6 +59,36 @@ MARGIN_SQUARES, THICKNESS_M, ABOVE_TABLE_M, BACK_ALBEDO = 0.5, 0.002, 0.003, 0.0
 
 GRID = 24
 """Cells along a board's sides: its sag is within a micrometre of the facets."""
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """The targets as an operator knows them: prints, pose (4, 4) of the board on the flange, radius of the ball, m."""
+
+    board: CharucoPrint
+    flange_from_board: FloatArray
+    plane: CharucoPrint
+    sphere_radius_m: float
+
+
+def nominal_of(cell: CellConfig) -> Nominal:
+    """The targets that a cell file describes, each that it does not by this module's values."""
+    board, flange_from_board, plane, radius_m = BOARD, _back_of_lamp(), PLANE, SPHERE_RADIUS_M
+    if cell.board is not None:
+        known = cell.board
+        board = CharucoPrint(
+            known.columns, known.rows, known.square_m, known.marker_share, legacy_pattern=known.legacy_pattern
+        )
+        flange_from_board = np.asarray(known.flange_from_board.matrix)
+    if cell.lamp_targets is not None:
+        known = cell.lamp_targets
+        plane = CharucoPrint(
+            known.columns, known.rows, known.square_m, known.marker_share, border_squares=known.border_squares,
+            legacy_pattern=known.legacy_pattern, paper_albedo=known.albedo,
+        )  # fmt: skip
+        radius_m = known.sphere_radius_m
+    return Nominal(board, flange_from_board, plane, radius_m)
+
 
 _NAME = re.compile(r"(?P<kind>[a-z-]+)(@(?P<mount>[a-z]+))?(#(?P<placing>\d{1,6}))?")
 
@@ -115,14 +147,32 @@ def parse(name: str) -> TargetSpec:
     return TargetSpec(cast(Kind, kind), cast(Mount, mount), int(match["placing"] or 0))
 
 
-def build(spec: TargetSpec, seed: int) -> Target:
+def build(spec: TargetSpec, seed: int, nominal: Nominal) -> Target:
     """Makes a target: print and ball are those of the seed, whichever way they are laid down."""
     random = np.random.default_rng([41, seed, sorted(get_args(Kind)).index(spec.kind)])
-    surface, facts = _MAKERS[spec.kind](random)
-    pose = _on_flange(random, facts) if spec.mount == "flange" else _on_table(spec, seed, surface, facts)
+    surface, facts = _made(spec.kind, random, nominal)
+    if spec.mount == "flange":
+        pose = _on_flange(random, nominal.flange_from_board, np.array([*nominal.board.size_m, 0.0]) / 2, _middle(facts))
+    else:
+        pose = _on_table(spec, seed, surface, facts)
     mirror = SPHERE_REFLECTANCE if spec.kind == "mirror-sphere" else 0.0
     facts |= {"target": str(spec), f"{'flange' if spec.mount == 'flange' else 'object'}_from_target": pose.tolist()}
     return Target(spec, surface, pose, mirror, facts)
+
+
+def _made(kind: Kind, random: np.random.Generator, nominal: Nominal) -> tuple[SceneObject, dict[str, Any]]:
+    """Surface and facts of a target."""
+    match kind:
+        case "charuco":
+            return _board(nominal.board, kind, random)
+        case "matt-plane":
+            return _board(nominal.plane, kind, random)
+        case "mirror-sphere":
+            return _ball(nominal.sphere_radius_m, random)
+        case "grey-tile":
+            return _tile()
+        case "empty":
+            return nothing(), {}
 
 
 def nothing() -> SceneObject:
@@ -130,21 +180,20 @@ def nothing() -> SceneObject:
     return SceneObject("empty", Mesh(np.zeros((0, 3, 3)), np.zeros((0, 3, 3))), _even(0.0), 0.0, 30.0)
 
 
-def _board(made: CharucoPrint, name: str) -> Callable[[np.random.Generator], tuple[SceneObject, dict[str, Any]]]:
-    def make(random: np.random.Generator) -> tuple[SceneObject, dict[str, Any]]:
-        scale = 1 + SCALE_SIGMA * random.standard_normal()
-        warp, twist = WARP_SIGMA_M * random.standard_normal(2), TWIST_SIGMA_M * random.standard_normal()
-        mesh = _warped(made, scale, warp, twist)
+def _board(made: CharucoPrint, name: str, random: np.random.Generator) -> tuple[SceneObject, dict[str, Any]]:
+    scale = 1 + SCALE_SIGMA * random.standard_normal()
+    warp, twist = WARP_SIGMA_M * random.standard_normal(2), TWIST_SIGMA_M * random.standard_normal()
+    mesh = _warped(made, scale, warp, twist)
 
-        def texture(points: FloatArray | Float32Array) -> Float32Array:
-            front = made.albedo(points[:, :2] / scale)
-            return np.where(points[:, 2] > THICKNESS_M / 2 + np.abs(warp).sum(), np.float32(BACK_ALBEDO), front)
+    def texture(points: FloatArray | Float32Array) -> Float32Array:
+        front = made.albedo(points[:, :2] / scale)
+        return np.where(points[:, 2] > THICKNESS_M / 2 + np.abs(warp).sum(), np.float32(BACK_ALBEDO), front)
 
-        size = [scale * side for side in made.size_m]
-        facts = {"square_scale": scale, "warp_m": warp.tolist(), "twist_m": twist, "albedo": PAPER_ALBEDO, "size": size}
-        return SceneObject(name, mesh, texture, 0.0, 30.0), facts
-
-    return make
+    size = [scale * side for side in made.size_m]
+    facts = {
+        "square_scale": scale, "warp_m": warp.tolist(), "twist_m": twist, "albedo": made.paper_albedo, "size": size,
+    }  # fmt: skip
+    return SceneObject(name, mesh, texture, 0.0, 30.0), facts
 
 
 def _warped(made: CharucoPrint, scale: float, warp: FloatArray, twist: float) -> Mesh:
@@ -168,13 +217,13 @@ def _warped(made: CharucoPrint, scale: float, warp: FloatArray, twist: float) ->
     return sheets.joined([front, back])
 
 
-def _ball(random: np.random.Generator) -> tuple[SceneObject, dict[str, Any]]:
-    radius = SPHERE_RADIUS_M + RADIUS_SIGMA_M * random.standard_normal()
+def _ball(radius_m: float, random: np.random.Generator) -> tuple[SceneObject, dict[str, Any]]:
+    radius = radius_m + RADIUS_SIGMA_M * random.standard_normal()
     mesh = sheets.joined([sheets.sheet(radius * unit, unit) for unit in sheets.cube_directions(96)])
     return SceneObject("mirror-sphere", mesh, _even(SPHERE_REFLECTANCE), 0.0, 30.0), {"radius_m": radius}
 
 
-def _tile(_: np.random.Generator) -> tuple[SceneObject, dict[str, Any]]:
+def _tile() -> tuple[SceneObject, dict[str, Any]]:
     side = TILE_SIDE_M
     mesh = sheets.quad((0, 0, 0), (0, side, 0), (side, side, 0), (side, 0, 0))  # its front faces −z
     facts = {"albedo": TILE_ALBEDO, "size": [side, side]}
@@ -185,27 +234,27 @@ def _even(albedo: float) -> Callable[[FloatArray], FloatArray]:
     return lambda points: np.full(len(points), albedo)
 
 
-_MAKERS: dict[Kind, Callable[[np.random.Generator], tuple[SceneObject, dict[str, Any]]]] = {
-    "charuco": _board(BOARD, "charuco"),
-    "matt-plane": _board(PLANE, "matt-plane"),
-    "mirror-sphere": _ball,
-    "grey-tile": _tile,
-    "empty": lambda _: (nothing(), {}),
-}
-
-
 def _middle(facts: dict[str, Any]) -> FloatArray:
     """A target's middle in its own frame."""
     return np.array([*facts["size"], 0.0]) / 2 if "size" in facts else np.zeros(3)
 
 
-def _on_flange(random: np.random.Generator, facts: dict[str, Any]) -> FloatArray:
-    """Screwed to the back of the lamp, z into the target, x along the flange's y."""
+def _back_of_lamp() -> FloatArray:
+    """Nominal pose (4, 4) of the board in the flange's frame where the cell file describes none: on the back of the
+    lamp, z into the board, x along the flange's y."""
     across = geometry.pose((0.0, 0.0, 0.0), (0.0, 0.0, np.pi / 2))
-    turned = geometry.pose((0.0, 0.0, 0.0), (0.0, FLANGE_TURN_RAD, 0.0))
-    pose = turned @ across @ geometry.pose((0.0, 0.0, 0.0), MOUNT_SIGMA_RAD * random.standard_normal(3))
-    middle = np.array(FLANGE_PLACE_M) + MOUNT_SIGMA_M * random.standard_normal(3)
-    pose[:3, 3] = middle - pose[:3, :3] @ _middle(facts)
+    pose = geometry.pose((0.0, 0.0, 0.0), (0.0, FLANGE_TURN_RAD, 0.0)) @ across
+    pose[:3, 3] = np.array(FLANGE_PLACE_M) - pose[:3, :3] @ np.array([*BOARD.size_m, 0.0]) / 2
+    return pose
+
+
+def _on_flange(
+    random: np.random.Generator, nominal: FloatArray, nominal_middle: FloatArray, middle: FloatArray
+) -> FloatArray:
+    """Screwed where the board's nominal pose (4, 4) has its middle, as well as screws do that."""
+    pose = nominal @ geometry.pose((0.0, 0.0, 0.0), MOUNT_SIGMA_RAD * random.standard_normal(3))
+    place = geometry.transform(nominal, nominal_middle) + MOUNT_SIGMA_M * random.standard_normal(3)
+    pose[:3, 3] = place - pose[:3, :3] @ middle
     return pose
 
 

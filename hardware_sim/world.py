@@ -115,7 +115,7 @@ class World:
         self.cell = cell
         keep_out = cell.object.keep_out
         spec = object_spec.as_spec(spec)
-        self.scene = object_spec.build(spec, seed, keep_out)
+        self.scene = object_spec.build(spec, seed, cell)
         self._profile = PROFILES[profile]
         self._seed = seed
         self._true = true_cell.perturbed(calibration, seed) if perturbed else true_cell.nominal(calibration)
@@ -137,7 +137,7 @@ class World:
         self._cached_lamp_image = lru_cache(CACHED_IMAGES)(self._lamp_image_at)
         self._ambient: Float32Array | None = None
         self._indirect: IndirectLight | None = None
-        self.target = object_spec.target(spec, seed)
+        self.target = object_spec.target(spec, seed, cell)
         if len(self.scene.mesh.triangles):
             self._tracer = Tracer(self.scene.mesh)
         if self.target is not None:

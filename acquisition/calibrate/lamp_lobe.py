@@ -7,9 +7,9 @@ them together, and with them what is uncertain about the geometry (lamp, camera,
 image's own brightness, all within their priors; so the covariance has all of it in it. Only the side's term needs a
 few rounds.
 
-No LED is a cosᵘ, and how many knots a lobe needs differs from lamp to lamp: the spline that predicts images best that it
-was not fitted to has as much bias as noise, of which a covariance knows the noise alone. So the lobe has one step more
-knots than that one (undersmoothing: Hall, "Effect of Bias Estimation on Coverage Accuracy of Bootstrap Confidence
+No LED is a cosᵘ, and how many knots a lobe needs differs from lamp to lamp: the spline that predicts images best that
+it was not fitted to has as much bias as noise, of which a covariance knows the noise alone. So the lobe has one step
+more knots than that one (undersmoothing: Hall, "Effect of Bias Estimation on Coverage Accuracy of Bootstrap Confidence
 Intervals for a Probability Density", 1992), which makes the bias small beside the stated errors.
 """
 

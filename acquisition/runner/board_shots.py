@@ -34,7 +34,7 @@ class BoardShots(ShotCapture):
         recipe = _board_recipe(record)
         self._go_to(record, step.waypoint, stop)
         levels = [shot.quality.bright_level / shot.exposure_s for work in record.passes for shot in work.shots.values()]
-        exposure_s = START_EXPOSURE_S
+        exposure_s = exposure.in_range(START_EXPOSURE_S, self._rig.cell.camera)
         if levels or recipe.exposure.seconds is not None:
             exposure_s = exposure.for_level(levels[-1] if levels else 1.0, recipe.exposure, self._rig.cell.camera)
 

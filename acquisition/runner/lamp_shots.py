@@ -7,7 +7,7 @@ row, or the first one of a pass, pause the session.
 
 import numpy as np
 
-from acquisition.calibrate import lamp_targets
+from acquisition.calibrate import highlight, lamp_targets
 from acquisition.capture import check, exposure
 from acquisition.devices import StopToken
 from acquisition.models.calibration_recipe import CheckRecipe, LampRecipe
@@ -59,12 +59,14 @@ class LampShots(BoardShots):
         taken = self._expose_until_good(record, step, self._start_s(record, step, sphere), judge, stop)
         known = (sphere, self.cell_of(record), self._calibration, self._placed_before(record, step))
         why = self._compute.run(stop, "look_at_target", taken.exposed, taken.exposure_s, *known)
-        # Asked first: without lamp or target no exposure time serves, and that is what a person has to know.
-        self._require_seen(step.key, why, last_was_seen([record.passes[step.key.pass_number]]))
+        if why != highlight.CLIPPED:
+            # Asked first: without lamp or target no exposure time serves, and that is what a person has to know.
+            self._require_seen(step.key, why, last_was_seen([record.passes[step.key.pass_number]]))
         if not taken.verdict.usable:
+            detail = f"{taken.verdict.quality.reason}; {why}" if why else taken.verdict.quality.reason
             raise RigError(
                 ErrorCode.CAPTURE_FRAME_REJECTED,
-                f"Image {step.key.number} of pass {step.key.pass_number}: {taken.verdict.quality.reason}",
+                f"Image {step.key.number} of pass {step.key.pass_number}: {detail}",
                 light=step.key.number,
             )
         self._store_looked_at(record, step.key, taken, why)

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from acquisition.models import cell_config
-from acquisition.models.cell_config import KeepOut
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import families, nominal, object_spec, render
 from hardware_sim.object_spec import ObjectSpec, choose
@@ -20,8 +20,8 @@ CELL_FILE = nominal.default_cell_file()
 
 
 @pytest.fixture(scope="module")
-def keep_out() -> KeepOut:
-    return cell_config.load(CELL_FILE).object.keep_out
+def cell() -> CellConfig:
+    return cell_config.load(CELL_FILE)
 
 
 @pytest.fixture
@@ -85,29 +85,30 @@ def test_check_unknown_object_is_refused_by_name(spec: ObjectSpec, said: str) ->
 
 @pytest.mark.parametrize("extents", [(190.0, 40.0, 40.0), (40.0, 40.0, 150.0)])
 def test_build_mesh_too_large_tells_size_that_fits(
-    tmp_path: Path, keep_out: KeepOut, extents: tuple[float, float, float]
+    tmp_path: Path, cell: CellConfig, extents: tuple[float, float, float]
 ) -> None:
     path = tmp_path / "beam.stl"
     trimesh.creation.box(extents).export(path)
     with pytest.raises(RigError, match=r"beam\.stl.*radius 85\.0 mm, height 110\.0 mm.*--size-mm") as caught:
-        object_spec.build(ObjectSpec(str(path), "mesh"), 1, keep_out)
+        object_spec.build(ObjectSpec(str(path), "mesh"), 1, cell)
     assert caught.value.code == ErrorCode.CONFIG_INVALID
     fits = int(caught.value.detail.split("--size-mm ")[1].split()[0])
-    assert object_spec.build(ObjectSpec(str(path), "mesh", fits), 1, keep_out).radius_m <= keep_out.radius_m
+    assert object_spec.build(ObjectSpec(str(path), "mesh", fits), 1, cell).radius_m <= cell.object.keep_out.radius_m
     with pytest.raises(RigError):
-        object_spec.build(ObjectSpec(str(path), "mesh", fits + 1), 1, keep_out)
+        object_spec.build(ObjectSpec(str(path), "mesh", fits + 1), 1, cell)
 
 
-def test_build_family_is_that_of_its_seed(keep_out: KeepOut) -> None:
-    scene = object_spec.build(ObjectSpec("relief", "family"), 2, keep_out)
+def test_build_family_is_that_of_its_seed(cell: CellConfig) -> None:
+    scene = object_spec.build(ObjectSpec("relief", "family"), 2, cell)
     made = families.make("relief", 2)
     assert np.array_equal(scene.mesh.triangles, made.mesh.triangles)
     assert scene.reflectance == made.reflectance
     assert scene.gloss == 0
 
 
-def test_build_family_too_large_is_scaled_to_keep_out(keep_out: KeepOut) -> None:
-    low = keep_out.model_copy(update={"height_m": 0.03})
+def test_build_family_too_large_is_scaled_to_keep_out(cell: CellConfig) -> None:
+    keep_out = cell.object.keep_out.model_copy(update={"height_m": 0.03})
+    low = cell.model_copy(update={"object": cell.object.model_copy(update={"keep_out": keep_out})})
     scene = object_spec.build(ObjectSpec("blob", "family"), 3, low)
     assert scene.height_m == pytest.approx(0.03, rel=2e-4)
     assert scene.height_m <= 0.03
@@ -118,19 +119,19 @@ def test_build_family_too_large_is_scaled_to_keep_out(keep_out: KeepOut) -> None
 
 
 @pytest.mark.parametrize("text", ["lambert", "oren-nayar:0.35", "ggx:0.2", "metal:0.3"])
-def test_build_reflectance_replaces_gloss(keep_out: KeepOut, ball: Path, text: str) -> None:
+def test_build_reflectance_replaces_gloss(cell: CellConfig, ball: Path, text: str) -> None:
     for spec in (ObjectSpec("sphere-glossy"), ObjectSpec(str(ball), "mesh"), ObjectSpec("relief", "family")):
-        scene = object_spec.build(replace(spec, reflectance=text), 2, keep_out)
+        scene = object_spec.build(replace(spec, reflectance=text), 2, cell)
         assert scene.reflectance == Reflectance.parse(text)
         assert scene.gloss == 0
 
 
-def test_build_mesh_of_built_in_sphere_gives_its_image(tmp_path: Path, keep_out: KeepOut) -> None:
-    built_in = object_spec.build(ObjectSpec("sphere"), 1, keep_out)
+def test_build_mesh_of_built_in_sphere_gives_its_image(tmp_path: Path, cell: CellConfig) -> None:
+    built_in = object_spec.build(ObjectSpec("sphere"), 1, cell)
     corners = built_in.mesh.triangles.reshape(-1, 3)
     path = tmp_path / "sphere.stl"
     trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False).export(path)
-    from_file = replace(object_spec.build(ObjectSpec(str(path), "mesh"), 1, keep_out), texture=built_in.texture)
+    from_file = replace(object_spec.build(ObjectSpec(str(path), "mesh"), 1, cell), texture=built_in.texture)
     pixels = 96
     camera = Lens(
         pixels,

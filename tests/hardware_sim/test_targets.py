@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from acquisition import geometry, photometry
-from acquisition.calibrate import charuco, highlight, lamp_position
+from acquisition.calibrate import board_view, charuco, highlight, lamp_position
 from acquisition.calibrate.charuco import CharucoBoard
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import BoardConfig, LampTargetsConfig, Pose
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.waypoints import kinematics
 from hardware_sim import lamp_lobe, nominal, object_spec, targets, true_cell
@@ -38,7 +39,10 @@ def image(made: World, joints: Any = LIT, exposure_s: float = 0.03, lamp: float 
 
 
 def board_of(made: CharucoPrint) -> CharucoBoard:
-    return CharucoBoard(columns=made.columns, rows=made.rows, square_m=made.square_m, marker_share=made.marker_share)
+    return CharucoBoard(
+        columns=made.columns, rows=made.rows, square_m=made.square_m, marker_share=made.marker_share,
+        legacy_pattern=made.legacy_pattern,
+    )  # fmt: skip
 
 
 def true_corners_px(made: World, board: CharucoBoard, view: charuco.View, joints: Any) -> np.ndarray:
@@ -67,14 +71,18 @@ def joints_before_camera(made: World) -> np.ndarray:
     return solutions[np.isfinite(solutions).all(axis=1)][0]
 
 
-def test_charuco_print_agrees_with_opencv_board() -> None:
+@pytest.mark.parametrize(
+    "made",
+    [targets.BOARD, CharucoPrint(9, 6, 0.01, legacy_pattern=True), CharucoPrint(8, 7, 0.01, legacy_pattern=True)],
+)
+def test_charuco_print_agrees_with_opencv_board(made: CharucoPrint) -> None:
     side = 140
-    board = board_of(targets.BOARD)
+    board = board_of(made)
     drawn = board.opencv().generateImage((board.columns * side, board.rows * side))
     rows, columns = np.mgrid[0 : drawn.shape[0] : 7, 0 : drawn.shape[1] : 7]
     rows, columns = rows + 3, columns + 3  # middles of blocks that no edge crosses: a bit has 15 pixels
     points = np.stack([columns.ravel() + 0.5, rows.ravel() + 0.5], axis=-1) / side * board.square_m
-    dark = targets.BOARD.albedo(points) < PAPER_ALBEDO / 2
+    dark = made.albedo(points) < PAPER_ALBEDO / 2
     inside = cv2.erode((drawn == 0).astype(np.uint8), np.ones((5, 5))) == cv2.dilate(
         (drawn == 0).astype(np.uint8), np.ones((5, 5))
     )
@@ -182,10 +190,36 @@ def test_every_placing_fits_keep_out_and_differs() -> None:
     for kind in ("charuco", "matt-plane", "mirror-sphere", "grey-tile"):
         for placing in range(6):
             spec = object_spec.as_spec(str(TargetSpec(kind, "table", placing)))
-            scene = object_spec.build(spec, placing, CELL.object.keep_out)
+            scene = object_spec.build(spec, placing, CELL)
             assert scene.mesh.triangles[..., 2].min() > 0.002
             poses.add(scene.mesh.triangles[0].tobytes())
     assert len(poses) == 24
+
+
+def test_targets_are_those_of_the_cell_file() -> None:
+    on_flange = Pose(position_m=(-0.048, 0.036, 0.06), rotation_vector_rad=(np.pi, 0.0, 0.0))
+    board = BoardConfig(columns=8, rows=6, square_m=0.012, legacy_pattern=True, flange_from_board=on_flange)
+    plane = LampTargetsConfig(sphere_radius_m=0.02, columns=9, rows=8, square_m=0.01, border_squares=2, albedo=0.6)
+    other = CELL.model_copy(update={"board": board, "lamp_targets": plane})
+    nominal_of = targets.nominal_of(other)
+    flat = targets.build(targets.parse("matt-plane"), 3, nominal_of)
+    assert flat.facts["albedo"] == 0.6
+    assert flat.facts["size"] == pytest.approx([0.09, 0.08], rel=2e-3)
+    ball = targets.build(targets.parse("mirror-sphere"), 3, nominal_of)
+    assert ball.facts["radius_m"] == pytest.approx(0.02, abs=1e-4)
+    made = World(other, nominal.calibration(PIXELS), "charuco@flange", 3, "realistic")
+    assert made.target is not None
+    middle = geometry.pose((0.0, 0.0, 0.52), (0.3, 0.15, 0.0)) @ geometry.pose((-0.048, -0.036, 0.0), (0.0, 0.0, 0.0))
+    flange = np.array(CALIBRATION.base_from_camera) @ middle @ geometry.inverse(on_flange.matrix)
+    solutions = kinematics.inverse(kinematics.arm_model("ur5e"), flange[None])[0]
+    joints = solutions[np.isfinite(solutions).all(axis=1)][0]
+    view, why = board_view.seen(image(made, joints, 0.9, lamp=0.0).clip(0).astype(np.uint16), board)
+    assert view is not None, why
+    expected = board_view.expected(tuple(joints), other, CALIBRATION)
+    assert expected is not None
+    assert len(view.corners) == len(expected.corners_px) == expected.corners
+    off = np.array(expected.corners_px) - true_corners_px(made, charuco.of_cell(board), view, joints)
+    assert np.abs(off).max() < 12  # as far as screws and print let it
 
 
 def test_target_names_are_read_as_written_and_others_refused() -> None:
@@ -198,7 +232,7 @@ def test_target_names_are_read_as_written_and_others_refused() -> None:
         assert "mirror-sphere" in caught.value.detail
     assert object_spec.as_spec("vase").source == "built-in"
     with pytest.raises(RigError, match="reflectance"):
-        object_spec.target(object_spec.choose("charuco", None, None, None, "lambert"), 1)
+        object_spec.target(object_spec.choose("charuco", None, None, None, "lambert"), 1, CELL)
 
 
 def test_perturbed_cell_is_off_by_stated_amounts(tmp_path: Path) -> None:

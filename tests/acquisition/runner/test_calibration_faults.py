@@ -14,6 +14,7 @@ from acquisition.models.calibration_recipe import BoardRecipe, LampRecipe
 from acquisition.models.calibration_result import CalibrationSummary, HandEyeResult
 from acquisition.models.calibration_set import CELL_FILE, CalibrationSet
 from acquisition.models.errors import ErrorCode
+from acquisition.runner.board_shots import START_EXPOSURE_S
 from acquisition.runner.rig_choices import camera_name
 from acquisition.session import ENDED, State, Trigger
 from hardware_sim import nominal, placing
@@ -29,7 +30,7 @@ from tests.acquisition.runner.simulated_rig import (
 )
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
-ADDRESS = "127.0.6.37"
+ADDRESS, SLOW_CAMERA = "127.0.6.37", "127.0.6.44"
 BOARD, LAMP = BoardRecipe(kind="hand-eye", max_images=8), LampRecipe(kind="lamp", max_images=36)
 KNOWN = "20261101-000000-known"
 """The calibration in use: that of the cell file, with the covariance of a hand–eye calibration."""
@@ -185,3 +186,35 @@ def test_lamp_that_is_off_is_named_and_waited_for(rig: Rig) -> None:
     rig.control.fault("lamp", fraction=1.0)
     assert reason["code"] == ErrorCode.CALIBRATION_TARGET_NOT_SEEN
     images_after_resuming(rig, session_id, 2)
+
+
+@pytest.fixture
+def slow_cell(tmp_path: Path) -> Path:
+    """The cell with a camera whose shortest exposure time is twice the first view's, a thousand times a highlight's."""
+    text = nominal.default_cell_file().read_text(encoding="utf-8")
+    slow = f"[camera]\nmin_exposure_s = {2 * START_EXPOSURE_S}\n"
+    file = tmp_path / "slow.toml"
+    file.write_text(text.replace("[camera]\n", slow), encoding="utf-8")
+    return file
+
+
+def test_shortest_exposure_time_of_a_slow_camera(slow_cell: Path, tmp_path: Path) -> None:
+    """Views of the board begin with it; a highlight that clips at it is named, and is no moved or missing target."""
+    with simulated_rig(
+        tmp_path, SLOW_CAMERA, cell_file=slow_cell, profile="realistic", shown="empty", pixels=512
+    ) as rig:
+        placing.place(SLOW_CAMERA, 30100, "charuco@flange")
+        rig.runner.state_tool("board", "a")
+        session_id = new(rig, BOARD)
+        images_of_start(rig, session_id)
+        (shot, *_) = rig.store.journal.shots(session_id)
+        assert shot.quality.accepted
+        assert shot.exposure_s >= 2 * START_EXPOSURE_S
+        rig.runner.act(session_id, Trigger.STOP, "a")
+        wait_for(rig, session_id, *ENDED)
+        _keep_known(rig, tmp_path)
+        rig.runner.choices.choose_calibration(KNOWN, "a")
+        placing.place(SLOW_CAMERA, 30100, "mirror-sphere")
+        reason = reason_of(rig, paused(rig, LAMP))
+        assert reason["code"] == ErrorCode.CAPTURE_FRAME_REJECTED
+        assert "the highlight is clipped" in reason["detail"]
