@@ -6,6 +6,7 @@ Taken together they count the geometry twice, once by itself and once in the lob
 seldom than too often.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,7 +59,12 @@ def stated(known: Path | None, calibration: Calibration) -> StatedLamp:
     Raises RigError calibration.infeasible where it states nothing, or not of these values; store.corrupt.
     """
     lobe = _read(known, "lobe.json", LobeResult)
-    if lobe.lamp_intensity != calibration.lamp_intensity or lobe.lobe != calibration.lobe:
+    # A calibration of the response in between leaves the digital values: the intensity, a fraction of full scale,
+    # follows the black level.
+    full_scale_dn = calibration.sensor.full_scale_dn
+    stated_dn = lobe.lamp_intensity * (lobe.full_scale_dn or full_scale_dn)
+    same = math.isclose(stated_dn, calibration.lamp_intensity * full_scale_dn, rel_tol=1e-9)
+    if not same or lobe.lobe != calibration.lobe:
         raise _not_known("The lamp's values in use are not those of its calibration")
     return StatedLamp(_read(known, "hand_eye.json", HandEyeResult), _read(known, "lamp.json", LampResult), lobe)
 
@@ -134,7 +140,7 @@ def _linearised(
     pixels = np.concatenate([image.pixels for image in here])
     flat = photometry.flat_terms(pixels, known.calibration.width, known.calibration.height) @ np.array(lobe.flat_field)
     predicted = (
-        np.log(lobe.lamp_intensity * known.albedo) + seen.log_shading + np.log(side) + flat
+        np.log(known.calibration.lamp_intensity * known.albedo) + seen.log_shading + np.log(side) + flat
         + photometry.lobe_spline(knots, seen.angle)[:, 1:] @ logs
     )  # fmt: skip
     sources = lamp_lobe.derivatives(here, [placing], known, knots, np.r_[logs, tilt])

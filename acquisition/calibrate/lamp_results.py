@@ -41,14 +41,14 @@ def lamp_result(
 
 def lobe_result(
     found: LobeFit, images: Sequence[PlaneImage], fitted: Sequence[PlaneImage], hashes: Mapping[str, str],
-    verified_deg: float | None,
+    verified_deg: float | None, full_scale_dn: float,
 ) -> LobeResult:  # fmt: skip
     """Intensity and lobe; of `images` those `fitted` took part, `hashes` of all by name."""
     offsets = dict(zip((one.name for one in fitted), found.offsets.tolist(), strict=True))
     return LobeResult.model_validate(
         {
             "made_at": now(), "version": metadata.version("lightpose"), "lamp_intensity": found.lamp_intensity,
-            "lobe": found.lobe.model_dump(), "covariance": found.covariance.tolist(),
+            "full_scale_dn": full_scale_dn, "lobe": found.lobe.model_dump(), "covariance": found.covariance.tolist(),
             "intensity_sigma": float(np.sqrt(found.covariance[0, 0])), "flat_field": found.flat_field.tolist(),
             "flat_field_covariance": found.flat_covariance.tolist(), "image_sigma": found.image_sigma,
             "patch_sigma": found.patch_sigma,

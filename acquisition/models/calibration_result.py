@@ -217,6 +217,9 @@ class LobeResult(Value):
     made_at: str
     version: str = Field(description="Version of the software")
     lamp_intensity: float = Field(description="As in calibration.json")
+    full_scale_dn: float | None = Field(
+        default=None, description="Digital values of full scale, of which the intensity is a fraction"
+    )
     intensity_sigma: float = Field(description="1 σ of it, as a fraction, that of the plane's albedo included")
     lobe: LampLobe
     covariance: Rows = Field(description="Of ln intensity, ln of the factors but the first, and the tilt")

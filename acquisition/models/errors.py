@@ -286,7 +286,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.CALIBRATION_INFEASIBLE: Problem(
         422,
         "These images do not determine the calibration",
-        "Take more views of the board, tilted to different sides (see the detail); nothing was overwritten.",
+        "Do what the detail says, mostly more images, tilted to different sides; nothing was overwritten.",
     ),
     ErrorCode.CALIBRATION_TARGET_NOT_SEEN: Problem(
         503,

@@ -169,7 +169,10 @@ def estimate_lamp(
         if passes > 1:
             plane = lamp_session.read_plane(observations, cell, made, passes)
             lobe, made = lamp_session.fit_lobe(plane, cell, made, lamp, hand_eye)
-            found = lamp_results.lobe_result(lobe.fit, plane.images, lobe.fitted, hashes, lobe.verified_deg)
+            full_scale_dn = calibration.sensor.full_scale_dn
+            found = lamp_results.lobe_result(
+                lobe.fit, plane.images, lobe.fitted, hashes, lobe.verified_deg, full_scale_dn
+            )
             write_json(partial / "lobe.json", found)
             lamp_results.draw_lobe(lobe.fit, calibration, partial / "lobe.png")
             sigma = np.sqrt(np.diag(lobe.fit.covariance))

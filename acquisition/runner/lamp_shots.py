@@ -62,11 +62,11 @@ class LampShots(BoardShots):
         if why != highlight.CLIPPED:
             # Asked first: without lamp or target no exposure time serves, and that is what a person has to know.
             self._require_seen(step.key, why, last_was_seen([record.passes[step.key.pass_number]]))
-        if not taken.verdict.usable:
-            detail = f"{taken.verdict.quality.reason}; {why}" if why else taken.verdict.quality.reason
+        if why == highlight.CLIPPED or not taken.verdict.usable:
+            detail = why or taken.verdict.quality.reason
             raise RigError(
                 ErrorCode.CAPTURE_FRAME_REJECTED,
-                f"Image {step.key.number} of pass {step.key.pass_number}: {detail}",
+                f"Image {step.key.number} of pass {step.key.pass_number}, {1e3 * taken.exposure_s:.3g} ms: {detail}",
                 light=step.key.number,
             )
         self._store_looked_at(record, step.key, taken, why)

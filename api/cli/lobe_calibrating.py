@@ -87,7 +87,7 @@ def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: 
     unused = [one for one in images if last and one.placing == last]
     verified = lamp_lobe.normal_error_deg(unused, placings[last], after, found.flat_field) if unused else None
     hashes = {one.name: sha256_of(folder / one.name) for one in images}
-    result = lamp_results.lobe_result(found, images, fitted, hashes, verified)
+    result = lamp_results.lobe_result(found, images, fitted, hashes, verified, calibration.sensor.full_scale_dn)
     out.mkdir(parents=True, exist_ok=True)
     lamp_results.draw_lobe(found, calibration, out / "lobe.png")
     write_value(out / "calibration.json", after)

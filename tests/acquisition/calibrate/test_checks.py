@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -124,10 +125,11 @@ def test_check_against_calibrations_from_views_tells_sound_from_moved() -> None:
 @pytest.fixture(scope="module")
 def lamp() -> tuple[list[PlaneImage], Placing, Known, LobeResult]:
     """Eight images of the plane that no calibration has used, and the calibration from thirty others."""
-    _, images, placings, known = matt_plane.captured(3, 30 + VIEWS, 1)
+    _, images, placings, known = matt_plane.captured(5, 30 + VIEWS, 1)
     fit = lamp_lobe.fit(images[:30], placings, known)
     hashes = {image.name: "0" * 64 for image in images}
-    found = lamp_results.lobe_result(fit, images[:30], images[:30], hashes, None)
+    full_scale_dn = known.calibration.sensor.full_scale_dn
+    found = lamp_results.lobe_result(fit, images[:30], images[:30], hashes, None, full_scale_dn)
     given = replace(known, calibration=fit.calibrated(known.calibration), albedo_sigma=lamp_check.ALBEDO_STAYS)
     return images[30:], placings[0], given, found
 
@@ -147,6 +149,22 @@ def test_check_names_lamp_dimmed_by_3_per_cent(lamp: tuple[list[PlaneImage], Pla
     assert found.group.name == "intensity"
     assert np.expm1(found.change[0]) == pytest.approx(-0.03, abs=0.01)
     assert "dimmer" in lamp_check.sentence(found)
+
+
+def test_check_goes_with_a_response_calibrated_since(
+    lamp: tuple[list[PlaneImage], Placing, Known, LobeResult], tmp_path: Path
+) -> None:
+    """Another black level is another full scale, of which the same lamp is another fraction."""
+    _, _, known, found = lamp
+    (tmp_path / "lobe.json").write_text(found.model_dump_json(), encoding="utf-8")
+    before = known.calibration
+    sensor = before.sensor.model_copy(update={"black_level_dn": before.sensor.black_level_dn - 3})
+    intensity = before.lamp_intensity * before.sensor.full_scale_dn / sensor.full_scale_dn
+    since = before.model_copy(update={"sensor": sensor, "lamp_intensity": intensity})
+    with pytest.raises(RigError, match=r"has no hand_eye\.json"):
+        lamp_check.stated(tmp_path, since)
+    with pytest.raises(RigError, match="not those of its calibration"):
+        lamp_check.stated(tmp_path, since.model_copy(update={"lamp_intensity": before.lamp_intensity}))
 
 
 def test_check_state_warns_without_check_of_age_and_of_failure() -> None:

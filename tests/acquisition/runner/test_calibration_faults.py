@@ -216,5 +216,5 @@ def test_shortest_exposure_time_of_a_slow_camera(slow_cell: Path, tmp_path: Path
         rig.runner.choices.choose_calibration(KNOWN, "a")
         placing.place(SLOW_CAMERA, 30100, "mirror-sphere")
         reason = reason_of(rig, paused(rig, LAMP))
-        assert reason["code"] == ErrorCode.CAPTURE_FRAME_REJECTED
+        assert reason["code"] == ErrorCode.CAPTURE_FRAME_REJECTED, reason
         assert "the highlight is clipped" in reason["detail"]
