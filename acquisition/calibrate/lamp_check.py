@@ -17,9 +17,9 @@ from pydantic import ValidationError
 from scipy.linalg import block_diag
 
 from acquisition import photometry
-from acquisition.calibrate import change_test, lamp_lobe
+from acquisition.calibrate import change_test, plane_shading
 from acquisition.calibrate.change_test import ChangeTest, Group, GroupTest
-from acquisition.calibrate.lamp_lobe import Known, Placing, PlaneImage
+from acquisition.calibrate.plane_shading import Known, Placing, PlaneImage
 from acquisition.models.base import FloatArray, Value
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import HandEyeResult, LampResult, LobeResult
@@ -29,6 +29,9 @@ INTENSITY, LOBE, LAMP_PLACE = "intensity", "lobe", "lamp"
 
 LEAST_IMAGES = 4
 """Images of the plane from which on intensity and lobe are told apart."""
+
+ROUNDS = 3
+"""Rounds in which the model is linearised about the most likely geometry: a plane's sag counts to second order."""
 
 ALBEDO_STAYS = 1e-3
 """1 σ by which the plane's albedo may have changed, as a fraction: paper yellows by less in a year indoors."""
@@ -83,34 +86,39 @@ def check(
     `albedo_sigma` is that of the plane, a fraction, which the stated covariance of the intensity has in it. Raises
     RigError calibration.infeasible with too few images.
     """
-    seen = [image for image in images if len(image.values)]
+    seen = [within for image in images if len((within := _within_lobe(image, placing, known, lobe)).values)]
     if len(seen) < LEAST_IMAGES:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
             f"{len(seen)} images show the plane neither dark nor clipped, and {LEAST_IMAGES} are needed: is the lamp "
             "on, and the plane in the object's place, face up?",
         )
-    design, rest, number = _linearised(seen, placing, known, lobe)
-    count = design.shape[1]
-    information, gradient = np.zeros((count, count)), np.zeros(count)
-    noise = np.concatenate([image.noise for image in seen])
-    offsets: list[float] = []
-    for one in range(len(seen)):
-        rows = number == one
-        weight = np.linalg.inv(
-            np.diag(lobe.patch_sigma**2 + noise[rows] ** 2) + lobe.image_sigma**2 * np.ones((rows.sum(), rows.sum()))
-        )
-        information = information + design[rows].T @ weight @ design[rows]
-        gradient = gradient + design[rows].T @ weight @ rest[rows]
-        offsets.append(float(rest[rows].mean()))
     of_lobe = np.array(lobe.covariance)
     of_lobe[0, 0] = max(of_lobe[0, 0] - albedo_sigma**2, 0.0) + known.albedo_sigma**2
     covariance = block_diag(of_lobe, np.array(lobe.flat_field_covariance), *known.covariances([placing]))
-    knots = len(lobe.lobe.knots_rad) - 1
+    moving = slice(len(of_lobe) + len(lobe.flat_field), len(covariance))
+    lamp_place = slice(moving.start, moving.start + 3)
+    noise = np.concatenate([image.noise for image in seen])
+    off, rest, number = np.zeros(moving.stop - moving.start), np.zeros(0), np.zeros(0)
+    information, gradient = np.zeros_like(covariance), np.zeros(len(covariance))
+    for _ in range(ROUNDS):
+        design, rest, number = _linearised(seen, placing, known, lobe, off)
+        information, gradient = np.zeros_like(covariance), np.zeros(len(covariance))
+        for one in range(len(seen)):
+            rows = number == one
+            own_lamp = lobe.lamp_sigma_m * design[rows, lamp_place]
+            weight = np.linalg.inv(
+                np.diag(lobe.patch_sigma**2 + noise[rows] ** 2) + lobe.image_sigma**2 + own_lamp @ own_lamp.T
+            )
+            information += design[rows].T @ weight @ design[rows]
+            gradient += design[rows].T @ weight @ rest[rows]
+        most_likely = covariance @ np.linalg.solve(np.eye(len(covariance)) + information @ covariance, gradient)
+        off = np.asarray(most_likely[moving], np.float64)
+    offsets = [float(rest[number == one].mean()) for one in range(len(seen))]
     groups = (
         Group(INTENSITY, (0,)),
-        Group(LOBE, tuple(range(1, knots + 3))),
-        Group(LAMP_PLACE, tuple(range(knots + 8, knots + 11))),
+        Group(LOBE, tuple(range(1, len(of_lobe)))),
+        Group(LAMP_PLACE, tuple(range(lamp_place.start, lamp_place.stop))),
     )
     return LampCheck(change_test.find_changes(information, gradient, covariance, groups), tuple(offsets))
 
@@ -126,14 +134,15 @@ def sentence(test: GroupTest) -> str:
 
 
 def _linearised(
-    images: Sequence[PlaneImage], placing: Placing, known: Known, lobe: LobeResult
+    images: Sequence[PlaneImage], placing: Placing, known: Known, lobe: LobeResult, off: FloatArray
 ) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """Derivatives (N, P) of ln brightness by what may have changed, ln measured over predicted (N,), image (N,)."""
+    """Derivatives (N, P) of ln brightness by what may have changed, taken where the geometry (11 + 6,) is `off`; ln
+    measured over what is predicted by the values as stated (N,); number of the image (N,)."""
     here = [_in_first_placing(image) for image in images]
     knots, logs = lobe.lobe.knots_rad, np.log(np.array(lobe.lobe.factors))[1:]
     tilt = np.array(lobe.lobe.tilt)
-    seen = lamp_lobe.seen_patches(here, [placing], known, np.zeros(lamp_lobe.PLACED + 6))
-    design = lamp_lobe.columns(here, seen, knots, known)
+    seen = plane_shading.seen_patches(here, [placing], known, off)
+    design = plane_shading.columns(here, seen, knots, known)
     side = 1 + seen.side @ tilt
     tilted = slice(len(knots), len(knots) + 2)
     design[:, tilted] = seen.side / side[:, None]
@@ -143,10 +152,19 @@ def _linearised(
         np.log(known.calibration.lamp_intensity * known.albedo) + seen.log_shading + np.log(side) + flat
         + photometry.lobe_spline(knots, seen.angle)[:, 1:] @ logs
     )  # fmt: skip
-    sources = lamp_lobe.derivatives(here, [placing], known, knots, np.r_[logs, tilt])
-    rest = np.log(np.concatenate([image.values for image in here])) - predicted
+    sources = plane_shading.derivatives(here, [placing], known, knots, np.r_[logs, tilt], off)
+    rest = np.log(np.concatenate([image.values for image in here])) - predicted + sources @ off
     number = np.repeat(np.arange(len(here)), [len(image.values) for image in here])
     return np.hstack([design, sources]), rest, number
+
+
+def _within_lobe(image: PlaneImage, placing: Placing, known: Known, lobe: LobeResult) -> PlaneImage:
+    """The image with the patches alone that the lamp lights at angles for which the lobe is stated."""
+    if not len(image.values):
+        return image
+    still = np.zeros(plane_shading.PLACED + 6)
+    angle = plane_shading.seen_patches([_in_first_placing(image)], [placing], known, still).angle
+    return plane_shading.selected(image, angle <= lobe.lobe.knots_rad[-1])
 
 
 def _in_first_placing(image: PlaneImage) -> PlaneImage:

@@ -3,9 +3,10 @@
 The plane's ChArUco border gives its pose, the arm the lamp's, so that what each patch of the blank middle should shine
 with is known but for the lamp. In logarithms everything that is sought adds up: the intensity, a spline over the angle
 off the axis, the lamp's brighter side, the camera's sensitivity over the image. One weighted linear least squares finds
-them together, and with them what is uncertain about the geometry (lamp, camera, each placing of the plane) and each
-image's own brightness, all within their priors; so the covariance has all of it in it. Only the side's term needs a
-few rounds.
+them together, and with them what is uncertain about the geometry (lamp, camera, each placing of the plane), each
+image's own brightness and each image's own place of the lamp, all within their priors; so the covariance has all of it
+in it. Without the last the patches of an image would count as independent, which a lamp that is off by 0.3 mm, and so
+shades them all, makes them not. Only the side's term needs a few rounds.
 
 No LED is a cosᵘ, and how many knots a lobe needs differs from lamp to lamp: the spline that predicts images best that
 it was not fitted to has as much bias as noise, of which a covariance knows the noise alone. So the lobe has one step
@@ -14,12 +15,22 @@ Intervals for a Probability Density", 1992), which makes the bias small beside t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from acquisition import geometry, lamp_pose, photometry
+from acquisition.calibrate.plane_shading import (
+    PLACED,
+    Known,
+    Placing,
+    PlaneImage,
+    SeenPatches,
+    columns,
+    derivatives,
+    seen_patches,
+)
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration, FlatField, LampLobe
 from acquisition.models.errors import ErrorCode, RigError
@@ -34,8 +45,8 @@ KNOTS = (4, 5, 6, 8, 10, 12, 14, 17)
 FOLDS = 5
 """Parts of the images, each predicted by a fit to the others."""
 
-MIN_ANGLE_DEG, LEAST_AHEAD = 15.0, 0.2
-"""Angle off the axis that the images have to reach at least; cosine to the axis below which patches do not count."""
+MIN_ANGLE_DEG = 15.0
+"""Angle off the axis that the images have to reach at least."""
 
 FLAT_TERMS = 5
 """Of the flat field: u, v, u², u v, v², u and v from the image's centre in half diagonals."""
@@ -43,68 +54,18 @@ FLAT_TERMS = 5
 PRIOR_SIGMA = 0.3
 """Prior 1 σ of the logarithm of a knot's factor, of tilt and of flat-field terms: only for what no image shows."""
 
-IMAGE_SIGMA_START, PATCH_SIGMA_START = 0.005, 0.002
-"""1 σ of an image's brightness and of a patch's, as fractions, that their estimates start from."""
+IMAGE_SIGMA_START, PATCH_SIGMA_START, LAMP_SIGMA_START_M = 0.005, 0.002, 2e-4
+"""1 σ of an image's brightness and of a patch's, as fractions, and of the lamp's place in an image, m, along each axis:
+where their estimates start."""
 
-IMAGE_SIGMA_FLOOR, PATCH_SIGMA_FLOOR = 1e-4, 1e-4
+IMAGE_SIGMA_FLOOR, PATCH_SIGMA_FLOOR, LAMP_SIGMA_FLOOR_M = 1e-4, 1e-4, 1e-5
 """Least values of these."""
 
 MAX_PATCH_SIGMA = 0.03
 """1 σ of a patch about the fit, from which plane, poses or lamp are not what they are said to be."""
 
-SAG_SIGMA_M = 2e-4
-"""Prior 1 σ of the plane's sag in its middle along either side, m, that its border hardly shows from above."""
-
-PLACED = 11
-"""Unknowns of the geometry before those of the placings: lamp, camera, sag."""
-
-ROUNDS = 6
+ROUNDS = 12
 """Rounds of the fit: the tilt is not quite linear, and the variances follow from the residuals."""
-
-STEP = 1e-6
-"""Step of numeric derivatives by lengths, m, and angles, rad."""
-
-
-@dataclass(frozen=True)
-class Placing:
-    """One pose of the plane: `camera_from_board` (4, 4) and the covariance (6, 6) of a small motion of the board in its
-    own frame, m and rad."""
-
-    camera_from_board: FloatArray
-    covariance: FloatArray
-
-
-@dataclass(frozen=True)
-class PlaneImage:
-    """Patches of one image: `points` (N, 3) in the board's frame, m; `pixels` (N, 2), column and row; `values` (N,),
-    lamp-off frame subtracted, in fractions of full scale per second; `noise` (N,), 1 σ of these as a fraction."""
-
-    name: str
-    placing: int
-    base_from_tool: FloatArray
-    points: FloatArray
-    pixels: FloatArray
-    values: FloatArray
-    noise: FloatArray
-
-
-@dataclass(frozen=True)
-class Known:
-    """What the fit takes as given: `calibration` with camera, its pose, and the lamp's; the plane's albedo and its 1 σ
-    as a fraction; covariances of `tool_from_lamp`'s position (3, 3) and of `base_from_camera` (6, 6); width and height
-    of the board, m."""
-
-    calibration: Calibration
-    albedo: float
-    albedo_sigma: float
-    lamp_covariance: FloatArray
-    camera_covariance: FloatArray
-    size_m: tuple[float, float]
-
-    def covariances(self, placings: Sequence[Placing]) -> list[FloatArray]:
-        """Of all that is uncertain of the geometry: lamp, camera, sag, placings."""
-        sag = SAG_SIGMA_M**2 * np.eye(2)
-        return [self.lamp_covariance, self.camera_covariance, sag, *(placing.covariance for placing in placings)]
 
 
 @dataclass(frozen=True)
@@ -112,8 +73,9 @@ class LobeFit:
     """The lamp's intensity as in `Calibration`, its lobe and the flat field (5,).
 
     `covariance` (K + 2, K + 2) of ln intensity, the logarithms of the factors but the first, and the tilt; of the flat
-    field (5, 5). `image_sigma`, `patch_sigma`: 1 σ of an image's and of a patch's brightness, as fractions; `offsets`
-    (I,) of each image's, `held_out`: residual by number of knots.
+    field (5, 5). `image_sigma`, `patch_sigma`: 1 σ of an image's and of a patch's brightness, as fractions;
+    `lamp_sigma_m`: of the lamp's place in one image, along each axis; `offsets` (I,) of each image's brightness,
+    `held_out`: residual by number of knots.
     """
 
     lamp_intensity: float
@@ -123,6 +85,7 @@ class LobeFit:
     flat_covariance: FloatArray
     image_sigma: float
     patch_sigma: float
+    lamp_sigma_m: float
     offsets: FloatArray
     held_out: dict[int, float]
 
@@ -131,21 +94,12 @@ class LobeFit:
         return calibration.model_copy(
             update={
                 "lamp_intensity": self.lamp_intensity, "lobe": self.lobe, "intensity_sigma": self.image_sigma,
+                "lamp_position_sigma_m": max(calibration.lamp_position_sigma_m, self.lamp_sigma_m),
                 "flat_field": FlatField.model_validate(
                     {"terms": self.flat_field.tolist(), "covariance": self.flat_covariance.tolist()}
                 ),
             }
         )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class SeenPatches:
-    """Geometry of all patches: angle off the axis (N,), direction's x and y in the lamp's frame (N, 2), and ln of what
-    a lamp of intensity 1 and a cosᵘ lobe would give (N,)."""
-
-    angle: FloatArray
-    side: FloatArray
-    log_shading: FloatArray
 
 
 def fit(images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known) -> LobeFit:
@@ -215,62 +169,14 @@ def _knots(reach_rad: float, count: int) -> tuple[float, ...]:
     return tuple(np.linspace(0.0, reach_rad, count).tolist())
 
 
-def seen_patches(
-    images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, off: FloatArray
-) -> SeenPatches:
-    """Geometry with lamp (3,), camera (6,), sag (2,) and placings (6 each) moved by `off`, m and rad."""
-    calibration = known.calibration
-    tool_from_lamp = np.array(calibration.tool_from_lamp)
-    tool_from_lamp[:3, 3] += off[:3]
-    camera = np.array(calibration.base_from_camera) @ geometry.pose(off[3:6], off[6:9])
-    moved = [
-        camera @ placing.camera_from_board @ geometry.pose(part[:3], part[3:])
-        for placing, part in zip(placings, off[PLACED:].reshape(-1, 6), strict=True)
-    ]
-    angles, sides, shadings = list[FloatArray](), list[FloatArray](), list[FloatArray]()
-    for image in images:
-        board, lamp = moved[image.placing], image.base_from_tool @ tool_from_lamp
-        # The board's z points into it; sagged by z(u, v), it is farther from the lamp, and leans by the slope of that.
-        # Half a millimetre of depth dims by 0.2 %, which would be taken for the flat field's.
-        half = np.array(known.size_m) / 2
-        across = image.points[:, :2] / half - 1
-        depth = (1 - across**2 - _edge_mean(known.size_m)) @ off[9:11]
-        slope = -2 * off[9:11] * across / half
-        points = image.points + np.stack([0 * depth, 0 * depth, depth], axis=1)
-        away = geometry.transform(board, points) - lamp[:3, 3]
-        distance = np.linalg.norm(away, axis=1)
-        direction = geometry.rotate(geometry.inverse(lamp), away / distance[:, None])
-        ahead = np.maximum(direction[:, 2], 1e-3)
-        into = np.column_stack([-slope, np.ones(len(slope))]) @ board[:3, :3].T
-        facing = np.maximum(np.einsum("ni,ni->n", away, into) / distance, 1e-3)
-        angles.append(np.arctan2(np.hypot(direction[:, 0], direction[:, 1]), direction[:, 2]))
-        sides.append(direction[:, :2])
-        fall = 2 * np.log(calibration.reference_m / distance) + calibration.lobe_exponent * np.log(ahead)
-        shadings.append(np.log(facing) + fall)
-    return SeenPatches(np.concatenate(angles), np.concatenate(sides), np.concatenate(shadings))
-
-
-def _edge_mean(size_m: tuple[float, float]) -> FloatArray:
-    """Mean of 1 − u² and 1 − v² over the board's edge, by which its pose is known."""
-    width, height = size_m
-    return 2 / 3 * np.array([width, height]) / (width + height)
-
-
-def columns(images: Sequence[PlaneImage], seen: SeenPatches, knots: tuple[float, ...], known: Known) -> FloatArray:
-    """Design (N, 1 + K − 1 + 2 + 5): ln intensity, knots but the first, tilt to first order, flat field."""
-    pixels = np.concatenate([image.pixels for image in images])
-    flat = photometry.flat_terms(pixels, known.calibration.width, known.calibration.height)
-    spline = photometry.lobe_spline(knots, seen.angle)[:, 1:]
-    return np.hstack([np.ones((len(pixels), 1)), spline, seen.side, flat])
-
-
 def _held_out_residuals(
     images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, seen: SeenPatches, reach: float
 ) -> dict[int, float]:
     """Held-out residual, as a fraction, by number of knots, what is uncertain of the geometry fitted along."""
     number = np.repeat(np.arange(len(images)), [len(image.values) for image in images])
     target = np.log(np.concatenate([image.values for image in images])) - seen.log_shading
-    sources = derivatives(images, placings, known, _knots(reach, 2), np.zeros(3))
+    still = np.zeros(PLACED + 6 * len(placings))
+    sources = derivatives(images, placings, known, _knots(reach, 2), np.zeros(3), still)
     roots = [np.asarray(np.linalg.inv(np.linalg.cholesky(one)), np.float64) for one in known.covariances(placings)]
     found = dict[int, float]()
     for count in KNOTS[:-1]:
@@ -313,10 +219,8 @@ def _solve(
     number = np.repeat(np.arange(len(images)), [len(image.values) for image in images])
     values = np.log(np.concatenate([image.values for image in images]))
     noise = np.concatenate([image.noise for image in images])
-    still = np.zeros(PLACED + 6 * len(placings))
-    seen = seen_patches(images, placings, known, still)
-    design = columns(images, seen, knots, known)
-    sources = derivatives(images, placings, known, knots, np.zeros(count + 2))
+    off = np.zeros(PLACED + 6 * len(placings))
+    moving = slice(own, own + len(off))
     geometric = known.covariances(placings)
     prior = block_diag(
         np.zeros((1, 1)),
@@ -324,29 +228,35 @@ def _solve(
         *(np.asarray(np.linalg.inv(one), np.float64) for one in geometric),
     )
     images_of = np.eye(len(images))[number]
-    image_sigma, patch_sigma = IMAGE_SIGMA_START, PATCH_SIGMA_START
-    theta = np.zeros(own + len(still) + len(images))
+    image_sigma, patch_sigma, lamp_sigma_m = IMAGE_SIGMA_START, PATCH_SIGMA_START, LAMP_SIGMA_START_M
+    brightness = slice(moving.stop, moving.stop + len(images))
+    lamp_of_image = slice(brightness.stop, brightness.stop + 3 * len(images))
+    theta = np.zeros(lamp_of_image.stop)
     covariance = np.zeros((len(theta), len(theta)))
     for _ in range(ROUNDS):
-        tilt = theta[tilt_at]
+        # Anew where the geometry is by now: the slope of a plane that sags by 0.2 mm counts to second order too.
+        tilt, off = theta[tilt_at], theta[moving]
+        seen = seen_patches(images, placings, known, off)
+        design = columns(images, seen, knots, known)
+        sources = derivatives(images, placings, known, knots, np.r_[theta[1 : 1 + count], tilt], off)
         side = 1 + seen.side @ tilt
-        whole = np.hstack([design, sources, images_of])
+        own_lamp = (images_of[:, :, None] * sources[:, None, :3]).reshape(len(values), -1)
+        whole = np.hstack([design, sources, images_of, own_lamp])
         whole[:, tilt_at] = seen.side / side[:, None]
-        target = values - seen.log_shading - np.log(side) + whole[:, tilt_at] @ tilt
+        target = values - seen.log_shading - np.log(side) + whole[:, tilt_at] @ tilt + sources @ off
         weight = 1 / (patch_sigma**2 + noise**2)
-        full_prior = block_diag(prior, np.eye(len(images)) / image_sigma**2)
+        full_prior = block_diag(prior, np.eye(len(images)) / image_sigma**2, np.eye(3 * len(images)) / lamp_sigma_m**2)
         covariance = np.asarray(np.linalg.inv(whole.T @ (weight[:, None] * whole) + full_prior), np.float64)
         theta = covariance @ (whole.T @ (weight * target))
         residual = target - whole @ theta
-        leverage = np.einsum("ij,jk,ik->i", whole, covariance, whole)
+        leverage = np.sum((whole @ covariance) * whole, axis=1)
         # Variances by expectation–maximisation: squares, and what the fit leaves unknown of them.
         squares = float(np.mean(weight * (residual**2 + leverage)))
         excess = squares * float(np.mean(1 / weight)) - float(np.mean(noise**2))
         patch_sigma = max(float(np.sqrt(max(excess, 0.0))), PATCH_SIGMA_FLOOR)
-        offsets = theta[own + len(still) :]
-        unsure = np.diag(covariance)[own + len(still) :]
-        image_sigma = max(float(np.sqrt(np.mean(offsets**2 + unsure))), IMAGE_SIGMA_FLOOR)
-        sources = derivatives(images, placings, known, knots, np.r_[theta[1 : 1 + count], theta[tilt_at]])
+        expected = theta**2 + np.diag(covariance)
+        image_sigma = max(float(np.sqrt(np.mean(expected[brightness]))), IMAGE_SIGMA_FLOOR)
+        lamp_sigma_m = max(float(np.sqrt(np.mean(expected[lamp_of_image]))), LAMP_SIGMA_FLOOR_M)
     if patch_sigma > MAX_PATCH_SIGMA:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
@@ -362,32 +272,5 @@ def _solve(
     )
     return LobeFit(
         float(np.exp(theta[0])) / known.albedo, lobe, theta[flat_at], of_stated, covariance[flat_at, flat_at],
-        image_sigma, patch_sigma, theta[own + len(still) :], held_out,
+        image_sigma, patch_sigma, lamp_sigma_m, theta[brightness], held_out,
     )  # fmt: skip
-
-
-def derivatives(
-    images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, knots: tuple[float, ...],
-    lobe: FloatArray,
-) -> FloatArray:  # fmt: skip
-    """Derivatives (N, 11 + 6 G) of ln brightness by what moves; `lobe` (K + 1,) are knots and tilt."""
-    count = PLACED + 6 * len(placings)
-
-    def predicted(off: FloatArray) -> FloatArray:
-        seen = seen_patches(images, placings, known, off)
-        spline = photometry.lobe_spline(knots, seen.angle)[:, 1:] @ lobe[:-2]
-        return seen.log_shading + spline + np.log(1 + seen.side @ lobe[-2:])
-
-    return np.stack([(predicted(step) - predicted(-step)) / (2 * STEP) for step in STEP * np.eye(count)], axis=1)
-
-
-def usable(image: PlaneImage, placing: Placing, calibration: Calibration) -> PlaneImage:
-    """The image with the patches alone that the lamp lights from ahead, not grazing."""
-    base_from_board = np.array(calibration.base_from_camera) @ placing.camera_from_board
-    lamp = image.base_from_tool @ np.array(calibration.tool_from_lamp)
-    away = geometry.transform(base_from_board, image.points) - lamp[:3, 3]
-    away /= np.linalg.norm(away, axis=1, keepdims=True)
-    good = (away @ lamp[:3, 2] > LEAST_AHEAD) & (away @ base_from_board[:3, 2] > LEAST_AHEAD) & (image.values > 0)
-    return replace(
-        image, points=image.points[good], pixels=image.pixels[good], values=image.values[good], noise=image.noise[good]
-    )

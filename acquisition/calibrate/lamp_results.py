@@ -11,8 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from acquisition.calibrate.board_results import now
-from acquisition.calibrate.lamp_lobe import LobeFit, PlaneImage
+from acquisition.calibrate.lamp_lobe import LobeFit
 from acquisition.calibrate.lamp_position import Highlight, LampFit
+from acquisition.calibrate.plane_shading import PlaneImage
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import HighlightResidual, LampResult, LobeResult, PlaneResidual
 
@@ -51,7 +52,7 @@ def lobe_result(
             "full_scale_dn": full_scale_dn, "lobe": found.lobe.model_dump(), "covariance": found.covariance.tolist(),
             "intensity_sigma": float(np.sqrt(found.covariance[0, 0])), "flat_field": found.flat_field.tolist(),
             "flat_field_covariance": found.flat_covariance.tolist(), "image_sigma": found.image_sigma,
-            "patch_sigma": found.patch_sigma,
+            "patch_sigma": found.patch_sigma, "lamp_sigma_m": found.lamp_sigma_m,
             "held_out": [[float(count), residual] for count, residual in found.held_out.items()],
             "verified_deg": verified_deg,
             "images": [

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.calibrate import charuco, highlight, lamp_lobe, lamp_position, lamp_targets, matt_plane
+from acquisition.calibrate import charuco, highlight, lamp_lobe, lamp_position, lamp_targets, matt_plane, plane_shading
 from acquisition.calibrate.board_results import now
 from acquisition.calibrate.charuco import View
-from acquisition.calibrate.lamp_lobe import Known, LobeFit, Placing, PlaneImage
+from acquisition.calibrate.lamp_lobe import LobeFit
 from acquisition.calibrate.lamp_position import Highlight, LampFit
+from acquisition.calibrate.plane_shading import Known, Placing, PlaneImage
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import HandEyeResult
@@ -115,7 +116,7 @@ def read_placing(
             shot.frame.path, _pixels(observations, shot), _pixels(observations, dark), shot.exposure_s,
             (number, placing), _tool(shot, cell, calibration), board, calibration,
         )  # fmt: skip
-        images.append(lamp_lobe.usable(patches, placing, calibration))
+        images.append(plane_shading.usable(patches, placing, calibration))
     return images, placing
 
 

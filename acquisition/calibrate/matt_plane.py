@@ -12,7 +12,7 @@ import numpy as np
 
 from acquisition import geometry, photometry
 from acquisition.calibrate.charuco import CharucoBoard, View
-from acquisition.calibrate.lamp_lobe import Placing, PlaneImage
+from acquisition.calibrate.plane_shading import Placing, PlaneImage
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError

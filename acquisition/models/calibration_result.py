@@ -229,6 +229,7 @@ class LobeResult(Value):
     flat_field_covariance: Rows
     image_sigma: float = Field(description="1 σ by which images differ in brightness, as a fraction")
     patch_sigma: float = Field(description="1 σ of a patch of the plane about the fit, as a fraction")
+    lamp_sigma_m: float = Field(default=0.0, description="1 σ of the lamp's place in one image, along each axis")
     held_out: Rows = Field(description="Numbers of knots tried, each with the residual of images not fitted to")
     verified_deg: float | None = Field(
         description="Mean error of normals by photometric stereo on a placing that took no part; none: there was none"

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from acquisition.calibrate import charuco, lamp_lobe, lamp_results, matt_plane
+from acquisition.calibrate import charuco, lamp_lobe, lamp_results, matt_plane, plane_shading
 from acquisition.calibrate.board_results import now
 from acquisition.calibrate.charuco import CharucoBoard, View
-from acquisition.calibrate.lamp_lobe import Known, Placing, PlaneImage
+from acquisition.calibrate.plane_shading import Known, Placing, PlaneImage
 from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models import cell_config
 from acquisition.models.base import FloatArray
@@ -76,7 +76,7 @@ def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: 
         seen = matt_plane.patches(
             shot.image, *frames[shot.image], shot.exposure_s, (number, placings[number]), tool, board, calibration
         )
-        images.append(lamp_lobe.usable(seen, placings[number], calibration))
+        images.append(plane_shading.usable(seen, placings[number], calibration))
     last = len(placings) - 1
     fitted = [one for one in images if len(one.values) and (last == 0 or one.placing < last)]
     known = Known(

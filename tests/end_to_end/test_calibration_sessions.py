@@ -17,7 +17,7 @@ from hardware_sim import placing
 from hardware_sim.cell import Cell, CellOptions
 from tests.end_to_end.processes import Service, client_of, serving
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(3600)]
 ADDRESS = "127.0.6.41"
 Captured = tuple[str, set[tuple[int, int]]]
 """A session and the images (pass, number) that it has announced."""

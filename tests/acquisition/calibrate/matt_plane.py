@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from acquisition import geometry
-from acquisition.calibrate import lamp_lobe
-from acquisition.calibrate.lamp_lobe import Known, Placing, PlaneImage
+from acquisition.calibrate import plane_shading
+from acquisition.calibrate.plane_shading import Known, Placing, PlaneImage
 from acquisition.models.base import FloatArray
 from hardware_sim import lamp_lobe as true_lobes
 from hardware_sim import nominal
@@ -19,13 +19,13 @@ ALBEDO, ALBEDO_SIGMA = 0.85, 0.002
 LAMP_COVARIANCE = np.diag([4e-4**2] * 3)
 CAMERA_COVARIANCE = np.diag([2e-4**2] * 3 + [3e-4**2] * 3)
 PLACING_COVARIANCE = np.diag([3e-5**2, 3e-5**2, 2e-4**2, 1e-3**2, 1e-3**2, 1e-4**2])
-IMAGE_SIGMA, PATCH_SIGMA = 0.005, 0.002
+IMAGE_SIGMA, PATCH_SIGMA, PIXEL_NOISE, LAMP_SIGMA_M = 0.005, 0.002, 1e-3, 3e-4
 WIDTH_M, HEIGHT_M = 0.072, 0.054
 
 
 @dataclass(frozen=True)
 class Truth:
-    """True lobe, intensity and flat field (5,), and the true geometry's deviations as `lamp_lobe` orders them."""
+    """True lobe, intensity and flat field (5,), and the true geometry's deviations as `plane_shading` orders them."""
 
     lobe: LampLobe
     intensity: float
@@ -39,10 +39,16 @@ class Truth:
 
 
 def captured(
-    seed: int, count: int = 30, placings: int = 2, tilt_deg: float = 35.0, sags: float = 1.0
+    seed: int,
+    count: int = 30,
+    placings: int = 2,
+    tilt_deg: float = 35.0,
+    sags: float = 1.0,
+    lamp_sigma_m: float = LAMP_SIGMA_M,
 ) -> tuple[Truth, list[PlaneImage], list[Placing], Known]:
     """`count` images of each placing of the plane, the lamp tilted by up to `tilt_deg` away from it; the first lies
-    flat, others on a wedge. It sags `sags` times as much as the seed says."""
+    flat, others on a wedge. It sags `sags` times as much as the seed says; `lamp_sigma_m`: of the lamp's place in each
+    image."""
     random = np.random.default_rng(seed)
     truth = Truth(
         true_lobes.led(random), CALIBRATION.lamp_intensity * (1 + 0.05 * random.standard_normal()),
@@ -64,10 +70,11 @@ def captured(
         stated.append(Placing(geometry.inverse(nominal_camera) @ board, PLACING_COVARIANCE))
         true_board = camera @ stated[-1].camera_from_board @ geometry.pose(off[:3], off[3:])
         for tool in tools(count, 100 * seed + number, tilt_deg=tilt_deg, slant_deg=60.0):
-            images.append(_image(truth, f"{len(images):03}.png", number, tool, (tool @ lamp, true_board), camera,
+            here = lamp @ geometry.pose(lamp_sigma_m * random.standard_normal(3), (0.0, 0.0, 0.0))
+            images.append(_image(truth, f"{len(images):03}.png", number, tool, (tool @ here, true_board), camera,
                                  albedo, random))  # fmt: skip
     known = Known(CALIBRATION, ALBEDO, ALBEDO_SIGMA, LAMP_COVARIANCE, CAMERA_COVARIANCE, (WIDTH_M, HEIGHT_M))
-    return truth, [lamp_lobe.usable(one, stated[one.placing], CALIBRATION) for one in images], stated, known
+    return truth, [plane_shading.usable(one, stated[one.placing], CALIBRATION) for one in images], stated, known
 
 
 def _image(
@@ -97,7 +104,7 @@ def _image(
     u, v = ((pixels - (np.array([CALIBRATION.width, CALIBRATION.height]) - 1) / 2) / half).T
     flat = np.exp(np.stack([u, v, u * u, u * v, v * v], axis=1) @ truth.flat_field)
     own = 1 + IMAGE_SIGMA * random.standard_normal()
-    noise = np.full(len(points), 1e-3)
+    noise = np.full(len(points), PIXEL_NOISE)
     grain = 1 + np.hypot(PATCH_SIGMA, noise) * random.standard_normal(len(points))
     values = truth.intensity * albedo * own * shading * flat * grain
     return PlaneImage(name, placing, tool, points, pixels, values, noise)

@@ -12,7 +12,7 @@ from acquisition.calibrate import board_check, change_test, hand_eye, intrinsics
 from acquisition.calibrate.board_check import BoardCheck
 from acquisition.calibrate.bundle_adjustment import JOINT_OFFSETS, Adjusted, Model, Parameters, information
 from acquisition.calibrate.lamp_check import LampCheck
-from acquisition.calibrate.lamp_lobe import Known, Placing, PlaneImage
+from acquisition.calibrate.plane_shading import Known, Placing, PlaneImage
 from acquisition.models import calibration_check
 from acquisition.models.calibration_check import CheckRecord
 from acquisition.models.calibration_result import LobeResult
