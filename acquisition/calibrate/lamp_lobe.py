@@ -177,26 +177,30 @@ def _held_out_residuals(
     target = np.log(np.concatenate([image.values for image in images])) - seen.log_shading
     still = np.zeros(PLACED + 6 * len(placings))
     sources = derivatives(images, placings, known, _knots(reach, 2), np.zeros(3), still)
+    own = np.hstack([np.ones((len(target), 1)), sources[:, :3]])
     roots = [np.asarray(np.linalg.inv(np.linalg.cholesky(one)), np.float64) for one in known.covariances(placings)]
     found = dict[int, float]()
     for count in KNOTS[:-1]:
         design = columns(images, seen, _knots(reach, count), known)[:, 1:]
         prior = block_diag(np.eye(design.shape[1]) / PRIOR_SIGMA, *roots)
         scale = PATCH_SIGMA_START
-        found[count] = scale * _held_out(np.hstack([design, sources]) / scale, target / scale, prior, number)
+        found[count] = scale * _held_out(np.hstack([design, sources]) / scale, target / scale, prior, number, own)
     return found
 
 
-def _held_out(columns: FloatArray, target: FloatArray, prior: FloatArray, number: np.ndarray) -> float:
+def _held_out(columns: FloatArray, target: FloatArray, prior: FloatArray, number: np.ndarray, own: FloatArray) -> float:
     """Root mean square residual of images that fits to the others predict.
 
-    Each image's mean is taken out of both: its own brightness is no fault of the lobe. `columns` (N, M) and `target`
-    (N,) in standard deviations, `prior` (M, M) a root of the parameters' inverse prior covariance.
+    Of each image its own unknowns, columns of `own` (N, 4), are projected out: its brightness and its place of the lamp
+    are no fault of the lobe. `columns` (N, M) and `target` (N,) in standard deviations, `prior` (M, M) a root of the
+    parameters' inverse prior covariance.
     """
-    count = np.bincount(number)
-    means = np.stack([np.bincount(number, column) / count for column in columns.T], axis=1)
-    inside = columns - means[number]
-    within = target - (np.bincount(number, target) / count)[number]
+    inside, within = columns.copy(), target.copy()
+    for image in range(number.max() + 1):
+        rows = number == image
+        base = np.linalg.qr(own[rows])[0]
+        inside[rows] -= base @ (base.T @ columns[rows])
+        within[rows] -= base @ (base.T @ target[rows])
     total = 0.0
     for fold in range(FOLDS):
         left = number % FOLDS == fold

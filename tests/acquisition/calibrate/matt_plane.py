@@ -19,7 +19,10 @@ ALBEDO, ALBEDO_SIGMA = 0.85, 0.002
 LAMP_COVARIANCE = np.diag([4e-4**2] * 3)
 CAMERA_COVARIANCE = np.diag([2e-4**2] * 3 + [3e-4**2] * 3)
 PLACING_COVARIANCE = np.diag([3e-5**2, 3e-5**2, 2e-4**2, 1e-3**2, 1e-3**2, 1e-4**2])
-IMAGE_SIGMA, PATCH_SIGMA, PIXEL_NOISE, LAMP_SIGMA_M = 0.005, 0.002, 1e-3, 3e-4
+IMAGE_SIGMA, LAMP_SIGMA_M = 0.005, 3e-4
+COARSE, FINE = (0.002, 1e-3), (2.5e-4, 2e-4)
+"""1 σ of a patch's brightness that nothing explains, and that the image's noise leaves, as fractions: of paper that is
+uneven, and of the simulated cell's."""
 WIDTH_M, HEIGHT_M = 0.072, 0.054
 
 
@@ -45,10 +48,11 @@ def captured(
     tilt_deg: float = 35.0,
     sags: float = 1.0,
     lamp_sigma_m: float = LAMP_SIGMA_M,
+    noise: tuple[float, float] = COARSE,
 ) -> tuple[Truth, list[PlaneImage], list[Placing], Known]:
     """`count` images of each placing of the plane, the lamp tilted by up to `tilt_deg` away from it; the first lies
     flat, others on a wedge. It sags `sags` times as much as the seed says; `lamp_sigma_m`: of the lamp's place in each
-    image."""
+    image; `noise`: `COARSE` or `FINE`."""
     random = np.random.default_rng(seed)
     truth = Truth(
         true_lobes.led(random), CALIBRATION.lamp_intensity * (1 + 0.05 * random.standard_normal()),
@@ -72,14 +76,14 @@ def captured(
         for tool in tools(count, 100 * seed + number, tilt_deg=tilt_deg, slant_deg=60.0):
             here = lamp @ geometry.pose(lamp_sigma_m * random.standard_normal(3), (0.0, 0.0, 0.0))
             images.append(_image(truth, f"{len(images):03}.png", number, tool, (tool @ here, true_board), camera,
-                                 albedo, random))  # fmt: skip
+                                 albedo, noise, random))  # fmt: skip
     known = Known(CALIBRATION, ALBEDO, ALBEDO_SIGMA, LAMP_COVARIANCE, CAMERA_COVARIANCE, (WIDTH_M, HEIGHT_M))
     return truth, [plane_shading.usable(one, stated[one.placing], CALIBRATION) for one in images], stated, known
 
 
 def _image(
     truth: Truth, name: str, placing: int, tool: FloatArray, poses: tuple[FloatArray, FloatArray], camera: FloatArray,
-    albedo: float, random: np.random.Generator,
+    albedo: float, noise: tuple[float, float], random: np.random.Generator,
 ) -> PlaneImage:  # fmt: skip
     lamp, board = poses
     x, y = np.meshgrid(np.linspace(0.004, WIDTH_M - 0.004, 10), np.linspace(0.004, HEIGHT_M - 0.004, 8))
@@ -104,7 +108,6 @@ def _image(
     u, v = ((pixels - (np.array([CALIBRATION.width, CALIBRATION.height]) - 1) / 2) / half).T
     flat = np.exp(np.stack([u, v, u * u, u * v, v * v], axis=1) @ truth.flat_field)
     own = 1 + IMAGE_SIGMA * random.standard_normal()
-    noise = np.full(len(points), PIXEL_NOISE)
-    grain = 1 + np.hypot(PATCH_SIGMA, noise) * random.standard_normal(len(points))
+    grain = 1 + np.hypot(*noise) * random.standard_normal(len(points))
     values = truth.intensity * albedo * own * shading * flat * grain
-    return PlaneImage(name, placing, tool, points, pixels, values, noise)
+    return PlaneImage(name, placing, tool, points, pixels, values, np.full(len(points), noise[1]))

@@ -122,16 +122,20 @@ def test_check_against_calibrations_from_views_tells_sound_from_moved() -> None:
     assert named >= 19
 
 
-@pytest.fixture(scope="module")
-def lamp() -> tuple[list[PlaneImage], Placing, Known, LobeResult]:
+def lamp_of(seed: int, noise: tuple[float, float]) -> tuple[list[PlaneImage], Placing, Known, LobeResult]:
     """Eight images of the plane that no calibration has used, and the calibration from thirty others."""
-    _, images, placings, known = matt_plane.captured(5, 30 + VIEWS, 1)
+    _, images, placings, known = matt_plane.captured(seed, 30 + VIEWS, 1, noise=noise)
     fit = lamp_lobe.fit(images[:30], placings, known)
     hashes = {image.name: "0" * 64 for image in images}
     full_scale_dn = known.calibration.sensor.full_scale_dn
     found = lamp_results.lobe_result(fit, images[:30], images[:30], hashes, None, full_scale_dn)
     given = replace(known, calibration=fit.calibrated(known.calibration), albedo_sigma=lamp_check.ALBEDO_STAYS)
     return images[30:], placings[0], given, found
+
+
+@pytest.fixture(scope="module")
+def lamp() -> tuple[list[PlaneImage], Placing, Known, LobeResult]:
+    return lamp_of(5, matt_plane.COARSE)
 
 
 def lamp_checked(lamp: tuple[list[PlaneImage], Placing, Known, LobeResult], factor: float) -> LampCheck:
@@ -149,6 +153,20 @@ def test_check_names_lamp_dimmed_by_3_per_cent(lamp: tuple[list[PlaneImage], Pla
     assert found.group.name == "intensity"
     assert np.expm1(found.change[0]) == pytest.approx(-0.03, abs=0.01)
     assert "dimmer" in lamp_check.sentence(found)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("noise", [matt_plane.COARSE, matt_plane.FINE], ids=["coarse", "fine"])
+def test_lamp_checks_tell_sound_from_dimmed(noise: tuple[float, float]) -> None:
+    alarms = named = 0
+    for seed in range(300, 340):
+        lamp = lamp_of(seed, noise)
+        alarms += bool(lamp_checked(lamp, 1.0).found.changed)
+        named += "intensity" in [test.group.name for test in lamp_checked(lamp, 0.97).found.changed]
+    print(f"{alarms} false alarms in 40, the intensity named in {named}")
+    assert alarms <= 2  # a chance of 1 in 200 each gives three with 0.1 %
+    assert named == 40
 
 
 def test_check_goes_with_a_response_calibrated_since(
