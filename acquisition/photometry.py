@@ -85,6 +85,10 @@ LOBE_SAMPLES = 1025
 UNDISTORTION_ROUNDS = 5
 """Fixed-point iterations of the lens distortion's inverse, as many as OpenCV's `undistortPoints` takes."""
 
+RANDOM_NORMAL_SIGMA_DEG = float(np.degrees(np.sqrt(np.pi**2 / 8 - 0.5)))
+"""Rms angle, 49°, between the viewing ray and the normals of the visible surface of any convex body, whose density is
+sin 2θ: 1 σ of a normal of which no image tells anything."""
+
 GRADED_SLANT_DEG = 78.0
 """Greatest angle between a normal and its viewing ray over which errors and σ are averaged."""
 
@@ -110,6 +114,15 @@ class Noise:
             + (self.intensity * values) ** 2
             + (self.direction * strength) ** 2
         )
+
+
+def bounded_variance(variance_deg2: FloatArray) -> FloatArray:
+    """Variance (...), deg², of normals by the images together with that of a random visible normal: precisions add.
+
+    A pixel that is hardly lit and fits badly has a variance by its images that no angle between visible normals has.
+    """
+    random = RANDOM_NORMAL_SIGMA_DEG**2
+    return variance_deg2 * random / (variance_deg2 + random)
 
 
 def rays(calibration: Calibration, rows: slice, columns: slice) -> Float32Array:

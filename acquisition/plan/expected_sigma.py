@@ -10,7 +10,8 @@ design, how many lights will reach each pixel, and the misfit of the images so f
 pixel's own χ² after a pilot of four says next to nothing, and where half of the pixels are lit by three lights it does
 not exist. What raises it (shadow edges, steps, indirect light, lobes of the lamps) is shared by images, so that a part
 of it, S² κ, does not fall with their number. C is what the calibration leaves uncertain of all lamps alike. Creases are
-left out: those in a pilot's normals are its noise.
+left out: those in a pilot's normals are its noise. As in a result, σ stays below that of a normal of which nothing is
+known.
 """
 
 from dataclasses import dataclass
@@ -56,7 +57,7 @@ class ExpectedSigma:
         # Both tangential directions of a normal, as the posterior's variance counts them.
         shared = 2 * self.calibration_rad**2
         variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + few + added
-        return np.asarray(np.mean(np.sqrt(variance), axis=0))
+        return np.asarray(np.mean(np.sqrt(photometry.bounded_variance(variance)), axis=0))
 
 
 def of(normal_map: NormalMap, calibration_rad: float = 0.0) -> ExpectedSigma:

@@ -5,11 +5,15 @@ import pytest
 
 from acquisition import photometry
 from acquisition.normals import error_variance, regularisation
-from acquisition.normals.error_variance import (
-    STRIP_ROWS,
-)
+from acquisition.normals.error_variance import STRIP_ROWS
 
 SHAPE = (2 * STRIP_ROWS + 30, 20)
+FACTOR, MISFIT = photometry.SETTINGS.posterior_factor, photometry.SETTINGS.misfit_factor
+
+
+def bounded(variance_deg2: float) -> float:
+    """σ of a variance by the images, deg², and of a random normal together."""
+    return float(1 / np.sqrt(1 / variance_deg2 + 1 / photometry.RANDOM_NORMAL_SIGMA_DEG**2))
 
 
 def bent(angle_deg: float, row: int = STRIP_ROWS) -> np.ndarray:
@@ -33,12 +37,19 @@ def sigma(
 
 
 def test_sigma_perfect_fit_is_posterior_times_factor() -> None:
-    assert sigma() == pytest.approx(np.sqrt(photometry.SETTINGS.posterior_factor), rel=1e-5)
+    assert sigma() == pytest.approx(bounded(FACTOR), rel=1e-5)
 
 
 def test_sigma_of_model_that_holds_has_misfit_one() -> None:
-    factor = np.sqrt(photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor)
-    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(factor, rel=1e-5)
+    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(bounded(FACTOR + MISFIT), rel=1e-5)
+
+
+def test_sigma_of_pixel_that_images_do_not_tell_of_is_a_random_normals() -> None:
+    """49°: the mean square of θ under sin 2θ, 0 to 90°."""
+    angle = np.linspace(0, np.pi / 2, 10001)
+    random = np.degrees(np.sqrt(np.trapezoid(angle**2 * np.sin(2 * angle), angle)))
+    assert random == pytest.approx(photometry.RANDOM_NORMAL_SIGMA_DEG, rel=1e-6)
+    assert sigma(1e4, 1e4) == pytest.approx(random, rel=1e-3)
 
 
 def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
@@ -58,13 +69,12 @@ def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
     ],
 )
 def test_sigma_component_adds_in_quadrature(change: dict[str, float], added_deg: float) -> None:
-    expected = np.sqrt(sigma()[0, 0] ** 2 + added_deg**2)
-    assert sigma(**change) == pytest.approx(expected, rel=1e-5)
+    assert sigma(**change) == pytest.approx(bounded(FACTOR + added_deg**2), rel=1e-5)
 
 
 def test_sigma_unsure_pixel_gains_nothing_from_smoothing() -> None:
     unsure = regularisation.SETTINGS.unsure_deg + 1
-    assert sigma(unsure, 1.0) == pytest.approx(unsure * np.sqrt(photometry.SETTINGS.posterior_factor), rel=1e-5)
+    assert sigma(unsure, 1.0) == pytest.approx(bounded(FACTOR * unsure**2), rel=1e-5)
 
 
 def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
@@ -77,10 +87,10 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
         posterior, np.ones(SHAPE, np.float32), residual, np.full(SHAPE, 8, np.uint8), bent(0), unsound=False
     )
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
-    six = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor * (9 * 8) / (6 * 5)
-    assert result[STRIP_ROWS - 1, 10] == pytest.approx(np.sqrt(six), rel=1e-4)
-    assert result[STRIP_ROWS - 3, 10] == pytest.approx(np.sqrt(photometry.SETTINGS.posterior_factor), rel=1e-5)
-    assert np.count_nonzero(result > 1.01 * np.sqrt(photometry.SETTINGS.posterior_factor)) == 6
+    misfit = (9 * 8) / (6 * 5)
+    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(FACTOR + MISFIT * misfit), rel=1e-4)
+    assert result[STRIP_ROWS - 3, 10] == pytest.approx(bounded(FACTOR), rel=1e-5)
+    assert np.count_nonzero(result > 1.01 * bounded(FACTOR)) == 6
 
 
 @pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])
@@ -88,13 +98,9 @@ def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None
     result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), unsound=False)
     crease = np.degrees(2 * np.sin(np.radians(45)) / 2)
     tuned = error_variance.SETTINGS
-    raised = np.sqrt(
-        photometry.SETTINGS.posterior_factor + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2)
-    )
+    raised = bounded(FACTOR + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2))
     assert result[row - 1 : row + 1] == pytest.approx(raised, rel=1e-4)
-    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(
-        np.sqrt(photometry.SETTINGS.posterior_factor), rel=1e-5
-    )
+    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(FACTOR), rel=1e-5)
 
 
 @pytest.mark.parametrize("step_deg", [1.0, 10.0, 40.0])

@@ -21,14 +21,24 @@ def posterior(sigma_deg: float, lit: float = 6.0) -> Posterior:
     )
 
 
+def bounded(variance_deg2: float) -> float:
+    """σ of a variance by the images, deg², and of a random normal together."""
+    return float(1 / np.sqrt(1 / variance_deg2 + 1 / photometry.RANDOM_NORMAL_SIGMA_DEG**2))
+
+
 def test_sigma_of_many_lights_is_what_images_share() -> None:
-    assert ExpectedSigma(4.0).sigma_deg(posterior(1e-6)) == pytest.approx(2 * SETTINGS.shared_sigma_deg)
+    expected = ExpectedSigma(4.0).sigma_deg(posterior(1e-6))
+    assert expected == pytest.approx(bounded((2 * SETTINGS.shared_sigma_deg) ** 2))
+
+
+def test_sigma_of_unlit_pixel_is_a_random_normals() -> None:
+    assert ExpectedSigma().sigma_deg(posterior(1e4)) == pytest.approx(photometry.RANDOM_NORMAL_SIGMA_DEG, rel=1e-3)
 
 
 def test_sigma_rises_with_misfit_of_images_so_far() -> None:
     factor = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor * 3
-    expected = np.sqrt(factor * 2.0**2 + 3 * SETTINGS.shared_sigma_deg**2)
-    assert ExpectedSigma(3.0).sigma_deg(posterior(2.0)) == pytest.approx(expected)
+    variance = factor * 2.0**2 + 3 * SETTINGS.shared_sigma_deg**2
+    assert ExpectedSigma(3.0).sigma_deg(posterior(2.0)) == pytest.approx(bounded(variance))
 
 
 @pytest.mark.parametrize(
@@ -39,8 +49,8 @@ def test_sigma_rises_with_misfit_of_images_so_far() -> None:
     ],
 )
 def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float, added_deg: float) -> None:
-    plain = ExpectedSigma().sigma_deg(posterior(1.0))[0]
-    assert expected.sigma_deg(posterior(1.0, lit)) == pytest.approx(np.hypot(plain, added_deg))
+    plain = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor + SETTINGS.shared_sigma_deg**2
+    assert expected.sigma_deg(posterior(1.0, lit)) == pytest.approx(bounded(plain + added_deg**2))
 
 
 def test_of_normal_map_reads_misfit_and_findings() -> None:
