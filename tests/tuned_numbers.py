@@ -39,12 +39,12 @@ REASONS: dict[str, str] = {
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS photometry.LOBE_SAMPLES
         distant.distant_solve.SAMPLE_PIXELS distant.least_squares_kernels.BLOCK distant.lit_mask.SAMPLE_ROWS
-        distant.pixel_blocks.BLOCK_BYTES distant.point_lights.CHUNK distant.reflectance_fit.CHUNK
+        distant.pixel_blocks.BLOCK_BYTES distant.reflectance_fit.CHUNK
         distant.solver_selection.SAMPLE_PIXELS distant.solvers.DIFFUSE_PARAMS_SAMPLE
         equivalent_session.INFORMATION_PIXELS error_variance.STRIP_ROWS error_variance.NEIGHBOUR_ROWS
         final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS integrability.OVERLAP_ROWS integration.STRIP_ROWS
         interreflection.AZIMUTHS interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
-        near_light.SAMPLE_PIXELS photon_transfer.INITIAL_SAMPLE pixel_noise.STRIPS pixel_noise.MAX_PRODUCTS
+        photon_transfer.INITIAL_SAMPLE pixel_noise.STRIPS pixel_noise.MAX_PRODUCTS
         pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS poisson._STRIP pyramid.BLOCK_VALUES
         pyramid.MIN_BLOCK_ROWS regularisation.STRIP_ROWS sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS
         session_images.BYTES_PER_EXTRA

@@ -17,9 +17,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals import colour_albedo, colour_channels, pixel_noise, session_images, silhouette
-from acquisition.normals.distant import pixel_blocks, point_lights
-from acquisition.normals.distant.distant_solve import refuse_unusable, solve_blocks
-from acquisition.normals.image_set import ImageSet, NearLights, check
+from acquisition.normals.image_set import ImageSet, NearLights
 from acquisition.normals.session_images import ImageBlock, ImageStack, StoredImages
 from acquisition.normals.solve import solve_stack
 
@@ -36,14 +34,9 @@ class FolderDefaults:
     """1 σ of each light's intensity."""
     position_sigma_m: float = tuned(0.001, "m")
     """1 σ of each light's position per axis."""
-    depth_rounds: int = tuned(1, "rounds")
-    """Solves after the first, each at the depth integrated from the one before."""
 
 
 SETTINGS = FolderDefaults()
-
-SAMPLE_PIXELS = 900
-"""Pixels that are checked for unusable images."""
 
 
 def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
@@ -85,31 +78,6 @@ def _with_colours(normal_map: NormalMap, images: ImageSet) -> NormalMap:
         colours[rows] = normal_map.albedo[rows, :, None] * colour_channels.ratios(values, usable)
     colours[~normal_map.mask] = 0
     return replace(normal_map, albedo_rgb=colours, notes=normal_map.notes | {"colour": colour_albedo.CAMERA})
-
-
-def solve_least_squares(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
-    """Near-light least squares in blocks of rows without clipped measurements: the baseline of other solvers.
-
-    The normals at the rough depth are integrated, and solved again at that depth. Raises RigError
-    normals.infeasible where lights, camera or depth are missing, and naming the file of an unusable image.
-    """
-    check(images)
-    if images.rough_depth_m is None:
-        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the object's rough depth: give depth_mm")
-    refuse_unusable(images, *pixel_blocks.sample(images, SAMPLE_PIXELS))
-    depth = np.broadcast_to(np.asarray(images.rough_depth_m, np.float32), (images.height, images.width))
-    notes = {"solver": "ls", "why": "as asked"}
-
-    def solved() -> NormalMap:
-        return solve_blocks(
-            images, point_lights.least_squares(images, depth), luma=False, notes=notes, keep_steps=keep_steps
-        )
-
-    for _ in range(SETTINGS.depth_rounds):
-        normal_map = solved()
-        depth = np.where(normal_map.mask, normal_map.depth, depth)
-        del normal_map  # before the next one takes as much memory
-    return solved()
 
 
 def windowed_images(images: ImageSet) -> ImageStack | StoredImages:

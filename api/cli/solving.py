@@ -184,8 +184,6 @@ def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[s
     with _timed(seconds, "solve"), _step(bar, "solving"):
         if distant_lights:
             normal_map = distant.solve(images, request.solver, keep_steps=request.keep_steps)
-        elif request.solver == "ls":
-            normal_map = near_light.solve_least_squares(images, keep_steps=request.keep_steps)
         else:
             normal_map = near_light.solve(images, _settings(request))
     sigma = normal_map.sigma_deg[normal_map.mask & np.isfinite(normal_map.sigma_deg)]

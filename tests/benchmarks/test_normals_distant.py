@@ -8,7 +8,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from acquisition.normals import distant, integration
-from acquisition.normals.distant import least_squares_kernels, point_lights
+from acquisition.normals.distant import least_squares_kernels
 from acquisition.normals.image_set import DistantLights, ImageSet
 from tests.acquisition.normals.distant.gloss_scenes import Rows
 
@@ -72,18 +72,6 @@ def test_shadow_masks_twelve_megapixels_time(benchmark: BenchmarkFixture, stack:
     extra = [np.empty(stack.shape[1], np.float32) for _ in range(2)]
     arguments = (stack, scale, light, limits, *outputs(stack.shape[1]), *extra, np.empty(stack.shape, np.uint8))
     benchmark.pedantic(least_squares_kernels.weighted, args=arguments, rounds=7, warmup_rounds=1)
-    record_size(benchmark, stack)
-
-
-def test_near_light_twelve_megapixels_time(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
-    """At most twelve times the copying."""
-    v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
-    ray = np.stack([(u - WIDTH / 2) / WIDTH * 0.3, (v - HEIGHT / 2) / WIDTH * 0.3]).reshape(2, -1)
-    depth = np.full(stack.shape[1], 0.9, np.float32)
-    lamp = (directions() * 0.45 + np.array([0, 0, -0.9])).astype(np.float32)
-    scale, limits = np.full(COUNT, 1e-4, np.float32), np.array([65_000, 0.05], np.float32)
-    arguments = (stack, scale, lamp, np.ascontiguousarray(ray), depth, limits, *outputs(stack.shape[1]))
-    benchmark.pedantic(point_lights.near_least_squares, args=arguments, rounds=7, warmup_rounds=1)
     record_size(benchmark, stack)
 
 

@@ -57,7 +57,7 @@ def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True,
         notes["mask"] = "proposed"
     directions = pixel_blocks.directions(images)
     values, clipped = pixel_blocks.sample(images, SAMPLE_PIXELS)
-    refuse_unusable(images, values, clipped)
+    _refuse_unusable(images, values, clipped)
     factors = np.ones((images.count, images.channels))
     if solver != "ls":
         intensities = light_intensities.estimate(*pixel_blocks.sample_channels(images, SAMPLE_PIXELS), directions)
@@ -72,13 +72,13 @@ def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True,
         chosen, why = solver_selection.select(values, clipped, directions)
     method, more = solvers.prepare(chosen, values, clipped, directions)
     notes = {"solver": chosen, "why": why} | more | notes
-    solved = solve_blocks(
+    solved = _solve_blocks(
         images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth, keep_steps=keep_steps
     )
     return replace(solved, intensity_factors=np.exp(np.mean(np.log(factors), axis=1)))
 
 
-def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) -> None:
+def _refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) -> None:
     """Refuses images that are not finite, black or clipped at a sample of pixels (K, F).
 
     Raises RigError normals.infeasible naming the image.
@@ -96,7 +96,7 @@ def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) 
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, f"{name} {what}", file=name)
 
 
-def solve_blocks(
+def _solve_blocks(
     images: ImageSet, method: solvers.Method, *, luma: bool, notes: dict[str, Any], with_depth: bool = True,
     keep_steps: bool = False,
 ) -> NormalMap:  # fmt: skip

@@ -60,17 +60,18 @@ class Block:
 
 def directions(images: ImageSet) -> FloatArray:
     """Unit light directions (F, 3)."""
-    lights = images.lights
-    assert isinstance(lights, DistantLights)  # noqa: S101 - `solve` has refused anything else
+    lights = _distant(images)
     return lights.directions / np.linalg.norm(lights.directions, axis=1, keepdims=True)
 
 
+def _distant(images: ImageSet) -> DistantLights:
+    assert isinstance(images.lights, DistantLights)  # noqa: S101 - `solve` has refused anything else
+    return images.lights
+
+
 def intensities(images: ImageSet) -> FloatArray:
-    """Intensity (F, C) that fractions of full scale are divided by; for point lights, that at 1 m."""
-    lights = images.lights
-    if isinstance(lights, DistantLights):
-        return lights.intensities
-    return np.repeat((lights.intensity * lights.reference_m**2)[:, None], images.channels, axis=1)
+    """Intensity (F, C) that fractions of full scale are divided by."""
+    return _distant(images).intensities
 
 
 def rows_at_once(images: ImageSet) -> int:

@@ -7,9 +7,9 @@ import pytest
 
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
 from acquisition.normals import distant
-from acquisition.normals.distant import pixel_blocks, point_lights, reflectance_fit
+from acquisition.normals.distant import pixel_blocks, reflectance_fit
 from tests.acquisition.normals.distant import gloss_scenes
-from tests.acquisition.normals.distant.ball_scenes import FULL, SIZE, ball, errors, few_lights, image_set, lambert
+from tests.acquisition.normals.distant.ball_scenes import SIZE, ball, errors, few_lights, image_set, lambert
 from tests.acquisition.normals.distant.gloss_scenes import REFLECTANCES, Rows, lights
 
 
@@ -287,24 +287,3 @@ def test_solve_fewer_than_three_lit_measurements_are_doubtful() -> None:
     dark_rows[:12] = mask[:12]
     assert np.all(result.doubtful[dark_rows & result.mask])
     assert np.nanmin(result.sigma_deg[dark_rows]) > 30
-
-
-def test_near_least_squares_inverse_square_recovers_normals() -> None:
-    rng = np.random.default_rng(5)
-    count = 500
-    depth = rng.uniform(0.8, 1.0, count).astype(np.float32)
-    ray = rng.uniform(-0.1, 0.1, (2, count)).astype(np.float32)
-    point = np.stack([ray[0] * depth, -ray[1] * depth, -depth])
-    true = rng.normal(0, 0.3, (3, count)) + np.array([0, 0, 1.0])[:, None]
-    true /= np.linalg.norm(true, axis=0)
-    lamp = (few_lights() * 0.45 + np.array([0, 0, -0.9])).astype(np.float32)
-    to_lamp = lamp[:, :, None] - point[None]
-    distance = np.linalg.norm(to_lamp, axis=1)
-    signal = 0.5 * np.maximum(np.einsum("fcn,cn->fn", to_lamp, true) / distance, 0) * (0.45 / distance) ** 2 * 0.8
-    stored = np.round(signal * FULL).astype(np.uint16)
-    normals, albedo = np.empty((3, count), np.float32), np.empty(count, np.float32)
-    scale = np.full(8, 1 / (FULL * 0.8 * 0.45**2), np.float32)
-    limits = np.array([FULL, 0.05], np.float32)
-    point_lights.near_least_squares(stored, scale, lamp, ray, depth, limits, normals, albedo)
-    assert np.degrees(np.arccos(np.clip(np.sum(normals * true, axis=0), -1, 1))).max() < 0.1
-    np.testing.assert_allclose(albedo, 0.5, rtol=2e-3)
