@@ -9,9 +9,10 @@ in it. Without the last the patches of an image would count as independent, whic
 shades them all, makes them not. Only the side's term needs a few rounds.
 
 No LED is a cosᵘ, and how many knots a lobe needs differs from lamp to lamp: the spline that predicts images best that
-it was not fitted to has as much bias as noise, of which a covariance knows the noise alone. So the lobe has one step
-more knots than that one (undersmoothing: Hall, "Effect of Bias Estimation on Coverage Accuracy of Bootstrap Confidence
-Intervals for a Probability Density", 1992), which makes the bias small beside the stated errors.
+it was not fitted to has as much bias as noise, of which a covariance knows the noise alone. So the lobe has the most
+knots with which it predicts as well within one standard error (undersmoothing: Hall, "Effect of Bias Estimation on
+Coverage Accuracy of Bootstrap Confidence Intervals for a Probability Density", 1992), which makes the bias small beside
+the stated errors.
 """
 
 from collections.abc import Sequence
@@ -40,7 +41,7 @@ MIN_IMAGES = 10
 """Images of the plane, fewer than which do not tell lobe, sides and flat field apart."""
 
 KNOTS = (4, 5, 6, 8, 10, 12, 14, 17)
-"""Numbers of knots, of which all but the last are tried: real LEDs behind lenses are predicted best by 8 to 12."""
+"""Numbers of knots that are tried: real LEDs behind lenses are predicted best by 8 to 12."""
 
 FOLDS = 5
 """Parts of the images, each predicted by a fit to the others."""
@@ -120,8 +121,10 @@ def fit(images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known)
             "away from it, to different sides",
         )
     held_out = _held_out_residuals(images, placings, known, seen, reach)
-    best = min(held_out, key=lambda count: held_out[count])
-    return _solve(images, placings, known, _knots(reach, KNOTS[KNOTS.index(best) + 1]), held_out)
+    # The standard error of a root mean square of N is its 1/√(2N).
+    most = min(held_out.values()) * (1 + 1 / np.sqrt(2 * len(seen.angle)))
+    count = max(count for count, residual in held_out.items() if residual <= most)
+    return _solve(images, placings, known, _knots(reach, count), held_out)
 
 
 def normal_error_deg(
@@ -180,7 +183,7 @@ def _held_out_residuals(
     own = np.hstack([np.ones((len(target), 1)), sources[:, :3]])
     roots = [np.asarray(np.linalg.inv(np.linalg.cholesky(one)), np.float64) for one in known.covariances(placings)]
     found = dict[int, float]()
-    for count in KNOTS[:-1]:
+    for count in KNOTS:
         design = columns(images, seen, _knots(reach, count), known)[:, 1:]
         prior = block_diag(np.eye(design.shape[1]) / PRIOR_SIGMA, *roots)
         scale = PATCH_SIGMA_START
@@ -208,6 +211,16 @@ def _held_out(columns: FloatArray, target: FloatArray, prior: FloatArray, number
         solution = np.linalg.solve(normal, inside[~left].T @ within[~left])
         total += float(np.sum((within[left] - inside[left] @ solution) ** 2))
     return float(np.sqrt(total / len(target)))
+
+
+def _prior_sigma(theta: FloatArray, covariance: FloatArray, some: slice, before: float) -> float:
+    """1 σ of unknowns that are alike, by their squares over the number of them that the data determine.
+
+    MacKay, "Bayesian Interpolation", 1992, eq. 4.8: it needs a tenth of the rounds of expectation–maximisation where
+    the data hardly determine each.
+    """
+    determined = theta[some].size - float(np.trace(covariance[some, some])) / before**2
+    return float(np.sqrt(np.sum(theta[some] ** 2) / max(determined, 1.0)))
 
 
 def _solve(
@@ -258,9 +271,8 @@ def _solve(
         squares = float(np.mean(weight * (residual**2 + leverage)))
         excess = squares * float(np.mean(1 / weight)) - float(np.mean(noise**2))
         patch_sigma = max(float(np.sqrt(max(excess, 0.0))), PATCH_SIGMA_FLOOR)
-        expected = theta**2 + np.diag(covariance)
-        image_sigma = max(float(np.sqrt(np.mean(expected[brightness]))), IMAGE_SIGMA_FLOOR)
-        lamp_sigma_m = max(float(np.sqrt(np.mean(expected[lamp_of_image]))), LAMP_SIGMA_FLOOR_M)
+        image_sigma = max(_prior_sigma(theta, covariance, brightness, image_sigma), IMAGE_SIGMA_FLOOR)
+        lamp_sigma_m = max(_prior_sigma(theta, covariance, lamp_of_image, lamp_sigma_m), LAMP_SIGMA_FLOOR_M)
     if patch_sigma > MAX_PATCH_SIGMA:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
