@@ -201,7 +201,7 @@ def _held_out(columns: FloatArray, target: FloatArray, prior: FloatArray, number
     inside, within = columns.copy(), target.copy()
     for image in range(number.max() + 1):
         rows = number == image
-        base = np.linalg.qr(own[rows])[0]
+        base = np.asarray(np.linalg.qr(own[rows])[0], np.float64)
         inside[rows] -= base @ (base.T @ columns[rows])
         within[rows] -= base @ (base.T @ target[rows])
     total = 0.0

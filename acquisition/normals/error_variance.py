@@ -90,7 +90,8 @@ def sigma_deg(
         maps = (posterior_deg, regularised_deg, residual, lights, normals)
         parts = components(*(one[first:last] for one in maps))[:, start - first : stop - first]
         known = np.isfinite(posterior_deg[start:stop])
-        variance = photometry.bounded_variance(np.tensordot(WEIGHTS, parts, 1) + added)
+        by_images = np.asarray(np.tensordot(WEIGHTS, parts, 1) + added, np.float64)
+        variance = photometry.bounded_variance(by_images)
         out[start:stop] = np.where(known, np.sqrt(variance), np.nan)
     return out
 
