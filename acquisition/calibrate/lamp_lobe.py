@@ -2,11 +2,11 @@
 
 The plane's ChArUco border gives its pose, the arm the lamp's, so that what each patch of the blank middle should shine
 with is known but for the lamp. In logarithms everything that is sought adds up: the intensity, a spline over the angle
-off the axis, the lamp's brighter side, the camera's sensitivity over the image. One weighted linear least squares finds
+off the axis, the lamp's brighter side, the camera's sensitivity over the image. Weighted linear least squares finds
 them together, and with them what is uncertain about the geometry (lamp, camera, each placing of the plane), each
 image's own brightness and each image's own place of the lamp, all within their priors; so the covariance has all of it
-in it. Without the last the patches of an image would count as independent, which a lamp that is off by 0.3 mm, and so
-shades them all, makes them not. Only the side's term needs a few rounds.
+in it. The last is there because a lamp that is off by 0.3 mm in an image shades all its patches alike, which are then
+not independent. The side's term and the geometry are linearised anew in each round.
 
 No LED is a cosᵘ, and how many knots a lobe needs differs from lamp to lamp: the spline that predicts images best that
 it was not fitted to has as much bias as noise, of which a covariance knows the noise alone. So the lobe has the most
@@ -66,7 +66,7 @@ MAX_PATCH_SIGMA = 0.03
 """1 σ of a patch about the fit, from which plane, poses or lamp are not what they are said to be."""
 
 ROUNDS = 12
-"""Rounds of the fit: the tilt is not quite linear, and the variances follow from the residuals."""
+"""Rounds of the fit: tilt and geometry are not quite linear, and the variances follow from the residuals."""
 
 
 @dataclass(frozen=True)
@@ -236,8 +236,7 @@ def _solve(
     number = np.repeat(np.arange(len(images)), [len(image.values) for image in images])
     values = np.log(np.concatenate([image.values for image in images]))
     noise = np.concatenate([image.noise for image in images])
-    off = np.zeros(PLACED + 6 * len(placings))
-    moving = slice(own, own + len(off))
+    moving = slice(own, own + PLACED + 6 * len(placings))
     geometric = known.covariances(placings)
     prior = block_diag(
         np.zeros((1, 1)),
@@ -251,7 +250,7 @@ def _solve(
     theta = np.zeros(lamp_of_image.stop)
     covariance = np.zeros((len(theta), len(theta)))
     for _ in range(ROUNDS):
-        # Anew where the geometry is by now: the slope of a plane that sags by 0.2 mm counts to second order too.
+        # Linearised where the geometry is by now: the slope of a plane that sags by 0.2 mm counts to second order.
         tilt, off = theta[tilt_at], theta[moving]
         seen = seen_patches(images, placings, known, off)
         design = columns(images, seen, knots, known)
@@ -267,7 +266,7 @@ def _solve(
         theta = covariance @ (whole.T @ (weight * target))
         residual = target - whole @ theta
         leverage = np.sum((whole @ covariance) * whole, axis=1)
-        # Variances by expectation–maximisation: squares, and what the fit leaves unknown of them.
+        # By expectation–maximisation: squares, and what the fit leaves unknown of them.
         squares = float(np.mean(weight * (residual**2 + leverage)))
         excess = squares * float(np.mean(1 / weight)) - float(np.mean(noise**2))
         patch_sigma = max(float(np.sqrt(max(excess, 0.0))), PATCH_SIGMA_FLOOR)

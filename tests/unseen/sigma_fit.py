@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
+from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import RigError
 from acquisition.models.result import NormalMap
@@ -86,23 +87,35 @@ def fit(
     def objective(log_weights: FloatArray) -> tuple[float, FloatArray]:
         weights, value, slope = np.exp(log_weights), 0.0, np.zeros(len(log_weights))
         for parts, square in data:
-            variance = weights @ parts + 1e-4
+            by_images = weights @ parts + 1e-4
+            variance = photometry.bounded_variance(by_images)
             q = square / (tail * variance)
             value += float(np.mean(np.log(variance) + (tail + 2) / 2 * np.log1p(q)))
-            slope += weights * np.mean((1 - (tail + 2) / 2 * q / (1 + q)) / variance * parts, axis=1)
+            # ∂ ln(variance)/∂(by_images) = variance/by_images²
+            change = (1 - (tail + 2) / 2 * q / (1 + q)) * variance / by_images**2
+            slope += weights * np.mean(change * parts, axis=1)
         return value / len(data), slope / len(data)
 
     found = minimize(objective, np.zeros(len(NAMES)), jac=True, method="L-BFGS-B", bounds=bounds)
     weights = np.exp(found.x)
-    ratio = np.concatenate([np.sqrt(square / (weights @ parts + 1e-4)) for parts, square in data])
-    return weights * np.quantile(ratio, SHARE) ** 2, float(found.fun)
+    # e < σ where e² is below the bounded variance: where 1 / (1/e² − 1/V²) is below that by the images.
+    far = 1 / photometry.RANDOM_NORMAL_SIGMA_DEG**2
+    ratio = np.concatenate(
+        [1 / np.maximum(1 / square - far, 1e-9) / (weights @ parts + 1e-4) for parts, square in data]
+    )
+    return weights * np.quantile(ratio, SHARE), float(found.fun)
 
 
 def unsound_sigma_deg(captures: Sequence[Errors], weights: FloatArray, crease_deg: float) -> float:
     """E, degrees, of captures with uncorrected findings: P(e < σ) is SHARE on their average."""
     trials = np.arange(0.0, 60.0, 0.5)
     shares = [
-        np.mean([np.mean(one.error_deg**2 < weights @ one.regressors(crease_deg) + trial**2) for one in captures])
+        np.mean(
+            [
+                np.mean(one.error_deg**2 < photometry.bounded_variance(weights @ one.regressors(crease_deg) + trial**2))
+                for one in captures
+            ]
+        )
         for trial in trials
     ]
     return float(trials[np.searchsorted(shares, SHARE)])

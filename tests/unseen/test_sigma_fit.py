@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acquisition import photometry
 from acquisition.normals import error_variance
 from tests.unseen import run, sigma_fit
 from tests.unseen.sigma_fit import Errors
@@ -20,7 +21,7 @@ def drawn(seed: int, *, added_deg: float = 0.0, unsound: bool = False) -> Errors
     change = np.where(rng.random(3000) < 0.2, rng.uniform(0, 60, 3000) ** 2, 1.0)
     parts = np.stack([base, base * rng.chisquare(4, 3000) / 4, change, rng.random(3000) < 0.1])
     one = Errors("blob", seed, 8, unsound, np.zeros(3000), parts, np.ones(3000))
-    variance = WEIGHTS @ one.regressors(CREASE_DEG) + added_deg**2
+    variance = photometry.bounded_variance(WEIGHTS @ one.regressors(CREASE_DEG) + added_deg**2)
     return Errors("blob", seed, 8, unsound, np.sqrt(variance * rng.exponential(1.0, 3000)), parts, np.sqrt(variance))
 
 
@@ -32,7 +33,8 @@ def test_fit_errors_of_known_weights_finds_their_ratios() -> None:
 def test_fit_any_errors_scales_sigma_to_the_stated_share() -> None:
     captures = [drawn(seed) for seed in range(3)]
     weights, _ = sigma_fit.fit(captures, CREASE_DEG)
-    ratio = np.concatenate([one.error_deg / np.sqrt(weights @ one.regressors(CREASE_DEG)) for one in captures])
+    variances = [photometry.bounded_variance(weights @ one.regressors(CREASE_DEG)) for one in captures]
+    ratio = np.concatenate([one.error_deg / np.sqrt(v) for one, v in zip(captures, variances, strict=True)])
     assert np.mean(ratio < 1) == pytest.approx(sigma_fit.SHARE, abs=0.002)
 
 
@@ -57,6 +59,7 @@ def test_collect_one_scene_keeps_components_of_the_solve(tmp_path: Path) -> None
     plan = run.Plan(("blob",), (0,), (8,), ("two-rings",), 1, tmp_path)
     sigma_fit.collect(plan, tmp_path, jobs=1)
     (one,) = sigma_fit.read(tmp_path)
-    variance = error_variance.WEIGHTS @ one.regressors(error_variance.SETTINGS.min_crease_deg)
+    by_images = error_variance.WEIGHTS @ one.regressors(error_variance.SETTINGS.min_crease_deg)
+    variance = photometry.bounded_variance(by_images)
     assert len(one.error_deg) == sigma_fit.PIXELS
     assert one.sigma_deg == pytest.approx(np.sqrt(variance), rel=1e-3)

@@ -135,7 +135,7 @@ def lamp_of(seed: int, noise: tuple[float, float]) -> tuple[list[PlaneImage], Pl
 
 @pytest.fixture(scope="module")
 def lamp() -> tuple[list[PlaneImage], Placing, Known, LobeResult]:
-    return lamp_of(5, matt_plane.COARSE)
+    return lamp_of(3, matt_plane.COARSE)
 
 
 def lamp_checked(lamp: tuple[list[PlaneImage], Placing, Known, LobeResult], factor: float) -> LampCheck:
