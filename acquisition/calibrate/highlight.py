@@ -29,7 +29,6 @@ MIN_CONTRAST = 0.05
 """Share of full scale by which a highlight stands out of the background at the least."""
 
 NO_HIGHLIGHT = "no highlight: the lamp is off, or the sphere is not in the image"
-CLIPPED = "the highlight is clipped: close the aperture, take a darker ball, or expose for less"
 
 MIN_HIGHLIGHT_PX, CLIPPED_FROM, MAX_CLIPPED = 4, 0.98, 0.5
 """Pixels of a highlight below which it is a hot pixel; share of full scale from which a value counts as clipped; share
@@ -77,7 +76,7 @@ def find(image: np.ndarray, full_scale: float) -> Spot | str:
         return "several bright spots: cover what shines beside the sphere"
     inside = labels == best
     if np.mean(values[inside] >= CLIPPED_FROM * full_scale) > MAX_CLIPPED:
-        return CLIPPED
+        return lamp_targets.CLIPPED_HIGHLIGHT
     row, column = np.nonzero(inside)
     weight = values[inside] - threshold + 1e-6 * threshold
     side = max(statistics[best, cv2.CC_STAT_WIDTH], statistics[best, cv2.CC_STAT_HEIGHT])

@@ -12,6 +12,9 @@ from acquisition.models.errors import ErrorCode, RigError
 SPHERE_PASS = 0
 """Pass of the sphere's images; each further one is a placing of the plane."""
 
+CLIPPED_HIGHLIGHT = "the highlight is clipped: close the aperture, take a darker ball, or expose for less"
+"""What is found of a sphere whose highlight has no middle: the one finding that the capture of images answers."""
+
 
 def require_targets(cell: CellConfig) -> LampTargetsConfig:
     """Sphere and plane of the cell. Raises RigError config.invalid where the cell file has none."""

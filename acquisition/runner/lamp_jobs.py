@@ -130,7 +130,11 @@ def target_moved(before: np.ndarray, after: np.ndarray, sphere: bool, cell: Cell
         first, second = (highlight.find(one, float(2**sensor.bits - 1)) for one in (before, after))
         if isinstance(second, str):
             # The image before had the same exposure time, and was not clipped.
-            return f"{second}; it was not before: lamp or camera has changed" if second == highlight.CLIPPED else second
+            return (
+                f"{second}; it was not before: lamp or camera has changed"
+                if second == lamp_targets.CLIPPED_HIGHLIGHT
+                else second
+            )
         shift_px = 0.0 if isinstance(first, str) else float(np.linalg.norm(second.pixel - first.pixel))
     else:
         board = lamp_targets.plane_board(cell)

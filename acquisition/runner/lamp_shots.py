@@ -7,7 +7,7 @@ row, or the first one of a pass, pause the session.
 
 import numpy as np
 
-from acquisition.calibrate import highlight, lamp_targets
+from acquisition.calibrate import lamp_targets
 from acquisition.capture import check, exposure
 from acquisition.devices import StopToken
 from acquisition.models.calibration_recipe import CheckRecipe, LampRecipe
@@ -59,10 +59,10 @@ class LampShots(BoardShots):
         taken = self._expose_until_good(record, step, self._start_s(record, step, sphere), judge, stop)
         known = (sphere, self.cell_of(record), self._calibration, self._placed_before(record, step))
         why = self._compute.run(stop, "look_at_target", taken.exposed, taken.exposure_s, *known)
-        if why != highlight.CLIPPED:
+        if why != lamp_targets.CLIPPED_HIGHLIGHT:
             # Asked first: without lamp or target no exposure time serves, and that is what a person has to know.
             self._require_seen(step.key, why, last_was_seen([record.passes[step.key.pass_number]]))
-        if why == highlight.CLIPPED or not taken.verdict.usable:
+        if why == lamp_targets.CLIPPED_HIGHLIGHT or not taken.verdict.usable:
             detail = why or taken.verdict.quality.reason
             raise RigError(
                 ErrorCode.CAPTURE_FRAME_REJECTED,
