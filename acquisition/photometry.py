@@ -89,6 +89,9 @@ RANDOM_NORMAL_SIGMA_DEG = float(np.degrees(np.sqrt(np.pi**2 / 8 - 0.5)))
 """Rms angle, 49°, between the viewing ray and the normals of the visible surface of any convex body, whose density is
 sin 2θ: 1 σ of a normal of which no image tells anything."""
 
+RANDOM_NORMAL_VARIANCE = np.radians(RANDOM_NORMAL_SIGMA_DEG) ** 2
+"""The same as a variance, rad²."""
+
 GRADED_SLANT_DEG = 78.0
 """Greatest angle between a normal and its viewing ray over which errors and σ are averaged."""
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition import photometry
-from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import (
     discontinuity,
@@ -87,7 +87,8 @@ class AlternationResult:
     Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities; the
     parameters shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that
     all pixels share; indirect irradiance (F, N) or none where it is insignificant, and the scale that its prediction
-    was multiplied by; the specular lobe; the noise of coarse pixels; normals (3, M) of the coarse pixels, never others.
+    was multiplied by; the median albedo; the specular lobe; the noise of coarse pixels; normals (3, M) of the coarse
+    pixels, never others.
     """
 
     depth_m: Float32Array
@@ -96,6 +97,7 @@ class AlternationResult:
     shared_variance: Float32Array
     indirect_irradiance: Float32Array | None
     indirect_scale: float
+    median_albedo: float
     lobe: Lobe
     noise: Noise
     normals: Float32Array
@@ -145,14 +147,12 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     pixels share is estimated with `priors`; the level's table is what surrounds the object.
     """
     coarse = level.coarse
-    mask = coarse.image(np.ones(len(coarse.index), np.bool_))
-    ray = coarse.image(coarse.ray)
     ray_direction = photometry.ray_directions(coarse.ray)
     depth = depth_m
-    chosen = np.sort(np.random.default_rng(0).permutation(len(coarse.index))[:SAMPLE_PIXELS])
+    drawn = np.sort(np.random.default_rng(0).permutation(len(coarse.index))[:SAMPLE_PIXELS])
     block = level.factor**2
-    present = replace(scene, noise=replace(scene.noise, shot=scene.noise.shot / block, floor=scene.noise.floor / block))
-    sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], present)
+    nominal = replace(scene, noise=replace(scene.noise, shot=scene.noise.shot / block, floor=scene.noise.floor / block))
+    present = nominal
     shared = replace(SharedParameters.nominal(len(scene.lamps)), terms=scene.terms or LAMBERTIAN)
     lobe = specular.NO_LOBE
     indirect: _IndirectLight | None = None
@@ -170,17 +170,17 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
         )  # fmt: skip
         previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
-        confidence = integration.confidence(estimate.variance.copy())
-        start = coarse.image(depth, float(np.mean(depth)))
-        smooth = coarse.take(integration.depth(coarse.image(normals), mask, ray, coarse.image(confidence), start))
-        discontinuous_depth = None
+        hidden = _hardly_lit(indirect, measured - highlight, estimate)
+        variance = np.where(hidden, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
+        shadows = None
         if discontinuous:
-            cuts = SETTINGS.initial_discontinuity_rounds if turn == 0 else 1
-            reflected = measured - highlight - estimate.nondiffuse_value
-            shadows = ShadowImages(coarse, reflected, estimate.light, present.lamps)
-            discontinuous_depth = discontinuity.discontinuous_depth(shadows, normals, confidence, depth, smooth, cuts)
-        discontinuous = discontinuous_depth is not None
-        depth, continuity_weight = discontinuous_depth or (smooth, np.ones_like(smooth))
+            shadows = ShadowImages(
+                coarse, measured - highlight - estimate.nondiffuse_value, estimate.light, present.lamps
+            )
+        cuts = SETTINGS.initial_discontinuity_rounds if turn == 0 else 1
+        depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadows, cuts)
+        chosen = drawn[~hidden[drawn]]
+        sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], nominal)
 
         lobe = specular.fit(
             sample.pixels,
@@ -222,10 +222,29 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         ),
         indirect_irradiance=indirect.irradiance if indirect and indirect.significant else None,
         indirect_scale=indirect.scale if indirect else 0.0,
+        median_albedo=0.0 if estimate is None else float(np.median(estimate.albedo)),
         lobe=lobe,
         noise=present.noise,
         normals=normals,
     )
+
+
+def _integrated(
+    coarse: Pixels, normals: Float32Array, variance: Float32Array, depth_m: Float32Array,
+    shadows: ShadowImages | None, cuts: int,
+) -> tuple[Float32Array, Float32Array, bool]:  # fmt: skip
+    """Depth (N,) by integration of normals (3, N) of a variance (N,), rad², from the depth before, its continuity
+    weight (N,), and whether the `shadows` show discontinuities, at which it is cut in so many rounds."""
+    mask = coarse.image(np.ones(len(coarse.index), np.bool_))
+    confidence = integration.confidence(variance)
+    start = coarse.image(depth_m, float(np.mean(depth_m)))
+    smooth = coarse.take(
+        integration.depth(coarse.image(normals), mask, coarse.image(coarse.ray), coarse.image(confidence), start)
+    )
+    found = None
+    if shadows is not None:
+        found = discontinuity.discontinuous_depth(shadows, normals, confidence, depth_m, smooth, cuts)
+    return (smooth, np.ones_like(smooth), False) if found is None else (*found, True)
 
 
 def _mean_angle_deg(before: Float32Array, normals: Float32Array) -> float:
@@ -266,6 +285,13 @@ def _indirect_light(
         if not probe.significant:
             return probe
     return predicted(1)
+
+
+def _hardly_lit(indirect: _IndirectLight | None, diffuse: Float32Array, estimate: Estimate) -> BoolArray:
+    """`interreflection.hardly_lit` by the irradiance of the round before; none in the first."""
+    if indirect is None or not indirect.significant:
+        return np.zeros(diffuse.shape[1], np.bool_)
+    return interreflection.hardly_lit(indirect.irradiance, diffuse, estimate.albedo, float(np.median(estimate.albedo)))
 
 
 def _shared_normal_variance(

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition import photometry
-from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import FisherInformation, NormalMap
 from acquisition.models.tuned import tuned
 from acquisition.normals import (
@@ -57,13 +57,20 @@ SAMPLE_PIXELS = 4000
 @dataclass(frozen=True)
 class PixelSolution:
     """A final solve of some pixels: the estimate, values of nominal lamps (F, N), the values that it was solved from
-    (F, N), their variance beside the noise model's (F, N), and the indirect light that was subtracted (F, N)."""
+    (F, N), their variance beside the noise model's (F, N), the indirect light that was subtracted (F, N), and which
+    pixels hardly any lamp reaches (N,)."""
 
     estimate: Estimate
     measured: Float32Array
     values: Float32Array
     extra_variance: Float32Array
     indirect: Float32Array | None
+    hardly_lit: BoolArray
+
+    @property
+    def variance(self) -> Float32Array:
+        """Variance (N,), rad², of the normals: of pixels that hardly any lamp reaches that of a random one."""
+        return np.where(self.hardly_lit, np.float32(photometry.RANDOM_NORMAL_VARIANCE), self.estimate.variance)
 
 
 @dataclass(frozen=True)
@@ -122,9 +129,9 @@ def noise_sample(count: int) -> np.ndarray:
     return np.sort(np.random.default_rng(1).permutation(count)[:SAMPLE_PIXELS])
 
 
-def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> tuple[Scene, PixelSolution]:
-    """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, and the
-    sample's solution."""
+def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> tuple[Scene, Pixels, PixelSolution]:
+    """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, the
+    sample's pixels that lamps reach, and their solution."""
     ray_direction = photometry.ray_directions(sample.ray)
 
     def step(noise: photometry.Noise) -> tuple[photometry.Noise, PixelSolution]:
@@ -136,10 +143,14 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
         )  # fmt: skip
         return estimated, solution
 
-    noise, _ = step(replace(scene.noise, intensity=state.noise.intensity, direction=state.noise.direction))
+    noise, solution = step(replace(scene.noise, intensity=state.noise.intensity, direction=state.noise.direction))
+    if np.any(solution.hardly_lit):
+        lit = np.flatnonzero(~solution.hardly_lit)
+        sample, state = sample.subset(lit), state.resampled(lambda values: np.ascontiguousarray(values[..., lit]))
+        ray_direction = ray_direction[:, lit]
     noise, solution = step(noise)
     albedo = pixel_solve.median_albedo(solution.estimate, solution.measured, sample.clipped)
-    return replace(scene, noise=noise, median_albedo=albedo), solution
+    return replace(scene, noise=noise, median_albedo=albedo), sample, solution
 
 
 def solve(
@@ -289,7 +300,7 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
 
     used = np.count_nonzero(estimate.usable, axis=0)
     solved = used >= 2
-    sigma = np.degrees(np.sqrt(estimate.variance + local.shared_variance)).astype(np.float32)
+    sigma = np.degrees(np.sqrt(solution.variance + local.shared_variance)).astype(np.float32)
     radiance = np.zeros_like(solution.measured) if solution.indirect is None else solution.indirect
     light, indirect = np.maximum(np.sum(solution.measured, axis=0), 1e-6), np.sum(radiance, axis=0)
     share = (indirect / light).astype(np.float32)
@@ -301,13 +312,13 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "sigma_deg": np.where(solved, sigma, np.nan),
         "mask": solved,
         "silhouette": np.ones_like(solved),
-        "doubtful": solved & ((used < 3) | (share > SETTINGS.max_indirect_share)),
-        "variance": estimate.variance,
+        "doubtful": solved & ((used < 3) | (share > SETTINGS.max_indirect_share) | solution.hardly_lit),
+        "variance": solution.variance,
         "start": local.depth_m,
         "continuity_weight": local.continuity_weight,
         "lights": np.minimum(used, 255).astype(np.uint8),
     }
-    sampled = chosen[solved[own][chosen]]
+    sampled = chosen[(solved & ~solution.hardly_lit)[own][chosen]]
     return BlockResult(
         maps={name: values[own] for name, values in maps.items()},
         flags=measurement_flags.classify(estimate, solution.measured, radiance, pixels.clipped, scene.noise)[:, own],
@@ -340,7 +351,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
             extra_variance=extra, highlight_by_g=None if gloss is None else gloss.by_g,
         )  # fmt: skip
 
-    values, extra, indirect = measured, None, None
+    values, diffuse, extra, indirect = measured, measured, None, None
     complete = _direct_diffuse(state)
     estimate = once(
         values, extra, pixel_solve.SETTINGS.irls_iterations if complete else SETTINGS.preliminary_iterations
@@ -351,6 +362,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
         if gloss is not None:
             values = measured - gloss.highlight
             extra = np.square(np.float32(specular.HIGHLIGHT_SIGMA) * gloss.highlight)
+        diffuse = values
         if state.indirect_irradiance is not None:
             other = np.sum(np.broadcast_to(estimate.nondiffuse_value, values.shape), axis=0)
             indirect = interreflection.reflected_radiosity(
@@ -363,7 +375,12 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     extra = np.zeros_like(measured) if extra is None else extra
     if estimate.terms is not None:
         extra = extra + estimate.terms.highlight_variance
-    return PixelSolution(estimate, measured, values, pixels.plus_extra(extra), indirect)
+    hardly_lit = np.zeros(measured.shape[1], np.bool_)
+    if state.indirect_irradiance is not None:
+        hardly_lit = interreflection.hardly_lit(
+            state.indirect_irradiance, diffuse, estimate.albedo, state.median_albedo
+        )
+    return PixelSolution(estimate, measured, values, pixels.plus_extra(extra), indirect, hardly_lit)
 
 
 def _stratified_sample(count: int) -> np.ndarray:

@@ -58,6 +58,10 @@ class InterreflectionSettings:
     """Cosine to the lamp above which a dark pixel is in cast shadow."""
     cast_shadow_ratio: float = tuned(0.4, "share")
     """Share of its direct light below which a pixel that faces the lamp is in cast shadow."""
+    hidden_albedo: float = tuned(0.3, "ratio")
+    """Albedo over the object's median below which a pixel may be one that hardly any lamp reaches."""
+    hidden_share: float = tuned(0.05, "share")
+    """Indirect light that a pixel of median albedo would reflect, over its measured light, from which it is one."""
 
 
 SETTINGS = InterreflectionSettings()
@@ -143,6 +147,19 @@ def reflected_radiosity(
     explained = np.maximum(direct, 0) + albedo * np.sum(received, axis=0)
     total = np.maximum(total, np.float32(1e-9))
     return received * np.minimum(albedo * total / np.maximum(explained, np.float32(1e-9)), 1)
+
+
+def hardly_lit(received: Float32Array, values: Float32Array, albedo: Float32Array, median_albedo: float) -> BoolArray:
+    """Pixels (N,) that hardly any lamp reaches, whose indirect light was taken for direct light on a dark surface.
+
+    Both explain the images: a dark albedo under the lamps, or the object's albedo under what other surfaces send. So a
+    pixel far darker than the object counts as hardly lit where its `received` irradiance (F, N) would, at the median
+    albedo, make much of its `values` (F, N).
+    """
+    explained = np.float32(median_albedo) * np.sum(received, axis=0)
+    return (albedo < SETTINGS.hidden_albedo * median_albedo) & (
+        explained > SETTINGS.hidden_share * np.sum(values, axis=0)
+    )
 
 
 def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:

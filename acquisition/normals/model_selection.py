@@ -58,11 +58,11 @@ def solve(problem: Problem) -> Solution:
     )  # fmt: skip
     state = alternation.refine(level, problem.start_m, nominal, priors)
     scene = replace(nominal, lamps=state.shared.lamps(nominal.lamps), terms=nominal.terms and state.shared.terms)
-    scene, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
-    ray_direction = photometry.ray_directions(level.sample.ray)
+    scene, lit, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
+    ray_direction = photometry.ray_directions(lit.ray)
     fit = goodness_of_fit.evaluate(
         sample.estimate, sample.values, nominal.noise, sample.extra_variance, ray_direction, scene.lamps,
-        photometry.SETTINGS.offset_sigma_m, _place(level.sample.ray),
+        photometry.SETTINGS.offset_sigma_m, _place(lit.ray),
     )  # fmt: skip
     gloss = state.lobe.derivatives(sample.estimate, ray_direction)
     scores = term_tests.scores(sample.estimate, sample.values, scene, state.shared, priors, gloss)

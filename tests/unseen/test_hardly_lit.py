@@ -1,0 +1,38 @@
+"""Pixels that hardly any lamp reaches, in vessels seen from above: they are found, and their σ says that."""
+
+import numpy as np
+import pytest
+
+from acquisition import photometry
+from tests.unseen import patterns, run, scenes, tracer
+from tests.unseen.captures import capture
+
+PIXELS = 48
+
+
+def lamps_that_reach(scene: scenes.Scene, positions: np.ndarray) -> np.ndarray:
+    """How many lamps (F, 3) reach the point at each pixel's centre (H, W), by ray tracing."""
+    surface = tracer.Surface(scene.mesh, scene.texture)
+    direction = tracer.camera_rays(scene.pixels, scene.focal_px, 1)
+    hits, _ = surface.hits(np.zeros_like(direction), direction)
+    out = np.zeros(scene.pixels**2, int)
+    out[hits.ray] = np.sum([surface.sees(hits, lamp) for lamp in positions], axis=0)
+    return out.reshape(scene.pixels, scene.pixels)
+
+
+@pytest.mark.parametrize("seed", [0, 20])
+def test_solve_pixels_in_all_shadows_are_doubtful_and_of_large_sigma(seed: int) -> None:
+    scene = scenes.scene("vessel", seed, "lambert", PIXELS)
+    positions = patterns.fixed("two-rings", scene, 6, 0, 1)
+
+    solved = run.solve(scene, capture(scene, positions))
+
+    assert solved.doubtful is not None
+    graded = scene.truth.within_78_deg & solved.mask
+    lights = lamps_that_reach(scene, positions)
+    dark, lit = graded & (lights <= 1), graded & (lights >= 3)
+    assert np.count_nonzero(dark) > 100
+    assert np.mean(solved.doubtful[dark]) > 0.8
+    assert np.mean(solved.doubtful[lit]) < 0.1
+    assert np.median(solved.sigma_deg[dark]) > 0.8 * photometry.RANDOM_NORMAL_SIGMA_DEG
+    assert np.median(scene.truth.error_deg(solved.normals)[dark]) > 10  # or else a large σ would be wrong
