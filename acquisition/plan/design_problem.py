@@ -59,8 +59,8 @@ class PlanOptions:
     """Whether the relaxation's lower bound is computed."""
 
     listed: bool = False
-    """Whether the candidates are all the positions there are, such as the lamps of a dome: lights are not refined off
-    them, and they need not surround the object, since the images so far may do so."""
+    """Whether the candidates are all the positions there are, such as the lamps of a dome: they need not surround the
+    object, since the images so far may do so."""
 
     times: CaptureTimes | None = None
     """Limits and times of the capture, by which exposures are planned where the recipe asks for it; none: they are not,

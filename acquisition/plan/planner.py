@@ -38,8 +38,6 @@ from acquisition.plan.objective import Loss
 class PlannerSettings:
     """Tuned numbers of the planner."""
 
-    refine_stride: int = tuned(2, "pixels")
-    """Stride of the sample pixels in the refinement off the candidates' grid, which casts most shadow rays."""
     certificate_pixels: int = tuned(300, "pixels")
     """Approximate number of pixels of the lower bound, which takes seconds with all of them."""
     max_undetermined_share: float = tuned(0.35, "share")
@@ -63,10 +61,9 @@ def choose(
     """A-optimal sequential design: the `count` lights that lower the recipe's loss of the angular variance most.
 
     Bayesian: the normal map's information is the prior of the new lights. Exchange over the dome's candidates from many
-    starts, completed rings among them (`optimise.search`), then a pattern search off their grid (`optimise.refine`),
-    and the relaxation's lower bound as certificate. `count` None: as many lights as remain of the recipe; an empty plan
-    means that it is fulfilled. Raises RigError plan.infeasible when the arm reaches too few positions or the normal map
-    has too few usable pixels.
+    starts, completed rings among them (`optimise.search`), and the relaxation's lower bound as certificate. `count`
+    None: as many lights as remain of the recipe; an empty plan means that it is fulfilled. Raises RigError
+    plan.infeasible when the arm reaches too few positions or the normal map has too few usable pixels.
     """
     until = Deadline.within(options.deadline_s)
     captured = sum(shot.kind == "light" for shot in observations.shots)
@@ -79,17 +76,6 @@ def choose(
     loss, sets = _loss_and_patterns(problem, candidates, count_to_add)
     chosen = optimise.search(problem.search_sample, candidates, loss, sets, count_to_add, recipe.seed, until)
     positions = problem.positions[chosen]
-    if not options.listed:
-        refine_sample = problem.search_sample.thinned(SETTINGS.refine_stride)
-        positions = optimise.refine(
-            refine_sample,
-            positions,
-            reach.center,
-            loss,
-            lambda places: problem.design_rows(refine_sample, places, cautious=True),
-            lambda place: reach.allows(place) is None,
-            until,
-        )
     exposures = exposure_plan.choose(problem, positions, loss, options.times)
     rings_deg = problem.predicted_deg(problem.positions[sets[0]])
     frames = None if exposures is None else [one.frames for one in exposures]
@@ -121,8 +107,7 @@ def choose(
     curve = _forecast_curve(problem, candidates, captured, within_reach)
     plan = plan.model_copy(update={"forecast": curve})
     if options.certify:
-        bounded = candidates if options.listed else candidates.joined(problem.search_candidates(positions))
-        plan = plan.model_copy(update=_certificate(problem, bounded, positions, sets[0], until))
+        plan = plan.model_copy(update=_certificate(problem, candidates, chosen, sets[0], until))
     return plan
 
 
@@ -169,20 +154,19 @@ def _loss_and_patterns(problem: Problem, options: Candidates, count: int) -> tup
 
 
 def _certificate(
-    problem: Problem, options: Candidates, positions: FloatArray, pattern: list[int], until: Deadline
+    problem: Problem, options: Candidates, chosen: list[int], pattern: list[int], until: Deadline
 ) -> dict[str, float | str]:
     """Efficiency of plan and two rings against the relaxation's lower bound, as fields of `LightPlan`.
 
-    `options` holds the plan's own positions too. The certificate is of the posterior: variances that no light lowers
-    would pull all efficiencies towards 1.
+    The plan is `chosen` among the `options`. The certificate is of the posterior: variances that no light lowers would
+    pull all efficiencies towards 1.
     """
     step = max(1, len(problem.search_sample.albedo) // SETTINGS.certificate_pixels)
     sample = problem.search_sample.thinned(step)
-    planned = problem.search_candidates(positions).thinned(step)
     thinned = options.thinned(step)
-    bound = relaxation.bound(sample, thinned, len(positions), until)
+    bound = relaxation.bound(sample, thinned, len(chosen), until)
     variance, rings = (
-        float(np.mean(criterion.posterior(sample, set_).variance)) for set_ in (planned, thinned.only(pattern))
+        float(np.mean(criterion.posterior(sample, thinned.only(some)).variance)) for some in (chosen, pattern)
     )
     return {
         "lower_bound_sigma_deg": bound.sigma_deg,
@@ -190,7 +174,7 @@ def _certificate(
         "two_rings_efficiency": float(np.sqrt(bound.variance / rings)),
         "relaxation_gap": bound.gap,
         "certificate_note": (
-            f"no choice of {len(positions)} among the {len(thinned.row)} candidate positions "
+            f"no choice of {len(chosen)} among the {len(thinned.row)} candidate positions "
             f"brings the root mean square σ below {bound.sigma_deg:.2f}°; this plan is expected to reach "
             f"{np.degrees(np.sqrt(variance)):.2f}°, two rings {np.degrees(np.sqrt(rings)):.2f}°"
         ),
