@@ -25,38 +25,50 @@ REASONS: dict[str, str] = {
         residual_noise.GAUSSIAN_MEDIAN_DEVIATION pixel_solve_kernels.CAUCHY_MEAN_WEIGHT surface_diffusion.MAX_EIGENVALUE
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
         light_tests.STATED_AXES light_tests.ALL_AXES baselines.VIEWING_AXIS objective.VARIANCE
-        photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE""",
+        photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENT""",
     "counts of unknowns, marks and definitions": """
-        photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
-        distant.grey_conversion.CLIPPED_VALUE distant.lit_mask.MIN_IMAGES distant.reflectance_fit.LAMBERT_PARAMS
-        distant.reflectance_kernels.BASIS_SIZE distant.reflectance_kernels.DIFFUSE_PARAMS
-        distant.solvers.UNKNOWN_VARIANCE_RAD2 equivalent_session.OBJECT_SIZE_M equivalent_session.DISTANCE_M
-        equivalent_session.EXPOSURE error_variance.MIN_LIGHTS pixel_solve.NO_OFFSET_SIGMA_M specular.NO_LOBE
-        surface_diffusion.EMPTY colour_albedo.CELL_SHARES
-        sensor_estimate.EMPTY_CURVE translucency.MIN_LIGHTS session_images.BYTES_PER_VALUE
-        candidate_lights.SAME_POSITION_M criterion.MIN_LIGHTS criterion_kernels.HIDDEN""",
-    "of settings": "error_variance.WEIGHTS objective.CAPPED",
+        photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG
+        changed_images.HALF distant.grey_conversion.CLIPPED_VALUE distant.lit_mask.MIN_IMAGES
+        distant.reflectance_fit.LAMBERT_PARAMS distant.reflectance_kernels.BASIS_SIZE
+        distant.reflectance_kernels.DIFFUSE_PARAMS distant.solvers.UNKNOWN_VARIANCE_RAD2
+        equivalent_session.OBJECT_SIZE_M equivalent_session.DISTANCE_M equivalent_session.EXPOSURE
+        error_variance.MIN_LIGHTS pixel_solve.NO_OFFSET_SIGMA_M specular.NO_LOBE
+        surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE
+        translucency.MIN_LIGHTS session_images.BYTES_PER_VALUE candidate_lights.SAME_POSITION_M
+        criterion.MIN_LIGHTS criterion_kernels.HIDDEN photometry.OVERDETERMINED photometry.REDUNDANT""",
+    "of settings": "error_variance.WEIGHTS objective.CAPPED pixel_noise.MIN_RESIDUAL_SHARE",
     "sizes of blocks and samples: more changes time and memory": """
-        alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS photometry.LOBE_SAMPLES
-        distant.distant_solve.SAMPLE_PIXELS distant.least_squares_kernels.BLOCK distant.lit_mask.SAMPLE_ROWS
+        alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
+        photometry.LOBE_SAMPLES distant.distant_solve.SAMPLE_PIXELS
+        distant.least_squares_kernels.BLOCK distant.lit_mask.SAMPLE_ROWS
         distant.pixel_blocks.BLOCK_BYTES distant.reflectance_fit.CHUNK
         distant.solver_selection.SAMPLE_PIXELS distant.solvers.DIFFUSE_PARAMS_SAMPLE
-        equivalent_session.INFORMATION_PIXELS error_variance.STRIP_ROWS error_variance.NEIGHBOUR_ROWS
-        final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS integrability.OVERLAP_ROWS integration.STRIP_ROWS
-        interreflection.AZIMUTHS interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
+        equivalent_session.INFORMATION_PIXELS error_variance.STRIP_ROWS
+        error_variance.NEIGHBOUR_ROWS final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS
+        integrability.OVERLAP_ROWS integration.STRIP_ROWS interreflection.AZIMUTHS
+        interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
         photon_transfer.INITIAL_SAMPLE pixel_noise.STRIPS pixel_noise.MAX_PRODUCTS
-        pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS poisson._STRIP pyramid.BLOCK_VALUES
-        pyramid.MIN_BLOCK_ROWS regularisation.STRIP_ROWS sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS
-        session_images.BYTES_PER_EXTRA
-        session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES criterion_kernels.BLOCK
-        stopping_rule.COUNTS""",
+        pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS poisson._STRIP
+        pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS regularisation.STRIP_ROWS
+        sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS session_images.BYTES_PER_EXTRA
+        session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES
+        criterion_kernels.BLOCK stopping_rule.COUNTS translucency.GRID photon_transfer.BINS
+        resampling.EXTRAPOLATION_PX""",
     "steps and tolerances of numerical methods": """
-        photometry.UNDISTORTION_ROUNDS distant.light_intensities.ITERATIONS distant.light_intensities.TOLERANCE
-        distant.reflectance_fit.DIFFERENCE_STEP distant.reflectance_kernels.DIFFERENCE_STEP
-        photon_transfer.CLIP_ITERATIONS photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE
-        surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS""",
+        photometry.UNDISTORTION_ROUNDS distant.light_intensities.ITERATIONS
+        distant.light_intensities.TOLERANCE distant.reflectance_fit.DIFFERENCE_STEP
+        distant.reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
+        photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE residual_noise.ROUNDS
+        surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS discontinuity.WEIGHT_FLOOR
+        discontinuity.LEAST_START_WEIGHT integration.BILATERAL_ROUNDS
+        integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS pixel_solve.IRLS_ITERATIONS
+        registration.ROUNDS registration.ROBUST_ROUNDS translucency.ALBEDO_ROUNDS
+        translucency.ROBUST_ROUNDS specular.FIT_ROUNDS term_solve.ROUNDS term_solve.METAL_ROUNDS
+        term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS image_terms.LEAST_ALBEDO
+        image_terms.MAX_GLOSS_STEP model_alternatives.GLOSS_START model_alternatives.METAL_START""",
     "grids of what may be chosen": """
-        exposure_options.SHORTEST exposure_options.LONGEST exposure_options.FRAMES exposure_options.RATIOS""",
+        exposure_options.SHORTEST exposure_options.LONGEST exposure_options.FRAMES exposure_options.RATIOS
+        translucency.LENGTHS_PX translucency.TESTED_PX model_alternatives.SECOND_STARTS""",
     "pictures": """
         explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE placed_lights.PICTURE_PIXELS
         placed_lights.BRIGHTEST_PERCENTILE placed_lights.SHOWN_RANGE""",

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from acquisition import photometry
 from acquisition.calibrate import defective_pixels, linearity, response_frames
 from acquisition.calibrate.linearity import ExposurePoint
 from acquisition.calibrate.response_frames import Exposure, ResponseFrame, read_cells
@@ -146,7 +147,7 @@ def _transfer(
         for pair in (one.lit, one.dark):
             first, second = (read_cells(frame, cells) for frame in pair[:2])
             good = (np.maximum(first, second).max(axis=0) < usable) & (np.minimum(first, second).min(axis=0) > 0)
-            if np.count_nonzero(good) < photon_transfer.SETTINGS.min_bin_count:
+            if np.count_nonzero(good) < photometry.SETTINGS.min_sample:
                 continue
             first, second = first[:, good] - black, second[:, good] - black
             # The lamp was a little brighter in one of the two: brought to one brightness, they have edges in common.

@@ -20,7 +20,6 @@ from scipy.sparse.linalg import splu
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.tuned import tuned
-from acquisition.normals import integration
 from acquisition.normals.pixel_solve import Pixels
 
 
@@ -35,32 +34,29 @@ class DiscontinuitySettings:
     0.45 of its largest: it has to count as lit, or the shadows of the most slanted lamps, which give the most exact
     depth equations, are lost."""
     border_px: int = tuned(2, "px")
-    """Pixels within which a sharp shadow border passes from dark to lit."""
-    shortest_shadow_px: float = tuned(2.0, "px")
-    """Length of a shadow below which it gives no equation."""
+    """Pixels within which a sharp shadow border passes from dark to lit, below which a shadow is too short for an
+    equation, and by which it has to contradict the depth: relief is full of short shadows that do not."""
     equation_weight: float = tuned(0.03, "1/px")
     """Weight of a shadow's depth equation against a normal's slope: half a pixel against three degrees."""
     robust_scale_px: float = tuned(0.6, "px")
     """Cauchy scale of the slope error, in pixels, beyond which a pair of neighbours counts as discontinuous."""
-    weight_floor: float = tuned(1e-3, "1")
-    """Least continuity weight of a pair of neighbours, which keeps the system well conditioned."""
     prior_weight: float = tuned(0.03, "1")
     """Prior continuity weight of a pair of neighbours where a shadow shows that the surface may be discontinuous."""
     occluding_contour_cosine: float = tuned(0.8, "cosine")
     """Cosine to the viewing ray below which a surface may be near its occluding contour."""
     equation_robust_scale_px: float = tuned(4.0, "px")
     """Cauchy scale, in pixels, of the residual of a shadow's depth equation."""
-    least_equations: int = tuned(30, "shadows")
-    """Shadows that have to contradict the depth from normals alone for discontinuities to be accepted."""
     least_share: float = tuned(0.5, "share")
     """Share of the shadows that have to contradict it."""
-    minimum_contradiction_px: float = tuned(2.0, "px")
-    """Depth by which a shadow has to contradict it: relief is full of short shadows that do not."""
-    least_start_weight: float = tuned(1e-7, "1")
-    """Weight of the starting depth, which makes the system regular."""
 
 
 SETTINGS = DiscontinuitySettings()
+
+WEIGHT_FLOOR = 1e-3
+"""Least continuity weight of a pair of neighbours, which keeps the system well conditioned."""
+
+LEAST_START_WEIGHT = 1e-7
+"""Weight of the starting depth, which makes the system regular."""
 
 NEIGHBOUR_SINE = 0.38
 """Sine of the angle, that of 22.5°, from which a shadow's direction also crosses rows or columns."""
@@ -132,10 +128,8 @@ def discontinuous_depth(
     number[pixels.index] = np.arange(len(pixels.index))
     tip, edge = number[equations.tip], number[equations.edge]
     smooth = np.log(continuous_m)
-    contradiction = (
-        np.abs(smooth[edge] - smooth[tip] - equations.step) > SETTINGS.minimum_contradiction_px * slopes.pitch
-    )
-    if np.count_nonzero(contradiction) < max(SETTINGS.least_equations, SETTINGS.least_share * len(contradiction)):
+    contradiction = np.abs(smooth[edge] - smooth[tip] - equations.step) > SETTINGS.border_px * slopes.pitch
+    if np.count_nonzero(contradiction) < max(photometry.SETTINGS.min_sample, SETTINGS.least_share * len(contradiction)):
         return None
     ray = photometry.ray_directions(pixels.ray)
     cosine = -np.sum(normals * ray, axis=0) / np.sqrt(np.sum(ray * ray, axis=0))
@@ -152,7 +146,7 @@ def discontinuous_depth(
             if iteration == 0 and rounds > 1
             else 1 / (1 + (residual / SETTINGS.equation_robust_scale_px) ** 2)
         )
-        continuity = np.maximum(slopes.continuity_weight(solution) * prior, SETTINGS.weight_floor)
+        continuity = np.maximum(slopes.continuity_weight(solution) * prior, WEIGHT_FLOOR)
         solution = _solve(
             np.concatenate([p, tip]),
             np.concatenate([q, edge]),
@@ -199,7 +193,7 @@ def _slopes(pixels: Pixels, normals: Float32Array, confidence: Float32Array) -> 
     normal = normals[:, p] + normals[:, q]
     normal /= np.maximum(np.sqrt(np.sum(normal * normal, axis=0)), np.float32(1e-6))
     cosine = np.maximum(
-        -np.sum(normal * (ray[:, p] + ray[:, q]), axis=0) / (2 * length), integration.SETTINGS.least_cosine
+        -np.sum(normal * (ray[:, p] + ray[:, q]), axis=0) / (2 * length), photometry.SETTINGS.min_view_cosine
     )
     change = np.sum(normal * (ray[:, q] - ray[:, p]), axis=0) / length
     return _Slopes(
@@ -216,7 +210,7 @@ def _slopes(pixels: Pixels, normals: Float32Array, confidence: Float32Array) -> 
 def _solve(p: np.ndarray, q: np.ndarray, step: np.ndarray, weight: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Weighted least squares, by sparse LU, for x (N,) with x_q − x_p ≈ step; x keeps the mean of `start`."""
     count = len(start)
-    weak = np.full(count, SETTINGS.least_start_weight)
+    weak = np.full(count, LEAST_START_WEIGHT)
     rows = np.concatenate([p, q, p, q, np.arange(count)])
     columns = np.concatenate([p, q, q, p, np.arange(count)])
     data = np.concatenate([weight, weight, -weight, -weight, weak])
@@ -257,7 +251,7 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
             SETTINGS.shadow_below,
             SETTINGS.lit_from,
             SETTINGS.border_px,
-            SETTINGS.shortest_shadow_px,
+            SETTINGS.border_px,
         )
         if len(edge) == 0:
             continue

@@ -353,10 +353,8 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
 
     values, diffuse, extra, indirect = measured, measured, None, None
     complete = _direct_diffuse(state)
-    estimate = once(
-        values, extra, pixel_solve.SETTINGS.irls_iterations if complete else SETTINGS.preliminary_iterations
-    )
-    for iterations in () if complete else (SETTINGS.preliminary_iterations, pixel_solve.SETTINGS.irls_iterations):
+    estimate = once(values, extra, pixel_solve.IRLS_ITERATIONS if complete else SETTINGS.preliminary_iterations)
+    for iterations in () if complete else (SETTINGS.preliminary_iterations, pixel_solve.IRLS_ITERATIONS):
         gloss = state.lobe.derivatives(estimate, lighting.ray_direction)
         direct, values, extra = np.sum(values, axis=0), measured, None
         if gloss is not None:

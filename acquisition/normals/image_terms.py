@@ -32,18 +32,18 @@ class ImageTermSettings:
     max_rough_weight: float = tuned(0.53, "1")
     """Largest b that an estimate may reach, that of a roughness of 0.68 rad: rougher surfaces than plaster and clay,
     0.6 rad, are rare, and the formula was made for slopes like these."""
-    least_view_cosine: float = tuned(0.1, "cosine")
-    """Cosine between normal and viewing ray below which K is evaluated as at that cosine; it divides."""
     gloss_range: tuple[float, float] = tuned((0.05, 0.7), "α")
     """Roughness α that an estimate of gloss may reach: below it highlights are smaller than the grid of lights
     resolves, above it the lobe is as flat as the diffuse base."""
-    max_gloss_step: float = tuned(0.4, "share")
-    """Largest relative change of α in one step: the lobe's shape is far from linear in it."""
-    least_albedo: float = tuned(1e-3, "albedo")
-    """Albedo below which the highlight's derivative by g is evaluated as at that albedo; it divides."""
 
 
 SETTINGS = ImageTermSettings()
+
+LEAST_ALBEDO = 1e-3
+"""Albedo below which the highlight's derivative by g is evaluated as at that albedo; it divides."""
+
+MAX_GLOSS_STEP = 0.4
+"""Largest relative change of α in one step: the lobe's shape is far from linear in it."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def evaluate(
         lobe, by_alpha = mirrored * gloss.lobe, mirrored * gloss.lobe_by_log_alpha / np.float32(terms.gloss)
         value = value + lobe + albedo * diffuse * gloss.layer
         by_g += gloss.layer[:, None] * light + diffuse[:, None] * gloss.layer_by_normal
-        by_g += (mirrored / np.maximum(albedo, np.float32(SETTINGS.least_albedo)))[:, None] * gloss.lobe_by_normal
+        by_g += (mirrored / np.maximum(albedo, np.float32(LEAST_ALBEDO)))[:, None] * gloss.lobe_by_normal
     nondiffuse, by_metal = lobe + weights[1] * albedo + np.float32(terms.offset), np.zeros_like(value)
     if terms.metal > 0:
         metal = microfacet.reflection(normal, lamp, view, usable, terms.metal, microfacet.METAL_F0)
@@ -149,7 +149,7 @@ def stepped(present: ImageTerms, step: ImageTerms) -> ImageTerms:
     none."""
 
     def alpha(before: float, by: float) -> float:
-        change = np.clip(by / max(before, 1e-6), -SETTINGS.max_gloss_step, SETTINGS.max_gloss_step)
+        change = np.clip(by / max(before, 1e-6), -MAX_GLOSS_STEP, MAX_GLOSS_STEP)
         return float(np.clip(before * (1 + change), *SETTINGS.gloss_range)) if before > 0 else 0.0
 
     return ImageTerms(
@@ -177,7 +177,7 @@ def _azimuthal_term(
     With c = l·v − cos θi cos θr = sin θi sin θr cos Δφ it is max(c, 0) · min(cos θi / cos θr, 1).
     """
     to_lamp = np.einsum("fcn,cn->fn", lamp, normal)
-    to_view = np.maximum(np.sum(view * normal, axis=0), np.float32(SETTINGS.least_view_cosine))
+    to_view = np.maximum(np.sum(view * normal, axis=0), np.float32(photometry.SETTINGS.min_view_cosine))
     azimuthal = np.einsum("fcn,cn->fn", lamp, view) - to_lamp * to_view
     present = usable & (azimuthal > 0) & (to_lamp > 0)
     azimuthal = np.where(present, azimuthal, 0)

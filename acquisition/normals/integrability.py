@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import Float32Array
 from acquisition.models.tuned import tuned
 from acquisition.normals import regularisation
@@ -33,18 +34,16 @@ class IntegrabilitySettings:
     """Circulation round a cell, in its 1 σ, beyond which it is not noise alone."""
     curvature_sigma: float = tuned(0.05, "share")
     """1 σ of the circulation as a share of the slope differences within the cell: pixels are areas, not points."""
-    least_cosine: float = tuned(0.05, "cosine")
-    """Cosine to the viewing ray, that of 87°, below which a slope is too uncertain to constrain its neighbours."""
-    rounds: int = tuned(10, "iterations")
-    """Iterations of conjugate gradients: noise is local, and after five of them errors fall by less than a
-    hundredth."""
 
 
 SETTINGS = IntegrabilitySettings()
 
+ITERATIONS = 10
+"""Iterations of conjugate gradients: noise is local, and after five of them errors fall by less than a hundredth."""
+
 CIRCULATION_LIMIT = SETTINGS.circulation_limit
 CURVATURE_SIGMA = SETTINGS.curvature_sigma
-LEAST_COSINE = SETTINGS.least_cosine
+LEAST_COSINE = photometry.SETTINGS.min_view_cosine
 
 
 STRIP_ROWS, OVERLAP_ROWS = 256, 12
@@ -104,7 +103,7 @@ def _project_strip(normals: Float32Array, variance: Float32Array, ray: Float32Ar
     direction, image = inverse * circulation, np.zeros(shape, np.float32)
     residual = circulation
     power = float(np.vdot(residual, direction))
-    for _ in range(SETTINGS.rounds):
+    for _ in range(ITERATIONS):
         if power <= 0:
             break
         _slope_changes(direction, slope, change)

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.tuned import tuned
 from acquisition.normals.poisson import Edges, Poisson
@@ -26,17 +27,17 @@ from acquisition.normals.poisson import Edges, Poisson
 class IntegrationSettings:
     """Tuned numbers of the integration of depth."""
 
-    least_cosine: float = tuned(0.1, "cosine")
-    """Least cosine to the viewing ray in slopes, that of 84°: beyond, a normal's error moves depth without bound."""
-    bilateral_rounds: int = tuned(12, "iterations")
-    """Most iterations of reweighting."""
     bilateral_sharpness: float = tuned(100.0, "1/px²")
     """Steepness k of the sigmoid of the bilateral weights, on squared residuals in units of a pixel."""
-    least_bilateral_weight: float = tuned(1e-3, "1")
-    """Least bilateral weight, which keeps the system well conditioned."""
 
 
 SETTINGS = IntegrationSettings()
+
+BILATERAL_ROUNDS = 12
+"""Most iterations of reweighting."""
+
+LEAST_BILATERAL_WEIGHT = 1e-3
+"""Least bilateral weight, which keeps the system well conditioned."""
 
 HALF_CONFIDENCE_SIGMA = np.float32(np.radians(3.0))
 """1 σ, rad, of normals whose confidence is one half."""
@@ -133,7 +134,9 @@ def _perspective(
         mx, my = (rx[second] + rx[first]) / 2, (ry[second] + ry[first]) / 2
         length = np.sqrt(1 + mx * mx + my * my)
         norm = np.sqrt(nx * nx + ny * ny + nz * nz) + np.float32(1e-12)
-        cosine = np.maximum(-(nx * mx + ny * my + nz) / (norm * length), np.float32(SETTINGS.least_cosine))
+        cosine = np.maximum(
+            -(nx * mx + ny * my + nz) / (norm * length), np.float32(photometry.SETTINGS.min_view_cosine)
+        )
         return (nx * dx + ny * dy) / (norm * length * cosine), cosine
 
     return _edges(step, normals, mask, confidence, axis, both_ends)
@@ -157,7 +160,7 @@ def _orthographic(
         first: Window, second: Window, nx: Float32Array, ny: Float32Array, nz: Float32Array
     ) -> tuple[Float32Array, Float32Array]:
         norm = np.sqrt(nx * nx + ny * ny + nz * nz) + np.float32(1e-12)
-        cosine = np.maximum(nz / norm, np.float32(SETTINGS.least_cosine))
+        cosine = np.maximum(nz / norm, np.float32(photometry.SETTINGS.min_view_cosine))
         return (nx if axis else -ny) / (norm * cosine), cosine
 
     return _edges(step, normals, mask, confidence, axis, both_ends)
@@ -188,7 +191,7 @@ def _solve(edges: list[Edges], start: Float32Array, mask: BoolArray, pitch: floa
     solver = Poisson(mask)
     original = [] if pitch is None else list(edges)
     solution = solver.solve(edges, start, against_flat=True)
-    for _ in range(SETTINGS.bilateral_rounds if pitch is not None else 0):
+    for _ in range(BILATERAL_ROUNDS if pitch is not None else 0):
         assert pitch is not None  # noqa: S101
         before = solution
         reweighted = [_bilateral(along_axis, solution, axis, pitch) for axis, along_axis in enumerate(original)]
@@ -224,6 +227,6 @@ def _bilateral(edges: Edges, solution: Float32Array, axis: int, pitch: float) ->
     # A pixel with a neighbour on one side only has no choice: both sides weigh alike.
     ahead = np.nan_to_num(backward - forward, nan=0.0)
     share = 1 / (1 + np.exp(-np.clip(SETTINGS.bilateral_sharpness * ahead, -30, 30)))
-    w1, w2 = share[first] + SETTINGS.least_bilateral_weight, (1 - share)[second] + SETTINGS.least_bilateral_weight
+    w1, w2 = share[first] + LEAST_BILATERAL_WEIGHT, (1 - share)[second] + LEAST_BILATERAL_WEIGHT
     step = (w1 * first_step + w2 * second_step) / (w1 + w2)
     return replace(edges, step=step.astype(np.float32), weight=(edges.weight * (w1 + w2)).astype(np.float32))

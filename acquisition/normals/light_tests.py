@@ -16,6 +16,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
+from acquisition.models.result import SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals.pixel_solve import Pixels
 
@@ -27,12 +28,8 @@ MAX_SWAP_PIXELS = 400
 class LightTestSettings:
     """Tuned numbers of the tests of lamps and axes."""
 
-    shadow_share: float = tuned(0.1, "of the peak")
-    """Share of a pixel's largest value below which a measurement does not take part."""
     rim_px: int = tuned(3, "px")
     """Width of the rim along the silhouette whose normals count, in pixels of the coarse grid."""
-    min_rim_pixels: int = tuned(60, "pixels")
-    """Rim pixels below which the outline says nothing."""
 
 
 SETTINGS = LightTestSettings()
@@ -83,7 +80,7 @@ def outwardness(normals: Float32Array, rim: Outline, axes: Axes = STATED_AXES) -
 
 def best_axes(normals: Float32Array, rim: Outline) -> tuple[Axes, float]:
     """The axes under which the rim's normals point outwards most, and by how much more than under the stated ones."""
-    if len(rim.numbers) < SETTINGS.min_rim_pixels:
+    if len(rim.numbers) < photometry.SETTINGS.min_sample:
         return STATED_AXES, 0.0
     values = [outwardness(normals, rim, axes) for axes in ALL_AXES]
     best = int(np.argmax(values))
@@ -117,7 +114,7 @@ def swapped_pair(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, cal
     light = photometry.light_vectors(photometry.points(few.ray, depth_m[np.unique(chosen)]), lamps, calibration)
     rows = light.transpose(2, 0, 1).astype(np.float64)  # (K, F, 3)
     values = few.values.T.astype(np.float64)
-    used = (values > SETTINGS.shadow_share * np.max(values, axis=1, keepdims=True)) & ~few.clipped.T
+    used = (values > SolveSettings().shadow_threshold * np.max(values, axis=1, keepdims=True)) & ~few.clipped.T
     before = _residual(rows, values, used)
     best = min(
         (

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
-from acquisition.models.tuned import tuned
 
 F0 = 0.04
 """Reflectance of a dielectric of refractive index 1.5 at normal incidence; 0.028–0.053 for 1.4–1.6."""
@@ -27,18 +27,7 @@ F0 = 0.04
 METAL_F0 = 0.9
 """Reflectance of a bright metal at normal incidence (aluminium 0.91); the albedo scales it."""
 
-
-@dataclass(frozen=True)
-class MicrofacetSettings:
-    """Tuned numbers of the microfacet model."""
-
-    least_cosine: float = tuned(0.02, "cosine")
-    """Cosine between normal and viewing ray below which all is evaluated as at that cosine."""
-
-
-SETTINGS = MicrofacetSettings()
-
-LEAST_COSINE = SETTINGS.least_cosine
+LEAST_COSINE = photometry.SETTINGS.min_view_cosine
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition import mosaic
+from acquisition import mosaic, photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import (
@@ -49,23 +49,14 @@ class AlternativeSettings:
     eight of ten (seeds 20 and 22), other faults 5–400."""
     min_step: ImageTerms = tuned(ImageTerms(roughness=0.03, ambient=0.02, offset=0.005), "term")
     """Values of the terms, by one step from zero, below which they are not tried: less changes no normal visibly."""
-    gloss_start: float = tuned(0.2, "α")
-    """Roughness α from which gloss is estimated. From 0.12 and 0.25 it ends at the same (0.158 and 0.39, six
-    families)."""
     min_gloss_step: float = tuned(0.05, "share")
     """Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried."""
     gloss_better: float = tuned(0.9, "misfit ratio")
-    """Misfit after over before, up to which gloss is accepted."""
-    metal_start: float = tuned(0.3, "α")
-    """Roughness α from which a metal's is estimated in a poor fit."""
+    """Misfit after over before, up to which gloss, and a registration, is accepted."""
     metal_better: float = tuned(0.7, "misfit ratio")
     """Misfit after over before, up to which the surface counts as metal."""
     term_sigma: ImageTerms = tuned(ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0), "term")
     """1 σ of the priors of terms that are estimated; those of gloss and metal say next to nothing."""
-    second_starts: tuple[ImageTerms, ...] = tuned(
-        (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(offset=0.03), ImageTerms(offset=0.1)), "term"
-    )
-    """Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
     min_leak: float = tuned(5.0, "σ")
     """Significance of light in shadows from which images are sharpened on trial."""
     min_leak_share: float = tuned(0.3, "share")
@@ -74,16 +65,10 @@ class AlternativeSettings:
     sharpened_worse: float = tuned(1.6, "misfit ratio")
     """Misfit of sharpened images over that before, up to which they are accepted. It rises to 1.2–1.4 times by noise
     alone, since where a pixel is lit, a residual does not know of blur."""
-    coded_exponent: float = tuned(2.2, "1")
-    """Exponent that undoes the usual coding of eight-bit images. As a free parameter it would explain metal."""
     min_translation_px: float = tuned(0.4, "px")
     """Translation of images from which a registration is tried."""
-    registered_better: float = tuned(0.9, "misfit ratio")
-    """Misfit of registered images over that before, up to which it is accepted."""
     bad_image_ratio: float = tuned(3.0, "misfit ratio")
     """Misfit of an image over the median of the others from which it is left out on trial."""
-    min_images_left: int = tuned(4, "images")
-    """Images that must stay."""
     max_log_intensity: float = tuned(0.1, "1")
     """Logarithm of an image's intensity against the others' from which the image is scaled before the next descent: the
     prior of a few per cent would leave a part of a large error."""
@@ -93,6 +78,18 @@ class AlternativeSettings:
 
 
 SETTINGS = AlternativeSettings()
+
+CODED_EXPONENT = 2.2
+"""Exponent that undoes the usual coding of eight-bit images. As a free parameter it would explain metal."""
+
+GLOSS_START = 0.2
+"""Roughness α from which gloss is estimated. From 0.12 and 0.25 it ends at the same (0.158 and 0.39, six families)."""
+
+METAL_START = 0.3
+"""Roughness α from which a metal's is estimated in a poor fit."""
+
+SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(offset=0.03), ImageTerms(offset=0.1))
+"""Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
 
 
 def other_axes(present: Solution) -> list[Alternative]:
@@ -197,28 +194,28 @@ def other_formation(present: Solution) -> list[Alternative]:
     if nominal.terms is None and present.scores is not None:
         gloss = present.scores.gloss
         if present.state.lobe.strength > 0 or (gloss.gain > SETTINGS.min_gain and gloss.step > SETTINGS.min_gloss_step):
-            alternatives.append(with_term("gloss", ImageTerms(gloss=SETTINGS.gloss_start), SETTINGS.gloss_better))
+            alternatives.append(with_term("gloss", ImageTerms(gloss=GLOSS_START), SETTINGS.gloss_better))
         for name in ("roughness", "ambient", "offset"):
             score: TermScore = getattr(present.scores, name)
             if score.gain > SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
                 alternatives.append(with_term(name, LAMBERTIAN, model_trial.SETTINGS.worse_at_most, score.step))
     if nominal.terms is None and present.poor:
-        alternatives.append(with_term("metal", ImageTerms(metal=SETTINGS.metal_start), SETTINGS.metal_better))
-        for start in SETTINGS.second_starts:
+        alternatives.append(with_term("metal", ImageTerms(metal=METAL_START), SETTINGS.metal_better))
+        for start in SECOND_STARTS:
             alternatives.append(
                 with_term("ambient" if start.ambient else "offset", start, model_trial.SETTINGS.better_at_least)
             )
     if present.poor:
-        linear = problem.reread(changed_images.linearised(problem.masked.images, SETTINGS.coded_exponent))
-        message = f"the images are not linear: values are taken to the power of {SETTINGS.coded_exponent}"
+        linear = problem.reread(changed_images.linearised(problem.masked.images, CODED_EXPONENT))
+        message = f"the images are not linear: values are taken to the power of {CODED_EXPONENT}"
         alternatives.append(
             Alternative(
                 "coded values",
                 message,
                 linear,
                 model_trial.SETTINGS.better_at_least,
-                SETTINGS.coded_exponent,
-                coding=SETTINGS.coded_exponent,
+                CODED_EXPONENT,
+                coding=CODED_EXPONENT,
             )
         )
     return alternatives
@@ -238,7 +235,7 @@ def moved_object(present: Solution) -> list[Alternative]:
     message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
     spacing = 1 if problem.masked.channel is None else mosaic.CELL
     registered = problem.reread(changed_images.translated(problem.masked.images, moves, spacing))
-    return [Alternative("moved object", message, registered, SETTINGS.registered_better, distance)]
+    return [Alternative("moved object", message, registered, SETTINGS.gloss_better, distance)]
 
 
 def bad_image(present: Solution) -> list[Alternative]:
@@ -253,7 +250,7 @@ def bad_image(present: Solution) -> list[Alternative]:
 
 def _worst_image(fit: Fit) -> int | None:
     """Number of an image that fits far worse than the others, of which there have to be enough."""
-    if np.count_nonzero(np.isfinite(fit.images)) <= SETTINGS.min_images_left:
+    if np.count_nonzero(np.isfinite(fit.images)) <= photometry.OVERDETERMINED:
         return None
     worst = int(np.nanargmax(fit.images))
     return worst if fit.images[worst] > SETTINGS.bad_image_ratio * np.nanmedian(np.delete(fit.images, worst)) else None

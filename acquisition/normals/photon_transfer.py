@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
@@ -21,11 +22,6 @@ from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 class TransferSettings:
     """Tuned numbers of the photon-transfer curve."""
 
-    bins: int = tuned(24, "bins")
-    """Bins of brightness, of equal width in its square root, as the noise is. Each is many times as wide as the noise,
-    which would otherwise sort pixels of one brightness into bright and dark ones and flatten the curve."""
-    min_bin_count: int = tuned(100, "differences")
-    """Differences below which a bin is dropped."""
     min_variance_steps: float = tuned(0.3, "steps²")
     """Variance, in squared quantisation steps, below which a bin is dropped: values hardly scatter over their steps,
     and quantisation adds something else than a twelfth."""
@@ -44,6 +40,10 @@ class TransferSettings:
 
 
 SETTINGS = TransferSettings()
+
+BINS = 24
+"""Bins of brightness, of equal width in its square root, as the noise is. Each is many times as wide as the noise,
+which would otherwise sort pixels of one brightness into bright and dark ones and flatten the curve."""
 
 CLIP_SIGMA = 3.0
 """σ beyond which differences are clipped."""
@@ -88,16 +88,14 @@ def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: 
 
     `step` is the quantisation of values; bins that scatter over less than it are dropped.
     """
-    bin_number = np.clip(np.sqrt(np.maximum(level, 0)) * (SETTINGS.bins / np.sqrt(top)), 0, SETTINGS.bins - 1).astype(
-        np.uint8
-    )
+    bin_number = np.clip(np.sqrt(np.maximum(level, 0)) * (BINS / np.sqrt(top)), 0, BINS - 1).astype(np.uint8)
     order = np.argsort(bin_number, kind="stable")
-    ends = np.cumsum(np.bincount(bin_number, minlength=SETTINGS.bins))
+    ends = np.cumsum(np.bincount(bin_number, minlength=BINS))
     squares = np.square(difference[order], dtype=np.float64)
     level = level[order]
     bins: list[tuple[float, float, float, float]] = []
     for start, stop in zip(np.concatenate([[0], ends[:-1]]), ends, strict=True):
-        if stop - start >= SETTINGS.min_bin_count:
+        if stop - start >= photometry.SETTINGS.min_sample:
             members = squares[start:stop]
             mean = float(np.mean(level[start:stop], dtype=np.float64))
             variance = _core_variance(members, step)

@@ -15,7 +15,7 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.tuned import tuned
-from acquisition.normals import photon_transfer, pixel_solve
+from acquisition.normals import photon_transfer, pixel_solve, residual_noise
 from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.pyramid import MaskedImages
 from acquisition.normals.session_images import ImageStack, StoredImages
@@ -27,15 +27,14 @@ class PixelNoiseSettings:
 
     max_relative_sigma: float = tuned(0.15, "share")
     """1 σ of the shot noise, as a fraction, up to which the estimate replaces the guess."""
-    min_lights: int = tuned(5, "lights")
-    """Lights below which there is no redundancy to estimate from."""
     shadow_threshold: float = tuned(0.15, "of the peak")
     """Share of a pixel's peak normalised value from which it is lit: the model is least exact in grazing light."""
-    min_residual_share: float = tuned(0.2, "share")
-    """Share of a measurement's variance that its residual has at least."""
 
 
 SETTINGS = PixelNoiseSettings()
+
+MIN_RESIDUAL_SHARE = 1 - residual_noise.SETTINGS.max_leverage
+"""Share of a measurement's variance that its residual has at least."""
 
 STRIPS = 16
 """Groups of rows, spread over the window, that are read."""
@@ -64,7 +63,7 @@ def estimate(
     `images` have a guess of it, which scales values to electrons; `mask` and the rough `depth_m` are (h, w), `steps`
     (F,) the quantisation of values, 0 for none. Where too few pixels determine it, the guess stays.
     """
-    if len(images.lights) < SETTINGS.min_lights:
+    if len(images.lights) < photometry.REDUNDANT:
         return PixelNoiseEstimate(images, f"guessed: {len(images.lights)} lights leave nothing over")
     lamp = photometry.lamps(images.lights)
     step = float(np.max(steps / images.shot))
@@ -111,10 +110,10 @@ def _differences(
 
     one, right, below, across = four = _quads(pixels)
     alike = np.logical_and.reduce([np.all(usable[:, one] == usable[:, other], axis=0) for other in four])
-    good = usable[:, one] & alike & (np.min([share[:, at] for at in four], axis=0) > SETTINGS.min_residual_share)
+    good = usable[:, one] & alike & (np.min([share[:, at] for at in four], axis=0) > MIN_RESIDUAL_SHARE)
     level, spread, bright = (np.mean([all_[..., at] for at in four], axis=0) for all_ in (pixels.values, share, albedo))
     apart = (residual[:, one] - residual[:, right] - residual[:, below] + residual[:, across]) / 2
-    apart = apart * bright / np.sqrt(np.maximum(spread, SETTINGS.min_residual_share)) / shot[:, None]
+    apart = apart * bright / np.sqrt(np.maximum(spread, MIN_RESIDUAL_SHARE)) / shot[:, None]
     return (level / shot[:, None])[good].astype(np.float32), apart[good].astype(np.float32)
 
 

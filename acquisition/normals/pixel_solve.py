@@ -31,15 +31,12 @@ class PixelSolveSettings:
     penumbra_sigma: float = tuned(0.1, "of the peak")
     """1 σ added in the eight neighbours of shadowed pixels, as a share of the pixel's peak value. Half or twice as much
     changes the mean error on path-traced objects by 1–2 %."""
-    cauchy_scale: float | None = tuned(2.5, "σ")
-    """Scale of Cauchy's weight function, in σ of the residual; none: least squares without reweighting."""
-    irls_iterations: int = tuned(6, "iterations")
-    """Gauss–Newton steps with reweighting."""
-    min_view_cosine: float = tuned(0.02, "cosine")
-    """Least cosine between a normal and the direction to the camera."""
 
 
 SETTINGS = PixelSolveSettings()
+
+IRLS_ITERATIONS = 6
+"""Gauss–Newton steps with reweighting."""
 
 NO_OFFSET_SIGMA_M = 1e-6
 """1 σ of the depth offset, m, that switches it off."""
@@ -70,7 +67,7 @@ class Scene:
     @property
     def cauchy_scale(self) -> float | None:
         """Of Cauchy's weights as the settings want them; none: not robust."""
-        return SETTINGS.cauchy_scale if self.settings.robust else None
+        return photometry.CAUCHY_SCALE if self.settings.robust else None
 
 
 @dataclass(frozen=True)
@@ -83,8 +80,8 @@ class PixelSolveOptions:
 
     shadow_threshold: float
     offset_sigma_m: float = NO_OFFSET_SIGMA_M
-    cauchy_scale: float | None = SETTINGS.cauchy_scale
-    iterations: int = SETTINGS.irls_iterations
+    cauchy_scale: float | None = photometry.CAUCHY_SCALE
+    iterations: int = IRLS_ITERATIONS
 
 
 @dataclass(frozen=True)
@@ -277,7 +274,7 @@ def clamp_to_visible(normals: Float32Array, ray_direction: Float32Array) -> Floa
     """Rotates normals (3, N) just far enough towards the camera that each is visible (cosine ≥ `min_view_cosine`)."""
     axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
     cosine = np.sum(normals * axis, axis=0)
-    least = np.float32(SETTINGS.min_view_cosine)
+    least = np.float32(photometry.SETTINGS.min_view_cosine)
     visible = normals + np.maximum(least - cosine, 0) * axis
     return (visible / np.sqrt(np.sum(visible * visible, axis=0))).astype(np.float32)
 

@@ -6,31 +6,21 @@ One translation for each image, by robust least squares over the object, says ho
 Shadows' borders move with the lamp and not with the object, so only measurements well inside lit parts count.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
-from acquisition import mosaic
+from acquisition import mosaic, photometry
 from acquisition.models.base import Float32Array, FloatArray
-from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, changed_images, pixel_solve, resampling
 from acquisition.normals.pixel_solve import Pixels, PixelSolveOptions, Scene
 
+ROUNDS = 4
+"""Alternations of solve and registration: the first solution is of the unregistered images."""
 
-@dataclass(frozen=True)
-class RegistrationSettings:
-    """Tuned numbers of the registration of images."""
-
-    rounds: int = tuned(4, "rounds")
-    """Alternations of solve and registration: the first solution is of the unregistered images."""
-    robust_rounds: int = tuned(3, "rounds")
-    """Reweightings of the residuals, Cauchy at their median."""
-    min_pixels: int = tuned(200, "measurements")
-    """Measurements of an image below which its translation is zero."""
-
-
-SETTINGS = RegistrationSettings()
+ROBUST_ROUNDS = 3
+"""Reweightings of the residuals, Cauchy at their median."""
 
 
 def translations(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intensity: FloatArray) -> FloatArray:
@@ -48,7 +38,7 @@ def translations(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intens
     inside = pixels.image(np.ones(len(pixels.index), np.uint8))
     core = cv2.erode(inside, np.ones((5, 5), np.uint8), borderValue=0) > 0
     total = np.zeros((len(values), 2))
-    for _ in range(SETTINGS.rounds):
+    for _ in range(ROUNDS):
         moved = np.stack(
             [pixels.take(changed_images.shifted(one, -shift)) for one, shift in zip(stack, total, strict=True)]
         )
@@ -87,7 +77,7 @@ def _lit(pixels: Pixels, usable: np.ndarray) -> np.ndarray:
 
 def _step(image: Float32Array, model: Float32Array, counted: np.ndarray) -> FloatArray:
     """One Lucas–Kanade step: content of `image` is that of `model` moved by it."""
-    if np.count_nonzero(counted) < SETTINGS.min_pixels:
+    if np.count_nonzero(counted) < photometry.SETTINGS.min_sample:
         return np.zeros(2)
     down = np.asarray(np.gradient(model.astype(np.float64), axis=0))
     across = np.asarray(np.gradient(model.astype(np.float64), axis=1))
@@ -95,7 +85,7 @@ def _step(image: Float32Array, model: Float32Array, counted: np.ndarray) -> Floa
     residual = (image - model)[counted].astype(np.float64)
     weight = np.ones_like(residual)
     out = np.zeros(2)
-    for _ in range(SETTINGS.robust_rounds):
+    for _ in range(ROBUST_ROUNDS):
         matrix = (rows * weight) @ rows.T
         matrix += (1e-9 * np.trace(matrix) + 1e-15) * np.eye(2)
         out = np.linalg.solve(matrix, rows @ (weight * residual))

@@ -5,25 +5,16 @@ the table's never mix in.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from acquisition.models.base import Float32Array
-from acquisition.models.tuned import tuned
 from acquisition.normals.pixel_solve import Pixels
 
-
-@dataclass(frozen=True)
-class ResamplingSettings:
-    """Tuned numbers of the interpolation between grids."""
-
-    extrapolation_px: int = tuned(5, "px")
-    """Width of the box, coarse pixels, by whose mean values are extrapolated over the border."""
-
-
-SETTINGS = ResamplingSettings()
+EXTRAPOLATION_PX = 5
+"""Width of the box, coarse pixels, by whose mean values are extrapolated over the border."""
 
 
 def coarsen(pixels: Pixels, factor: int) -> Pixels:
@@ -87,7 +78,7 @@ def interpolate(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixel
     The window of `pixels` begins `top` rows below that of `coarse`.
     """
     weight = coarse.image(np.ones(len(coarse.index), np.float32))
-    around = cv2.blur(weight, (SETTINGS.extrapolation_px, SETTINGS.extrapolation_px))
+    around = cv2.blur(weight, (EXTRAPOLATION_PX, EXTRAPOLATION_PX))
     height, width = coarse.shape
     rows, columns = pixels.shape
     # With a coarse row more on either side, interpolation does not know that there are others.
@@ -99,7 +90,7 @@ def interpolate(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixel
         extrapolated = np.where(
             weight > 0,
             image,
-            cv2.blur(image, (SETTINGS.extrapolation_px, SETTINGS.extrapolation_px)) / np.maximum(around, 1e-6),
+            cv2.blur(image, (EXTRAPOLATION_PX, EXTRAPOLATION_PX)) / np.maximum(around, 1e-6),
         )
         full = cv2.resize(extrapolated[first:last].astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
         out[item] = pixels.take(np.asarray(full, np.float32)[skipped : skipped + rows, :columns])

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import pixel_solve, pixel_solve_kernels
@@ -34,8 +35,6 @@ class ResidualNoiseSettings:
     """Cosine to the light below which measurements determine σ_d."""
     max_leverage: float = tuned(0.8, "share")
     """Leverage above which a residual has too little of its noise left to be used."""
-    min_lights: int = tuned(5, "lights")
-    """Usable lights from which a pixel takes part."""
     min_measurements: int = tuned(300, "measurements")
     """Measurements below which c or σ_d is not estimated."""
     min_pixel_share: float = tuned(0.1, "share")
@@ -46,11 +45,12 @@ class ResidualNoiseSettings:
     """Bounds of c, a fraction."""
     direction_range: tuple[float, float] = tuned((0.001, 0.05), "rad")
     """Bounds of σ_d, rad."""
-    rounds: int = tuned(2, "rounds")
-    """Alternations of c and σ_d."""
 
 
 SETTINGS = ResidualNoiseSettings()
+
+ROUNDS = 2
+"""Alternations of c and σ_d."""
 
 
 def estimate(
@@ -63,7 +63,7 @@ def estimate(
     solved with less knowledge. `values` (F, K) are what `solution` was solved from, `extra` (F, K) its variance beside
     the noise model's.
     """
-    enough = np.count_nonzero(solution.weights > 0, axis=0) >= SETTINGS.min_lights
+    enough = np.count_nonzero(solution.weights > 0, axis=0) >= photometry.REDUNDANT
     design = _design(solution, ray_direction, lamps, enough)
     y, strength = values[:, enough].astype(np.float64), design.strength
     leverage = np.empty(y.shape)
@@ -71,7 +71,7 @@ def estimate(
     used = solution.weights[:, enough] > 0
     residual = y - design.predicted
     added = extra[:, enough]
-    for _ in range(SETTINGS.rounds):
+    for _ in range(ROUNDS):
         variance = noise.variance(np.maximum(y, 0), strength) + added
         _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
         usable = used & (leverage < SETTINGS.max_leverage)
@@ -105,7 +105,7 @@ def studentised_squares(
     used = solution.weights > 0
     leverage = np.empty(values.shape)
     _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
-    counted = used & (leverage < SETTINGS.max_leverage) & (np.count_nonzero(used, axis=0) >= SETTINGS.min_lights)
+    counted = used & (leverage < SETTINGS.max_leverage) & (np.count_nonzero(used, axis=0) >= photometry.REDUNDANT)
     unleveraged = (values - design.predicted) ** 2 / np.maximum(1 - leverage, 0.05)
     return unleveraged / variance, unleveraged / np.maximum(values, 1e-6) ** 2, counted
 

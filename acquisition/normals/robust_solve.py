@@ -44,8 +44,6 @@ class RobustSettings:
     half of the gain."""
     peak_ratio: float = tuned(1.2, "ratio")
     """Ratio of the brightest y/|s| to the next from which it may be a highlight; a lower one costs time."""
-    min_lights: int = tuned(5, "lights")
-    """Usable measurements that a second start needs: without one of them, residuals of the others still tell."""
 
 
 SETTINGS = RobustSettings()
@@ -166,7 +164,7 @@ def solve(
     count = np.count_nonzero(others.usable, axis=0)
     lost_to_shadow = count >= np.count_nonzero(classified.usable, axis=0)
     doubtful = np.flatnonzero(
-        (count >= SETTINGS.min_lights - 1)
+        (count >= photometry.REDUNDANT - 1)
         & (lost_to_shadow | (first.residual > SETTINGS.second_start_from))
         & (classified.peak > SETTINGS.peak_ratio * others.peak)
     )

@@ -18,6 +18,7 @@ import numba
 import numpy as np
 from scipy.linalg import block_diag
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import pixel_solve, pixel_solve_kernels
@@ -42,10 +43,6 @@ class SelfCalibrationSettings:
     """Prior 1 σ of the logarithm of that factor."""
     min_log_bayes_factor: float = tuned(3.0, "1")
     """Log Bayes factor against the stated σ from which a larger one is taken."""
-    min_lights: int = tuned(4, "lights")
-    """Usable lights from which a pixel takes part."""
-    min_pixels: int = tuned(50, "pixels")
-    """Pixels below which nothing is estimated."""
 
 
 SETTINGS = SelfCalibrationSettings()
@@ -131,8 +128,8 @@ def normal_equations(
     None where too few pixels have enough lights.
     """
     count = len(values)
-    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= SETTINGS.min_lights
-    if np.count_nonzero(enough) < SETTINGS.min_pixels:
+    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= photometry.OVERDETERMINED
+    if np.count_nonzero(enough) < photometry.SETTINGS.min_sample:
         return None
     terms = estimate.terms
     derivatives: list[Float32Array] = []

@@ -34,12 +34,6 @@ class LobeSettings:
 
     wide_cauchy_scale: float = tuned(10.0, "σ")
     """Scale of Cauchy's weights, in σ, while the lobe is fitted: a narrow one rejects the highlights."""
-    fit_rounds: int = tuned(4, "rounds")
-    """Alternations of solve and lobe fit."""
-    min_lights: int = tuned(5, "lights")
-    """Usable lights from which a pixel takes part."""
-    min_pixels: int = tuned(100, "pixels")
-    """Pixels below which no lobe is fitted."""
     min_strength: float = tuned(0.02, "of the albedo")
     """Strength of the lobe below which a surface is diffuse."""
     min_explained_share: float = tuned(0.15, "share")
@@ -48,6 +42,9 @@ class LobeSettings:
 
 
 SETTINGS = LobeSettings()
+
+FIT_ROUNDS = 4
+"""Alternations of solve and lobe fit."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +122,7 @@ def fit(
     ray_direction = lighting.ray_direction
     robust, wide = PixelSolveOptions(threshold), PixelSolveOptions(threshold, cauchy_scale=SETTINGS.wide_cauchy_scale)
     lobe = start
-    for _ in range(SETTINGS.fit_rounds):
+    for _ in range(FIT_ROUNDS):
         added = np.zeros_like(values)
         if lobe.strength > 0:
             guess = pixel_solve.solve_lit(pixels, values, lighting, scene, robust)
@@ -148,8 +145,8 @@ def _fit_strength(
 
     Projected out are g of each pixel and a shift of the whole object: flat surfaces show much the same for either.
     """
-    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= SETTINGS.min_lights
-    if np.count_nonzero(enough) < SETTINGS.min_pixels:
+    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= photometry.REDUNDANT
+    if np.count_nonzero(enough) < photometry.SETTINGS.min_sample:
         return NO_LOBE, 0.0
     change = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, lamp)
     half, length = _half_vectors(estimate.light, ray_direction)

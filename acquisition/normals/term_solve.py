@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.tuned import tuned
 from acquisition.normals import image_terms, microfacet
@@ -24,27 +25,28 @@ from acquisition.photometry import Noise
 class TermSolveSettings:
     """Tuned numbers of the solve with terms."""
 
-    rounds: int = tuned(3, "rounds")
-    """Solves of a pixel, each with the terms' derivatives at the one before. Gloss ends alike after three, four and
-    six."""
-    highlight_starts: int = tuned(2, "starts")
-    """Images, the brightest first, whose half vector is another start of a glossy pixel's normal. On a knot and a
-    turned profile (design seed 2, α = 0.16, eight lights, known depth) the mean error is 5.1° and 5.8° without, 3.1°
-    and 3.2° with two; a third changes nothing."""
-    metal_rounds: int = tuned(6, "rounds")
-    """The same for metal, whose Lambertian solution is of little use. Without noise (α = 0.35, eight lights, slants to
-    34°) three rounds from three images leave 3.8°, six rounds 0.6°, from five images 0.1°."""
-    metal_starts: int = tuned(4, "starts")
-    """Images that give starts on metal."""
     least_start_share: float = tuned(0.05, "share")
     """Least albedo of such a start, as a share of the peak y/|s|."""
-    cost_scale: float = tuned(2.5, "σ")
-    """Scale of Cauchy's loss by which starts are compared."""
     unused_deviations: float = tuned(3.0, "σ")
     """Deviation that a measurement in shadow counts with."""
 
 
 SETTINGS = TermSolveSettings()
+
+ROUNDS = 3
+"""Solves of a pixel, each with the terms' derivatives at the one before. Gloss ends alike after three, four and six."""
+
+METAL_ROUNDS = 6
+"""The same for metal, whose Lambertian solution is of little use. Without noise (α = 0.35, eight lights, slants to 34°)
+three rounds from three images leave 3.8°, six rounds 0.6°, from five images 0.1°."""
+
+HIGHLIGHT_STARTS = 2
+"""Images, the brightest first, whose half vector is another start of a glossy pixel's normal. On a knot and a turned
+profile (design seed 2, α = 0.16, eight lights, known depth) the mean error is 5.1° and 5.8° without, 3.1° and 3.2° with
+two; a third changes nothing."""
+
+METAL_STARTS = 4
+"""Images that give starts on metal."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class TermProblem:
 
 def rounds(terms: ImageTerms) -> int:
     """Solves of a pixel with these terms from one start, one after another."""
-    return SETTINGS.metal_rounds if terms.metal > 0 else SETTINGS.rounds
+    return METAL_ROUNDS if terms.metal > 0 else ROUNDS
 
 
 def solve(problem: TermProblem) -> Estimate:
@@ -82,9 +84,7 @@ def solve(problem: TermProblem) -> Estimate:
     level = np.maximum(np.median(ratio, axis=0), np.float32(SETTINGS.least_start_share) * peak)
     if problem.terms.metal > 0:  # at the half vector all of the brightest value is the lobe's, F₀/(4α²) high
         level = np.float32(4 * problem.terms.metal**2 / microfacet.METAL_F0) * peak
-    for image in np.argsort(-ratio, axis=0)[
-        : SETTINGS.metal_starts if problem.terms.metal > 0 else SETTINGS.highlight_starts
-    ]:
+    for image in np.argsort(-ratio, axis=0)[: METAL_STARTS if problem.terms.metal > 0 else HIGHLIGHT_STARTS]:
         toward = np.take_along_axis(light, image[None, None], axis=0)[0]
         half = toward / np.take_along_axis(strength, image[None], axis=0) + problem.view
         half *= level / np.maximum(np.sqrt(np.sum(half * half, axis=0)), np.float32(1e-6))
@@ -114,7 +114,9 @@ def _robust_cost(problem: TermProblem, estimate: Estimate) -> Float32Array:
     residual = problem.values - np.einsum("fcn,cn->fn", estimate.light, estimate.g) - estimate.term_value
     variance = problem.noise.variance(np.maximum(problem.values, 0), strength) + estimate.highlight_variance
     square = np.where(estimate.usable, residual**2 / variance, SETTINGS.unused_deviations**2)
-    return np.sum(np.where(problem.clipped, 0, np.log1p(square / SETTINGS.cost_scale**2)), axis=0).astype(np.float32)
+    return np.sum(np.where(problem.clipped, 0, np.log1p(square / photometry.CAUCHY_SCALE**2)), axis=0).astype(
+        np.float32
+    )
 
 
 def _chosen(where: BoolArray, one: Estimate, other: Estimate) -> Estimate:

@@ -31,11 +31,6 @@ from acquisition.normals.surface_diffusion import SurfaceGraph
 class TranslucencySettings:
     """Tuned numbers of the test for light in shadows."""
 
-    lengths_px: tuple[float, ...] = tuned((0.5, 0.7, 1.0, 1.4, 2.0, 2.8), "px")
-    """Mean free paths, pixels of the coarse grid, that are compared when light leaks; shorter ones stay within the
-    pixels at the edge, and sharpening by a longer one would bring up noise."""
-    tested_px: float = tuned(1.0, "px")
-    """Mean free path for which the regression is tested."""
     lit_share: float = tuned(0.5, "share")
     """Share of the predicted direct light above which a pixel counts as lit."""
     near_px: int = tuned(6, "px")
@@ -48,10 +43,6 @@ class TranslucencySettings:
     """Share of dark pixels among 5 × 5 below which a pixel's local mean rests on too few."""
     min_weight: float = tuned(0.1, "1")
     """Weight of the surface's graph below which two pixels count as divided by a depth step."""
-    albedo_rounds: int = tuned(2, "rounds")
-    """Alternations of albedo and lit images."""
-    min_pixels: int = tuned(200, "pixels")
-    """Dark pixels of all images below which nothing is said."""
     min_pixels_in_image: int = tuned(20, "pixels")
     """Dark pixels of an image below which nothing is said of it."""
     min_cover: float = tuned(0.07, "share")
@@ -59,18 +50,27 @@ class TranslucencySettings:
     their shadow falls off from its edge as well: shadows in a turned recess of 4–5 % of the object, alike in all
     images, gave a coefficient of 1.4 (Lambertian design seed 6); translucent objects that were recognised had 9 % and
     more."""
-    grid: int = tuned(6, "cells")
-    """Parts of the object that are left out in turn: cells of a grid of so many rows and columns over its bounding
-    box."""
-    robust_rounds: int = tuned(8, "rounds")
-    """Reweightings of the regression."""
-    cauchy_scale: float = tuned(2.0, "σ")
-    """Scale of its Cauchy weights, in standard deviations of the residual."""
     neighbours_alike: float = tuned(2.0, "1")
     """Factor of the standard error for residuals that neighbours share."""
 
 
 SETTINGS = TranslucencySettings()
+
+LENGTHS_PX = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
+"""Mean free paths, pixels of the coarse grid, that are compared when light leaks; shorter ones stay within the pixels
+at the edge, and sharpening by a longer one would bring up noise."""
+
+TESTED_PX = 1.0
+"""Mean free path for which the regression is tested."""
+
+GRID = 6
+"""Parts of the object that are left out in turn: cells of a grid of so many rows and columns over its bounding box."""
+
+ALBEDO_ROUNDS = 2
+"""Alternations of albedo and lit images."""
+
+ROBUST_ROUNDS = 8
+"""Reweightings of the regression."""
 
 MIN_LIGHTS = 3
 """Images in which a pixel has to be lit for its prediction to count."""
@@ -112,15 +112,15 @@ def leak(
     place = _cells(pixels)
     cell = np.concatenate([place[one.dark] for one in shadows] or [np.zeros(0, int)])
     if (
-        len(cell) < SETTINGS.min_pixels
+        len(cell) < photometry.SETTINGS.min_sample
         or np.mean(np.any([pixels.take(one.dark) for one in shadows], axis=0)) < SETTINGS.min_cover
     ):
         return None
     observed = np.concatenate([_relative(one, one.image) for one in shadows])
-    coefficient, error = _regressed(shadows, observed, over, SETTINGS.tested_px, cell)
+    coefficient, error = _regressed(shadows, observed, over, TESTED_PX, cell)
     if coefficient < min_significance * error:
         return Leak(coefficient, error, 0.0)
-    coefficients = [_regressed(shadows, observed, over, length, cell)[0] for length in SETTINGS.lengths_px]
+    coefficients = [_regressed(shadows, observed, over, length, cell)[0] for length in LENGTHS_PX]
     return Leak(coefficient, error, _length_at_one(np.array(coefficients)))
 
 
@@ -136,7 +136,7 @@ def albedo_and_lit(values: Float32Array, shading: Float32Array) -> tuple[Float32
     """Albedo (N,) from the images in which a pixel is lit, 0 where they are too few, and which these are (F, N)."""
     lit = (shading > 0) & (values > SETTINGS.lit_share * np.max(values, axis=0))
     albedo = np.zeros(values.shape[1], np.float32)
-    for _ in range(SETTINGS.albedo_rounds):
+    for _ in range(ALBEDO_ROUNDS):
         albedo = np.sum(lit * values * shading, axis=0) / np.maximum(np.sum(lit * shading**2, axis=0), 1e-9)
         lit = (shading > 0) & (values > SETTINGS.lit_share * albedo * shading)
     known = (np.count_nonzero(lit, axis=0) >= MIN_LIGHTS) & (albedo > 0)
@@ -149,12 +149,10 @@ def _length_at_one(coefficients: FloatArray) -> float:
         return 0.0
     above = int(np.argmax(coefficients <= 1)) if np.any(coefficients <= 1) else len(coefficients)
     if above == len(coefficients):
-        return SETTINGS.lengths_px[-1]
+        return LENGTHS_PX[-1]
     high, low = np.log(coefficients[above - 1]), np.log(max(coefficients[above], 1e-3))
     share = high / (high - low)
-    return float(
-        np.exp((1 - share) * np.log(SETTINGS.lengths_px[above - 1]) + share * np.log(SETTINGS.lengths_px[above]))
-    )
+    return float(np.exp((1 - share) * np.log(LENGTHS_PX[above - 1]) + share * np.log(LENGTHS_PX[above])))
 
 
 def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: SurfaceGraph) -> list[_Shadow]:
@@ -185,9 +183,7 @@ def _cells(pixels: Pixels) -> np.ndarray:
     row, column = np.unravel_index(pixels.index, pixels.shape)
     cell = np.zeros(pixels.shape, int)
     height, width = np.ptp(row) + 1, np.ptp(column) + 1
-    cell[row, column] = (row - row.min()) * SETTINGS.grid // height * SETTINGS.grid + (
-        column - column.min()
-    ) * SETTINGS.grid // width
+    cell[row, column] = (row - row.min()) * GRID // height * GRID + (column - column.min()) * GRID // width
     return cell
 
 
@@ -198,13 +194,13 @@ def _regressed(
     or, where it is larger, from the scatter between cells (N,), one left out in turn (jackknife)."""
     rows = np.concatenate([_relative(one, surface_diffusion.blurred(one.source, over, length_px)) for one in shadows])
     weight, slope, error = np.ones_like(observed), 0.0, float("inf")
-    for _ in range(SETTINGS.robust_rounds):
+    for _ in range(ROBUST_ROUNDS):
         information = max(float(np.sum(weight * rows**2)), 1e-15)
         slope = float(np.sum(weight * rows * observed)) / information
         left = observed - slope * rows
         scale = max(float(np.median(np.abs(left))) / GAUSSIAN_MEDIAN_DEVIATION, 1e-9)
         error = SETTINGS.neighbours_alike * scale / np.sqrt(information)
-        weight = 1 / (1 + (left / (SETTINGS.cauchy_scale * scale)) ** 2)
+        weight = 1 / (1 + (left / (photometry.CAUCHY_SCALE * scale)) ** 2)
     score, information = (np.bincount(cell, weight * rows * one) for one in (observed, rows))
     inside = information > 0
     without = ((np.sum(score) - score) / np.maximum(np.sum(information) - information, 1e-15))[inside]

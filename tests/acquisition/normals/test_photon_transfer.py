@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acquisition import photometry
 from acquisition.normals import photon_transfer
 from acquisition.normals.photon_transfer import TransferCurve
 
@@ -68,8 +69,6 @@ def test_fit_line_two_points_returns_none() -> None:
 
 
 def test_transfer_curve_few_pixels_drops_bin() -> None:
-    level = np.repeat(
-        np.float32([10.0, 3000.0]), [photon_transfer.SETTINGS.min_bin_count - 1, photon_transfer.SETTINGS.min_bin_count]
-    )
+    level = np.repeat(np.float32([10.0, 3000.0]), [photometry.SETTINGS.min_sample - 1, photometry.SETTINGS.min_sample])
     scattered = np.random.default_rng(3).normal(size=level.shape).astype(np.float32) * 10
     assert photon_transfer.transfer_curve(level, scattered, TOP, 1.0).level.tolist() == [3000.0]
