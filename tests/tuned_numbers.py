@@ -59,8 +59,10 @@ REASONS: dict[str, str] = {
         distant.light_intensities.TOLERANCE distant.reflectance_fit.DIFFERENCE_STEP
         distant.reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
         photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE residual_noise.ROUNDS
-        surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS discontinuity.WEIGHT_FLOOR
-        discontinuity.LEAST_START_WEIGHT integration.BILATERAL_ROUNDS
+        alternation.EXTRA_ROUNDS alternation.CONVERGED_DEG alternation.INITIAL_DISCONTINUITY_ROUNDS
+        alternation.MAX_SHIFT_STEP_M final_solve.PRELIMINARY_ITERATIONS
+        interreflection_kernels.LEVELS surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS
+        discontinuity.WEIGHT_FLOOR discontinuity.LEAST_START_WEIGHT integration.BILATERAL_ROUNDS
         integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS pixel_solve.IRLS_ITERATIONS
         registration.ROUNDS registration.ROBUST_ROUNDS translucency.ALBEDO_ROUNDS
         translucency.ROBUST_ROUNDS specular.FIT_ROUNDS term_solve.ROUNDS term_solve.METAL_ROUNDS

@@ -40,35 +40,30 @@ from acquisition.photometry import Noise
 class AlternationSettings:
     """Tuned numbers of the alternation over what all pixels share."""
 
-    calibration_depth_sigma_m: float = tuned(0.01, "m")
-    """1 σ of a pixel's depth beside the common shift, m, in self-calibration. Integrated depth is wrong by that much
-    behind occluding contours that no normal leads round; thousands of pixels held to the final solve's 3 mm explain it
-    by a shift and wrong intensities instead: 12 mm and 2 % on a figure at 1024 × 1024, where it is 5 mm."""
     shift_sigma_m: float = tuned(0.03, "m")
     """1 σ of the object's mean depth as the caller gives it, m."""
-    max_shift_step_m: float = tuned(0.02, "m")
-    """Largest change of the shift in one Gauss–Newton step, m."""
     max_shift_m: float = tuned(0.08, "m")
     """Largest shift of the object along the rays, m."""
     initial_shadow_threshold: float = tuned(0.15, "of the peak")
     """Shadow threshold of the first round, a share of the pixel's peak, while indirect light is still in the images."""
-    min_images_for_shift: int = tuned(4, "images")
-    """Images from which the object's shift is estimated."""
-    min_images_for_lamps: int = tuned(5, "images")
-    """Images from which lamp intensities and positions are estimated."""
-    extra_rounds: int = tuned(2, "rounds")
-    """Rounds beyond the settings' where indirect light or gloss is significant."""
-    converged_deg: float = tuned(0.5, "deg")
-    """Mean rotation of the normals between rounds, degrees, below which the loop ends: the next would be a fifth of
-    it."""
-    initial_discontinuity_rounds: int = tuned(4, "rounds")
-    """Rounds of discontinuity detection in the first turn; later turns start from its result with one each."""
     min_indirect_share: float = tuned(0.012, "share")
     """Share of indirect light, at the 98th percentile of pixels, from which it is subtracted. Smooth shapes of albedo
     0.05 lose 0.003° where it is not; a groove as dark has twice as much."""
 
 
 SETTINGS = AlternationSettings()
+
+MAX_SHIFT_STEP_M = 0.02
+"""Largest change of the shift in one Gauss–Newton step, m."""
+
+EXTRA_ROUNDS = 2
+"""Rounds beyond the settings' where indirect light or gloss is significant."""
+
+CONVERGED_DEG = 0.5
+"""Mean rotation of the normals between rounds, degrees, below which the loop ends: the next would be a fifth of it."""
+
+INITIAL_DISCONTINUITY_ROUNDS = 4
+"""Rounds of discontinuity detection in the first turn; later turns start from its result with one each."""
 
 MAX_COARSE_PIXELS = 12_000
 """Object pixels of the coarse grid at most, about."""
@@ -162,7 +157,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     threshold = SETTINGS.initial_shadow_threshold
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
     calibrations = 0
-    for turn in range(scene.settings.depth_rounds + SETTINGS.extra_rounds):
+    for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
         measured = divide_intensity(coarse.values, shared.log_intensity)
         values = measured - radiance - highlight
         estimate = pixel_solve.solve(
@@ -177,7 +172,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             shadows = ShadowImages(
                 coarse, measured - highlight - estimate.nondiffuse_value, estimate.light, present.lamps
             )
-        cuts = SETTINGS.initial_discontinuity_rounds if turn == 0 else 1
+        cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
         depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadows, cuts)
         chosen = drawn[~hidden[drawn]]
         sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], nominal)
@@ -208,7 +203,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         depth = depth + np.float32(shared.shift_m - before)
         present = replace(present, lamps=shared.lamps(scene.lamps), noise=noise, terms=scene.terms and shared.terms)
         threshold = scene.settings.shadow_threshold
-        converged = turn >= scene.settings.depth_rounds and _mean_angle_deg(previous, normals) < SETTINGS.converged_deg
+        converged = turn >= scene.settings.depth_rounds and _mean_angle_deg(previous, normals) < CONVERGED_DEG
         if converged or (direct_diffuse and calibrations >= scene.settings.depth_rounds):
             break
     return AlternationResult(
@@ -316,14 +311,12 @@ def _self_calibrate(
     `values` (F, K), which contain the `highlight` (F, K) of `lobe`, and `depth_m` (K,) are those of the parameters
     `before`; `hold` leaves the lamps as they are.
     """
-    nominal = sample.nominal
-    if len(nominal.lamps) < SETTINGS.min_images_for_shift:
+    nominal, depth_sigma_m = sample.nominal, photometry.SETTINGS.integrated_depth_sigma_m
+    if len(nominal.lamps) < photometry.OVERDETERMINED:
         return before, noise
-    calibrate = not hold and len(nominal.lamps) >= SETTINGS.min_images_for_lamps
+    calibrate = not hold and len(nominal.lamps) >= photometry.REDUNDANT
     priors, present = stated if calibrate else replace(stated, intensity=0.0, position_m=0.0), before
-    options = PixelSolveOptions(
-        nominal.settings.shadow_threshold, SETTINGS.calibration_depth_sigma_m, cauchy_scale=nominal.cauchy_scale
-    )
+    options = PixelSolveOptions(nominal.settings.shadow_threshold, depth_sigma_m, cauchy_scale=nominal.cauchy_scale)
     for turn in range(4):
         lamps = present.lamps(nominal.lamps)
         divided = divide_intensity(values, present.log_intensity - before.log_intensity)
@@ -336,7 +329,7 @@ def _self_calibrate(
         if turn in (0, 3):
             noise = residual_noise.estimate(
                 estimate, diffuse, noise, nominal.noise, sample.ray_direction, lamps,
-                SETTINGS.calibration_depth_sigma_m, sample.pixels.plus_extra(extra + estimate.highlight_variance),
+                depth_sigma_m, sample.pixels.plus_extra(extra + estimate.highlight_variance),
             )  # fmt: skip
         if turn == 3:
             break
@@ -345,9 +338,9 @@ def _self_calibrate(
         if gloss is not None:
             highlight = gloss.highlight
         step = self_calibration.gauss_newton_step(
-            estimate, by_depth, divided - highlight, lamps, present, priors, SETTINGS.calibration_depth_sigma_m, gloss
+            estimate, by_depth, divided - highlight, lamps, present, priors, depth_sigma_m, gloss
         )
-        shift = float(np.clip(step.shift_m, -SETTINGS.max_shift_step_m, SETTINGS.max_shift_step_m))
+        shift = float(np.clip(step.shift_m, -MAX_SHIFT_STEP_M, MAX_SHIFT_STEP_M))
         present = SharedParameters(
             log_intensity=present.log_intensity + step.log_intensity,
             lamp_offset_m=present.lamp_offset_m + step.lamp_offset_m,

@@ -44,11 +44,12 @@ class FinalSolveSettings:
 
     max_indirect_share: float = tuned(0.3, "share")
     """Share of indirect light in a pixel's images above which its σ is flagged as unreliable (`NormalMap.doubtful`)."""
-    preliminary_iterations: int = tuned(3, "iterations")
-    """Iterations of a solve whose albedo and normals only serve to subtract light."""
 
 
 SETTINGS = FinalSolveSettings()
+
+PRELIMINARY_ITERATIONS = 3
+"""Iterations of a solve whose albedo and normals only serve to subtract light."""
 
 SAMPLE_PIXELS = 4000
 """Pixels that the noise is estimated from, and pixels at most whose Fisher information the planner is given."""
@@ -353,8 +354,8 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
 
     values, diffuse, extra, indirect = measured, measured, None, None
     complete = _direct_diffuse(state)
-    estimate = once(values, extra, pixel_solve.IRLS_ITERATIONS if complete else SETTINGS.preliminary_iterations)
-    for iterations in () if complete else (SETTINGS.preliminary_iterations, pixel_solve.IRLS_ITERATIONS):
+    estimate = once(values, extra, pixel_solve.IRLS_ITERATIONS if complete else PRELIMINARY_ITERATIONS)
+    for iterations in () if complete else (PRELIMINARY_ITERATIONS, pixel_solve.IRLS_ITERATIONS):
         gloss = state.lobe.derivatives(estimate, lighting.ray_direction)
         direct, values, extra = np.sum(values, axis=0), measured, None
         if gloss is not None:

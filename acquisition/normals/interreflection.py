@@ -33,12 +33,8 @@ AZIMUTHS, WALL_AZIMUTHS = 24, 12
 class InterreflectionSettings:
     """Tuned numbers of the indirect light."""
 
-    wall_bounces: int = tuned(1, "bounces")
-    """Bounces of light between visible surfaces and the walls that the camera does not see."""
     background_depth_factor: float = tuned(2.0, "1")
     """Depth of the background, in multiples of the object's largest depth, where there is no table."""
-    least_shadow_measurements: int = tuned(30, "measurements")
-    """Measurements in shadow without which the prediction is taken as it is."""
     least_prediction: float = tuned(0.002, "y")
     """Predicted indirect light, in units of y, below which a measurement in shadow says nothing."""
     detection_threshold: float = tuned(0.35, "1")
@@ -193,7 +189,7 @@ def _shadow_ratios(
     kernel = np.ones((3, 3), np.uint8)
     umbra = np.stack([pixels.take(cv2.erode(pixels.image(mask.astype(np.uint8)), kernel)) > 0 for mask in dark])
     used = umbra & (predicted > SETTINGS.least_prediction)
-    if np.count_nonzero(used) < SETTINGS.least_shadow_measurements:
+    if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
         return 1.0, 1.0
     ratio, weight = values[used] / predicted[used], predicted[used]
     order = np.argsort(ratio)
@@ -212,11 +208,9 @@ def _walls(point: Float32Array, inside: BoolArray, albedo: Float32Array) -> _Wal
     """Vertical walls under the depth discontinuities of points (h, w, 3), divided into LEVELS."""
     number, cell, normal, top = interreflection_kernels.find_walls(point, inside)
     foot = point[cell[:, 0], cell[:, 1]]
-    middle = np.repeat(foot[:, None], interreflection_kernels.SETTINGS.levels, axis=1)
+    middle = np.repeat(foot[:, None], interreflection_kernels.LEVELS, axis=1)
     middle[:, :, 2] += (
-        (np.arange(interreflection_kernels.SETTINGS.levels) + 0.5)
-        / interreflection_kernels.SETTINGS.levels
-        * (top - foot[:, 2])[:, None]
+        (np.arange(interreflection_kernels.LEVELS) + 0.5) / interreflection_kernels.LEVELS * (top - foot[:, 2])[:, None]
     )
     # The albedo of a wall that the camera does not see is taken to be that of its surroundings.
     weight = inside.astype(np.float32)
@@ -224,11 +218,9 @@ def _walls(point: Float32Array, inside: BoolArray, albedo: Float32Array) -> _Wal
     return _Walls(
         number=number,
         point=np.ascontiguousarray(middle.reshape(-1, 3), np.float32),
-        normal=np.repeat(normal, interreflection_kernels.SETTINGS.levels, axis=0),
-        cell=np.repeat(cell, interreflection_kernels.SETTINGS.levels, axis=0),
-        albedo=np.repeat(
-            np.asarray(around, np.float32)[cell[:, 0], cell[:, 1]], interreflection_kernels.SETTINGS.levels
-        ),
+        normal=np.repeat(normal, interreflection_kernels.LEVELS, axis=0),
+        cell=np.repeat(cell, interreflection_kernels.LEVELS, axis=0),
+        albedo=np.repeat(np.asarray(around, np.float32)[cell[:, 0], cell[:, 1]], interreflection_kernels.LEVELS),
     )
 
 
@@ -236,26 +228,23 @@ def _wall_radiosity(
     walls: _Walls, point: Float32Array, radiosity: Float32Array, lamp: Float32Array, calibration: Calibration,
     affine: np.ndarray,
 ) -> Float32Array:  # fmt: skip
-    """Radiosity of each wall at each level and light (W, LEVELS, F): unoccluded lamp light plus `wall_bounces`."""
+    """Radiosity of each wall at each level and light (W, LEVELS, F): unoccluded lamp light and one bounce."""
     count = len(lamp)
     shape = (
-        len(walls.point) // interreflection_kernels.SETTINGS.levels,
-        interreflection_kernels.SETTINGS.levels,
+        len(walls.point) // interreflection_kernels.LEVELS,
+        interreflection_kernels.LEVELS,
         count,
     )
     if shape[0] == 0:
-        return np.zeros((0, interreflection_kernels.SETTINGS.levels, count), np.float32)
+        return np.zeros((0, interreflection_kernels.LEVELS, count), np.float32)
     visible = np.empty((len(walls.point), count), np.float32)
     interreflection_kernels.lamp_visibility(point, walls.point, walls.normal, lamp, affine, visible)
     light = photometry.light_vectors(np.ascontiguousarray(walls.point.T), lamp, calibration)
     irradiance = np.clip(np.einsum("fcn,nc->nf", light, walls.normal), 0, None) * visible
     direct = np.ascontiguousarray(walls.albedo[:, None] * irradiance, np.float32)  # einsum may answer by columns
-    total = direct
-    for _ in range(SETTINGS.wall_bounces):
-        indirect = np.empty_like(direct)
-        interreflection_kernels.gather(
-            point, walls.point, walls.normal, walls.cell, radiosity, walls.number, total.reshape(shape),
-            WALL_AZIMUTHS, indirect,
-        )  # fmt: skip
-        total = np.ascontiguousarray(direct + walls.albedo[:, None] * indirect, np.float32)
-    return total.reshape(shape)
+    indirect = np.empty_like(direct)
+    interreflection_kernels.gather(
+        point, walls.point, walls.normal, walls.cell, radiosity, walls.number, direct.reshape(shape), WALL_AZIMUTHS,
+        indirect,
+    )  # fmt: skip
+    return (direct + walls.albedo[:, None] * indirect).astype(np.float32).reshape(shape)

@@ -21,8 +21,6 @@ from acquisition.models.tuned import tuned
 class RadiosityKernelSettings:
     """Tuned numbers of the kernels of indirect light."""
 
-    levels: int = tuned(3, "levels")
-    """Parts of a wall's height that have a radiosity of their own."""
     wall_slope: float = tuned(2.5, "slope")
     """Rise over run between neighbouring cells from which there is a wall between them."""
     shadow_clearance_m: float = tuned(0.0003, "m")
@@ -33,7 +31,10 @@ class RadiosityKernelSettings:
 
 SETTINGS = RadiosityKernelSettings()
 
-LEVELS = SETTINGS.levels
+LEVELS = 3
+"""Parts of a wall's height that have a radiosity of their own."""
+
+
 WALL_SLOPE = SETTINGS.wall_slope
 SHADOW_CLEARANCE_M = SETTINGS.shadow_clearance_m
 BEYOND_IMAGE = SETTINGS.beyond_image
