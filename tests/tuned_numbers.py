@@ -52,8 +52,9 @@ REASONS: dict[str, str] = {
         pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS regularisation.STRIP_ROWS
         sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS session_images.BYTES_PER_EXTRA
         session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES
-        criterion_kernels.BLOCK stopping_rule.COUNTS translucency.GRID photon_transfer.BINS
-        resampling.EXTRAPOLATION_PX""",
+        criterion_kernels.BLOCK stopping_rule.COUNTS translucency.GRID
+        distant.robust_regression.MAX_TRIPLES distant.solver_selection.FOLDS
+        distant.solver_selection.FOLDS_OF_FEW photon_transfer.BINS resampling.EXTRAPOLATION_PX""",
     "steps and tolerances of numerical methods": """
         photometry.UNDISTORTION_ROUNDS distant.light_intensities.ITERATIONS
         distant.light_intensities.TOLERANCE distant.reflectance_fit.DIFFERENCE_STEP
@@ -66,8 +67,9 @@ REASONS: dict[str, str] = {
         integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS pixel_solve.IRLS_ITERATIONS
         registration.ROUNDS registration.ROBUST_ROUNDS translucency.ALBEDO_ROUNDS
         translucency.ROBUST_ROUNDS specular.FIT_ROUNDS term_solve.ROUNDS term_solve.METAL_ROUNDS
-        term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS image_terms.LEAST_ALBEDO
-        image_terms.MAX_GLOSS_STEP model_alternatives.GLOSS_START model_alternatives.METAL_START""",
+        term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS distant.robust_regression.MAX_ITERATIONS
+        distant.reflectance_fit.FINAL_STEP image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP
+        model_alternatives.GLOSS_START model_alternatives.METAL_START""",
     "grids of what may be chosen": """
         exposure_options.SHORTEST exposure_options.LONGEST exposure_options.FRAMES exposure_options.RATIOS
         translucency.LENGTHS_PX translucency.TESTED_PX model_alternatives.SECOND_STARTS""",

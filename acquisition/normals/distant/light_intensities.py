@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals.distant import robust_regression, solvers
@@ -45,8 +46,6 @@ class LightIntensitySettings:
     again. Of 140 balls under 8, 12 and 20 lights that scatter by 30 % (those of
     `tests/acquisition/normals/distant/test_light_intensities.py`, seeds 0–139) 10, 4 and 3 are refused or wrong with
     one such step, 3, 1 and 1 with two, one with four, none with eight."""
-    cauchy_scale: float = tuned(2.0, "σ")
-    """Scale of the Cauchy weight, in units of the pixel's robust residual spread."""
     min_spread: float = tuned(0.005, "of the albedo")
     """Least spread of the residuals, as a share of the pixel's albedo."""
     max_leverage: float = tuned(0.9, "share")
@@ -148,13 +147,13 @@ def _robust_normals(
         usable,
         directions,
         robust_regression.SETTINGS.position_thresholds,
-        robust_regression.SETTINGS.max_iterations,
+        robust_regression.MAX_ITERATIONS,
     )
     scaled = fitted.astype(float)
     albedo = np.linalg.norm(scaled, axis=1, keepdims=True)
     spread = np.maximum(np.sqrt(statistics[:, :1]), SETTINGS.min_spread * albedo)
     weight = usable / (
-        1 + ((values - scaled @ directions.T) / (SETTINGS.cauchy_scale * np.maximum(spread, 1e-12))) ** 2
+        1 + ((values - scaled @ directions.T) / (photometry.CAUCHY_SCALE * np.maximum(spread, 1e-12))) ** 2
     )
     return scaled, np.where((albedo > 0) & (np.sum(usable, axis=1, keepdims=True) > 3), weight, 0.0)
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals.distant import reflectance_kernels, robust_regression
@@ -25,12 +26,6 @@ class ReflectanceFitSettings:
     all."""
     noise_floor: float = tuned(0.2, "of the median")
     """Weights are 1/(y + noise_floor), y in units of the pixel's median: between constant and proportional noise."""
-    final_step: float = tuned(0.03, "1")
-    """Step of κ in the pattern search at which it ends."""
-    cauchy_scale: float = tuned(2.5, "σ")
-    """Scale of the Cauchy weight, in units of the residuals' robust spread."""
-    min_spread: float = tuned(0.003, "of the median")
-    """Least spread of the weighted residuals, in units of the pixel's median."""
     start_ring_rad: float = tuned(0.12, "rad")
     """Radius (rad) of the ring of starts round the initial normal."""
     min_start_separation_rad: float = tuned(0.1, "rad")
@@ -38,6 +33,9 @@ class ReflectanceFitSettings:
 
 
 SETTINGS = ReflectanceFitSettings()
+
+FINAL_STEP = 0.03
+"""Step of κ in the pattern search at which it ends."""
 
 LAMBERT_PARAMS = np.array([0.0, 0.0, 1.0])
 """κ, ω, γ at which the diffuse term is Lambert's law."""
@@ -117,7 +115,7 @@ def fit(
     statistics = np.empty((count, 3), np.float32)
     reflectance_kernels.fit(
         y, weights, table, diffuse_params, reflectance_kernels.GGX_ROUGHNESS,
-        np.array([SETTINGS.cauchy_scale, SETTINGS.min_spread, iterations, ring_rad]),
+        np.array([photometry.CAUCHY_SCALE, robust_regression.MIN_SPREAD, iterations, ring_rad]),
         np.ascontiguousarray(initial, dtype=np.float32), normals, strengths, statistics,
     )  # fmt: skip
     return ReflectanceFits(
@@ -173,7 +171,7 @@ def estimate_diffuse_params(values: Float32Array, clipped: BoolArray, directions
         if candidate_loss < least:
             least, params, begin = candidate_loss, np.array(candidate), normals
     step = INITIAL_STEP
-    while step[0] > SETTINGS.final_step:
+    while step[0] > FINAL_STEP:
         moved = False
         for axis in range(len(params)):
             for sign in (1.0, -1.0):
@@ -238,7 +236,7 @@ def _diffuse_params_variance(
     weights = np.where(usable(y, clipped), 1.0 / (np.maximum(y, 0) + SETTINGS.noise_floor), 0.0)
     lobes = strengths[:, :, None] * _basis(fits.normals, table, diffuse_params)  # (N, K, F); zero where not used
     predicted = lobes.sum(axis=1)
-    squared = (SETTINGS.cauchy_scale * np.maximum(fits.spread, SETTINGS.min_spread)[:, None]) ** 2
+    squared = (photometry.CAUCHY_SCALE * np.maximum(fits.spread, robust_regression.MIN_SPREAD)[:, None]) ** 2
     weight = weights / (1 + (y - predicted) ** 2 * weights / squared)
 
     def moved(change: FloatArray) -> FloatArray:

@@ -26,17 +26,17 @@ class RobustRegressionSettings:
     """Least weight of the measurements of a triple."""
     min_position_threshold_lights: int = tuned(20, "lights")
     """Lights from which the start is the middle ranks, below which it is the best triple."""
-    max_triples: int = tuned(40, "triples")
-    """Triples that are tried at most."""
-    cauchy_scale: float = tuned(2.0, "σ")
-    """Scale of the Cauchy weight, in units of the residuals' robust spread (1.4826 MAD)."""
-    max_iterations: int = tuned(12, "iterations")
-    """IRLS iterations at most."""
-    min_spread: float = tuned(2e-3, "of the mean")
-    """Least spread of the residuals, as a share of the mean of the pixel's usable values."""
+    min_spread: float = tuned(3e-3, "of the mean")
+    """Least spread of the residuals, as a share of the mean or median of the pixel's usable values."""
 
 
 SETTINGS = RobustRegressionSettings()
+
+MAX_TRIPLES = 40
+"""Triples that are tried at most."""
+
+MAX_ITERATIONS = 12
+"""IRLS iterations at most."""
 
 MIN_TRIPLE_WEIGHT = SETTINGS.min_triple_weight
 MIN_SPREAD = SETTINGS.min_spread
@@ -47,7 +47,7 @@ def triples(light: FloatArray) -> tuple[np.ndarray, FloatArray]:
     every = np.array(list(combinations(range(len(light)), 3)))
     volume = np.abs(np.linalg.det(light[every]))
     kept = every[volume > 0.3 * volume.max()]
-    chosen = kept[np.linspace(0, len(kept) - 1, min(SETTINGS.max_triples, len(kept))).astype(int)]
+    chosen = kept[np.linspace(0, len(kept) - 1, min(MAX_TRIPLES, len(kept))).astype(int)]
     inverses = np.linalg.inv(light[chosen])
     return chosen.astype(np.int64), np.ascontiguousarray(inverses, dtype=np.float64)
 

@@ -19,10 +19,6 @@ from acquisition.normals.distant.solvers import Solver
 class SolverSelectionSettings:
     """Tuned numbers of the choice of a solver."""
 
-    folds: int = tuned(4, "parts")
-    """Parts of the lights, each held out once."""
-    folds_of_few: int = tuned(6, "parts")
-    """The same where four parts would leave fewer lights than `glossy` needs: parts of two of twelve lights."""
     error_quantile: float = tuned(0.8, "quantile")
     """Quantile of a pixel's relative errors over its lights that stands for the pixel."""
     max_error_ratio: float = tuned(0.97, "1")
@@ -31,6 +27,12 @@ class SolverSelectionSettings:
 
 
 SETTINGS = SolverSelectionSettings()
+
+FOLDS = 4
+"""Parts of the lights, each held out once."""
+
+FOLDS_OF_FEW = 6
+"""The same where four parts would leave fewer lights than `glossy` needs: parts of two of twelve lights."""
 
 SAMPLE_PIXELS = 300
 """Pixels that the solvers are compared at."""
@@ -45,7 +47,7 @@ def select(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> 
     values, clipped = np.ascontiguousarray(values[::step]), np.ascontiguousarray(clipped[::step])
     enough = len(directions) >= solvers.SETTINGS.min_glossy_lights
     candidates = FEW_LIGHTS_SOLVERS + MANY_LIGHTS_SOLVERS if enough else FEW_LIGHTS_SOLVERS
-    if len(directions) <= SETTINGS.folds + 1:
+    if len(directions) <= FOLDS + 1:
         return "weighted", f"{len(directions)} lights leave none to test other solvers by"
     errors = {solver: held_out_error(solver, values, clipped, directions) for solver in candidates}
     chosen = candidates[0]
@@ -59,11 +61,7 @@ def select(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> 
 def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, directions: FloatArray) -> float:
     """Cross-validation error: geometric mean over pixels of the `error_quantile` of their relative errors."""
     count = len(directions)
-    folds = (
-        SETTINGS.folds
-        if count * (SETTINGS.folds - 1) // SETTINGS.folds >= solvers.SETTINGS.min_glossy_lights
-        else SETTINGS.folds_of_few
-    )
+    folds = FOLDS if count * (FOLDS - 1) // FOLDS >= solvers.SETTINGS.min_glossy_lights else FOLDS_OF_FEW
     # The three diffuse parameters are shared by all pixels, so that fitting them to all lights gives none away to a
     # pixel.
     diffuse_params = (
@@ -110,6 +108,6 @@ def _predict(
         )
         return reflectance_fit.brightness(fits, reflectance_fit.light_table(held_out), diffuse_params)
     ranks = (0.0, 1.0) if solver == "weighted" else robust_regression.SETTINGS.position_thresholds
-    rounds = robust_regression.SETTINGS.max_iterations if solver == "robust" else 0
+    rounds = robust_regression.MAX_ITERATIONS if solver == "robust" else 0
     scaled_normals, _ = solvers.robust_fit(values, solvers.shadow_weights(values, clipped), shown, ranks, rounds)
     return np.maximum(scaled_normals @ held_out.T, 0)

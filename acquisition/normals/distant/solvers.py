@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
@@ -95,9 +96,7 @@ def prepare(
                 "matt_form": dict(zip(names, diffuse_params.tolist(), strict=True))
             }
         case _:
-            return _robust(
-                directions, rounds=0 if solver == "thresholded" else robust_regression.SETTINGS.max_iterations
-            ), {}
+            return _robust(directions, rounds=0 if solver == "thresholded" else robust_regression.MAX_ITERATIONS), {}
 
 
 def usable(values: Float32Array, clipped: BoolArray) -> BoolArray:
@@ -124,7 +123,7 @@ def robust_fit(
     chosen, inverses = (
         (np.empty((0, 3), np.int64), np.empty((0, 3, 3))) if many else robust_regression.triples(directions)
     )  # fmt: skip
-    settings = np.array([*ranks, robust_regression.SETTINGS.cauchy_scale if rounds else 0.0, rounds])
+    settings = np.array([*ranks, photometry.CAUCHY_SCALE if rounds else 0.0, rounds])
     light = np.ascontiguousarray(directions, dtype=np.float64)
     robust_regression.solve(
         values, np.ascontiguousarray(weights), light, chosen, inverses, settings, scaled_normals, statistics
