@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals.distant import robust_regression, solvers
@@ -153,7 +152,9 @@ def _robust_normals(
     albedo = np.linalg.norm(scaled, axis=1, keepdims=True)
     spread = np.maximum(np.sqrt(statistics[:, :1]), SETTINGS.min_spread * albedo)
     weight = usable / (
-        1 + ((values - scaled @ directions.T) / (photometry.CAUCHY_SCALE * np.maximum(spread, 1e-12))) ** 2
+        1
+        + ((values - scaled @ directions.T) / (robust_regression.SETTINGS.cauchy_scale * np.maximum(spread, 1e-12)))
+        ** 2
     )
     return scaled, np.where((albedo > 0) & (np.sum(usable, axis=1, keepdims=True) > 3), weight, 0.0)
 

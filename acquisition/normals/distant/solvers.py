@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
@@ -123,7 +122,7 @@ def robust_fit(
     chosen, inverses = (
         (np.empty((0, 3), np.int64), np.empty((0, 3, 3))) if many else robust_regression.triples(directions)
     )  # fmt: skip
-    settings = np.array([*ranks, photometry.CAUCHY_SCALE if rounds else 0.0, rounds])
+    settings = np.array([*ranks, robust_regression.SETTINGS.cauchy_scale if rounds else 0.0, rounds])
     light = np.ascontiguousarray(directions, dtype=np.float64)
     robust_regression.solve(
         values, np.ascontiguousarray(weights), light, chosen, inverses, settings, scaled_normals, statistics
