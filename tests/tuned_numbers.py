@@ -27,15 +27,15 @@ REASONS: dict[str, str] = {
         light_tests.STATED_AXES light_tests.ALL_AXES baselines.VIEWING_AXIS objective.VARIANCE
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENT""",
     "counts of unknowns, marks and definitions": """
-        photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG
-        changed_images.HALF distant.grey_conversion.CLIPPED_VALUE distant.lit_mask.MIN_IMAGES
-        distant.reflectance_fit.LAMBERT_PARAMS distant.reflectance_kernels.BASIS_SIZE
-        distant.reflectance_kernels.DIFFUSE_PARAMS distant.solvers.UNKNOWN_VARIANCE_RAD2
-        equivalent_session.OBJECT_SIZE_M equivalent_session.DISTANCE_M equivalent_session.EXPOSURE
-        error_variance.MIN_LIGHTS pixel_solve.NO_OFFSET_SIGMA_M specular.NO_LOBE
-        surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE
-        translucency.MIN_LIGHTS session_images.BYTES_PER_VALUE candidate_lights.SAME_POSITION_M
-        criterion.MIN_LIGHTS criterion_kernels.HIDDEN photometry.OVERDETERMINED photometry.REDUNDANT""",
+        photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
+        distant.grey_conversion.CLIPPED_VALUE distant.lit_mask.MIN_IMAGES distant.reflectance_fit.LAMBERT_PARAMS
+        distant.reflectance_kernels.BASIS_SIZE distant.reflectance_kernels.DIFFUSE_PARAMS
+        distant.solvers.UNKNOWN_VARIANCE_RAD2 equivalent_session.OBJECT_SIZE_M equivalent_session.DISTANCE_M
+        equivalent_session.EXPOSURE error_variance.MIN_LIGHTS pixel_solve.NO_OFFSET_SIGMA_M specular.NO_LOBE
+        surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE translucency.MIN_LIGHTS
+        session_images.BYTES_PER_VALUE candidate_lights.SAME_POSITION_M criterion.MIN_LIGHTS
+        criterion_kernels.HIDDEN photometry.OVERDETERMINED photometry.REDUNDANT prior_forecast.ALBEDO
+        prior_forecast.BEHIND_M two_ring_pattern.TOP_MAX_SLANT_DEG two_ring_pattern.INNER_MAX_SLANT_DEG""",
     "of settings": "error_variance.WEIGHTS objective.CAPPED pixel_noise.MIN_RESIDUAL_SHARE",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
@@ -52,24 +52,32 @@ REASONS: dict[str, str] = {
         pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS regularisation.STRIP_ROWS
         sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS session_images.BYTES_PER_EXTRA
         session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES
-        criterion_kernels.BLOCK stopping_rule.COUNTS translucency.GRID
-        distant.robust_regression.MAX_TRIPLES distant.solver_selection.FOLDS
-        distant.solver_selection.FOLDS_OF_FEW photon_transfer.BINS resampling.EXTRAPOLATION_PX""",
+        criterion_kernels.BLOCK stopping_rule.COUNTS optimise.COARSE_PIXELS
+        optimise.RANDOM_START_LIGHTS optimise.QUICK_RANDOM_START_LIGHTS optimise.SHORTLIST
+        optimise.PAIR_TRIALS planner.CERTIFICATE_PIXELS design_problem.SAMPLE_PIXELS
+        design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS prior_forecast.MOST_SEARCHED
+        prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
+        visibility.MAP_SIZE translucency.GRID distant.robust_regression.MAX_TRIPLES
+        distant.solver_selection.FOLDS distant.solver_selection.FOLDS_OF_FEW photon_transfer.BINS
+        resampling.EXTRAPOLATION_PX""",
     "steps and tolerances of numerical methods": """
         photometry.UNDISTORTION_ROUNDS distant.light_intensities.ITERATIONS
         distant.light_intensities.TOLERANCE distant.reflectance_fit.DIFFERENCE_STEP
         distant.reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
-        photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE residual_noise.ROUNDS
-        alternation.EXTRA_ROUNDS alternation.CONVERGED_DEG alternation.INITIAL_DISCONTINUITY_ROUNDS
-        alternation.MAX_SHIFT_STEP_M final_solve.PRELIMINARY_ITERATIONS
-        interreflection_kernels.LEVELS surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS
-        discontinuity.WEIGHT_FLOOR discontinuity.LEAST_START_WEIGHT integration.BILATERAL_ROUNDS
+        photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE
+        residual_noise.ROUNDS alternation.EXTRA_ROUNDS alternation.CONVERGED_DEG
+        alternation.INITIAL_DISCONTINUITY_ROUNDS alternation.MAX_SHIFT_STEP_M final_solve.PRELIMINARY_ITERATIONS
+        interreflection_kernels.LEVELS surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS discontinuity.WEIGHT_FLOOR
+        discontinuity.LEAST_START_WEIGHT integration.BILATERAL_ROUNDS
         integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS pixel_solve.IRLS_ITERATIONS
-        registration.ROUNDS registration.ROBUST_ROUNDS translucency.ALBEDO_ROUNDS
-        translucency.ROBUST_ROUNDS specular.FIT_ROUNDS term_solve.ROUNDS term_solve.METAL_ROUNDS
-        term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS distant.robust_regression.MAX_ITERATIONS
-        distant.reflectance_fit.FINAL_STEP image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP
-        model_alternatives.GLOSS_START model_alternatives.METAL_START""",
+        relaxation.MAX_GAP relaxation.MAX_ROUNDS relaxation.MAX_EXPONENT
+        relaxation.MIN_RELATIVE_WEIGHT optimise.MIN_IMPROVEMENT baselines.AZIMUTH_STEPS
+        baselines.PAPER_STARTS registration.ROUNDS registration.ROBUST_ROUNDS
+        translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS specular.FIT_ROUNDS term_solve.ROUNDS
+        term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
+        distant.robust_regression.MAX_ITERATIONS distant.reflectance_fit.FINAL_STEP
+        image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP model_alternatives.GLOSS_START
+        model_alternatives.METAL_START""",
     "grids of what may be chosen": """
         exposure_options.SHORTEST exposure_options.LONGEST exposure_options.FRAMES exposure_options.RATIOS
         translucency.LENGTHS_PX translucency.TESTED_PX model_alternatives.SECOND_STARTS""",

@@ -29,16 +29,18 @@ VIEWING_AXIS = np.array([0.0, 0.0, 1.0])
 class BaselineSettings:
     """Tuned numbers of the baselines."""
 
-    azimuth_steps: int = tuned(12, "steps")
-    """Azimuths of a ring pattern, as fractions of its step, that are tried."""
-    paper_starts: int = tuned(20, "starts")
-    """Random starts of the gradient descent on the paper's criterion."""
     max_slant_deg: float = tuned(75.0, "deg")
     """Bound of the slant for the paper's criterion, whose unbounded minimum lies at the horizon of a surface that faces
     the camera."""
 
 
 SETTINGS = BaselineSettings()
+
+AZIMUTH_STEPS = 12
+"""Azimuths of a ring pattern, as fractions of its step, that are tried."""
+
+PAPER_STARTS = 20
+"""Random starts of the gradient descent on the paper's criterion."""
 
 
 def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightPlan:
@@ -62,10 +64,7 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
         ideals = [least_trace_directions(count, rng)]
         why = "least trace of the inverse Gram matrix, unit lights"
     else:
-        ideals = [
-            _rings(method, count, recipe.slant_deg, turn)
-            for turn in np.arange(SETTINGS.azimuth_steps) / SETTINGS.azimuth_steps
-        ]
+        ideals = [_rings(method, count, recipe.slant_deg, turn) for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS]
         why = f"position in the pattern {method}"
     options = [lamp_pose.nearest_distinct(ideal, units, free) for ideal in ideals]
     chosen, miss = min(options, key=lambda option: float(np.sum(option[1] ** 2)))
@@ -110,7 +109,7 @@ def least_trace_directions(count: int, rng: np.random.Generator) -> FloatArray:
         return float(np.trace(tangential @ np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))))
 
     best = upper(rng.normal(size=(count, 3)) + VIEWING_AXIS)
-    for _ in range(SETTINGS.paper_starts):
+    for _ in range(PAPER_STARTS):
         lights = upper(rng.normal(size=(count, 3)) + VIEWING_AXIS)
         rate = 0.3
         for _ in range(200):

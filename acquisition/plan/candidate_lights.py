@@ -27,11 +27,12 @@ class FreeDomeSettings:
     max_slant_deg: float = tuned(70.0, "deg")
     """Greatest slant on a free dome unless another is asked for: beyond, light grazes the table and most of the object.
     Found errors of eight images differ by 1 % between 60° and the arm's 75° (fourteen path-traced objects)."""
-    dome_candidates: int = tuned(300, "candidates")
-    """Candidates of a free dome; with 800 the errors are the same."""
 
 
 SETTINGS = FreeDomeSettings()
+
+DOME_CANDIDATES = 300
+"""Candidates of a free dome; with 800 the errors are the same."""
 
 SAME_POSITION_M = 1e-9
 """Distance within which two positions are the same one."""
@@ -48,10 +49,8 @@ class FreeDome:
     @property
     def candidates(self) -> FloatArray:
         """Fibonacci lattice (K, 3) on the dome, m, view frame: equal areas, none above another."""
-        cosine = np.linspace(
-            np.cos(np.radians(SETTINGS.min_slant_deg)), np.cos(self.max_slant_rad), SETTINGS.dome_candidates
-        )
-        azimuth = np.arange(SETTINGS.dome_candidates) * np.pi * (3 - np.sqrt(5))
+        cosine = np.linspace(np.cos(np.radians(SETTINGS.min_slant_deg)), np.cos(self.max_slant_rad), DOME_CANDIDATES)
+        azimuth = np.arange(DOME_CANDIDATES) * np.pi * (3 - np.sqrt(5))
         return self.center + self.radius_m * geometry.direction(np.arccos(cosine), azimuth)
 
     def allows(self, position: FloatArray) -> Refusal | None:

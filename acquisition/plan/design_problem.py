@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition import lamp_pose
+from acquisition import lamp_pose, photometry
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
@@ -27,22 +27,17 @@ from acquisition.plan.visibility import Surface
 class DesignSettings:
     """Tuned numbers of the design problem."""
 
-    sample_pixels: int = tuned(900, "pixels")
-    """Number of random sample pixels of the search; from 50 to 4,000 the errors of the plans differ by less than 5
-    %."""
-    search_offset_sigma_m: float = tuned(0.010, "m")
-    """1 σ prior (m) of a pixel's depth offset by which lights are chosen; predictions use the solver's 3 mm. Integrated
-    depth is wrong by 10 mm behind occluding contours, and wrong depth biases normals towards or away from the lights
-    unless they surround the object: so the choice is even without a term for evenness. Errors of eight images against
-    plans with 3 mm and a penalty on imbalance: 0.963 ± 0.016 on fourteen path-traced objects, 1.009 ± 0.021 on nine
-    others (five families, design seeds 0 and 1, two azimuths); of twelve 0.993 ± 0.025."""
     min_pixels: int = tuned(20, "pixels")
     """Smallest number of usable sample pixels; with fewer the plan is infeasible."""
-    max_candidates: int = tuned(300, "candidates")
-    """Maximum number of candidate positions; 300 and 800 give the same errors."""
 
 
 SETTINGS = DesignSettings()
+
+SAMPLE_PIXELS = 900
+"""Number of random sample pixels of the search; from 50 to 4,000 the errors of the plans differ by less than 5 %."""
+
+MAX_CANDIDATES = 300
+"""Maximum number of candidate positions; 300 and 800 give the same errors."""
 
 
 @dataclass(frozen=True)
@@ -158,13 +153,13 @@ def build(
 
     order = np.random.default_rng(recipe.seed).permutation(usable)
     half = max(len(order) // 2, SETTINGS.min_pixels // 2)
-    search_pixels, holdout_pixels = (
-        np.sort(numbers[: SETTINGS.sample_pixels]) for numbers in (order[:half], order[half:])
+    search_pixels, holdout_pixels = (np.sort(numbers[:SAMPLE_PIXELS]) for numbers in (order[:half], order[half:]))
+    search_sample = criterion.samples(
+        normal_map, calibration, search_pixels, photometry.SETTINGS.integrated_depth_sigma_m
     )
-    search_sample = criterion.samples(normal_map, calibration, search_pixels, SETTINGS.search_offset_sigma_m)
     holdout_sample = criterion.samples(normal_map, calibration, holdout_pixels)
     units = lamp_pose.directions(reach.candidates, reach.center, count, surround=not options.listed)
-    kept = np.linspace(0, len(units) - 1, min(len(units), SETTINGS.max_candidates)).round().astype(int)
+    kept = np.linspace(0, len(units) - 1, min(len(units), MAX_CANDIDATES)).round().astype(int)
     return Problem(
         normal_map=normal_map,
         observations=observations,

@@ -8,7 +8,7 @@ needs, and uses `capped` between equals.
 
 Many sets of lights are within a few per cent of the best by any of these. Even ones among them suffer least from wrong
 depth, which biases normals towards or away from the lights; what makes plans even is the wide prior of the depth offset
-(`search_offset_sigma_m` of the design problem), not a term of the loss. Decision 0026.
+(`photometry.SETTINGS.integrated_depth_sigma_m`), not a term of the loss. Decision 0026.
 """
 
 from dataclasses import dataclass, replace

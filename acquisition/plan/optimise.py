@@ -7,39 +7,34 @@ unless a deadline ends it early. Positions between the candidates of a dome of 3
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from acquisition.models.tuned import tuned
 from acquisition.plan import criterion
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.deadline import Deadline
 from acquisition.plan.objective import Loss
 
+COARSE_PIXELS = 300
+"""Approximate number of sample pixels of the coarse search from all starts."""
 
-@dataclass(frozen=True)
-class SearchSettings:
-    """Tuned numbers of the search for lights."""
+RANDOM_START_LIGHTS = 80
+"""Total number of lights of all random starts, so that designs of few lights, with more local minima, get more starts.
+One start in eight leads to the best set, and two passes of exchange suffice to identify it."""
 
-    coarse_pixels: int = tuned(300, "pixels")
-    """Approximate number of sample pixels of the coarse search from all starts."""
-    random_start_lights: int = tuned(80, "lights")
-    """Total number of lights of all random starts, so that designs of few lights, with more local minima, get more
-    starts. One start in eight leads to the best set, and two passes of exchange suffice to identify it."""
-    quick_random_start_lights: int = tuned(40, "lights")
-    """The same for a quick search: on one cushion-shaped object and sixteen domes of candidates, σ of four lights is
-    within 1.1 % of the full search's, of eight within 2.6 %. With 24, σ is up to 4 % larger at a hardly larger loss."""
-    shortlist: int = tuned(4, "designs")
-    """Number of best coarse designs that are exchanged further."""
-    pair_trials: int = tuned(12, "pairs")
-    """Random pairs of lights tried by the pair exchange."""
-    min_improvement: float = tuned(1e-4, "share")
-    """Smallest relative decrease of the loss that counts as an improvement."""
+QUICK_RANDOM_START_LIGHTS = 40
+"""The same for a quick search: on one cushion-shaped object and sixteen domes of candidates, σ of four lights is within
+1.1 % of the full search's, of eight within 2.6 %. With 24, σ is up to 4 % larger at a hardly larger loss."""
 
+SHORTLIST = 4
+"""Number of best coarse designs that are exchanged further."""
 
-SETTINGS = SearchSettings()
+PAIR_TRIALS = 12
+"""Random pairs of lights tried by the pair exchange."""
+
+MIN_IMPROVEMENT = 1e-4
+"""Smallest relative decrease of the loss that counts as an improvement."""
 
 
 def search(
@@ -53,22 +48,19 @@ def search(
     """
     if count >= len(options.row):  # nothing to choose
         return list(range(len(options.row)))
-    step = max(1, len(sample.albedo) // SETTINGS.coarse_pixels)
+    step = max(1, len(sample.albedo) // COARSE_PIXELS)
     coarse, coarse_options = sample.thinned(step), options.thinned(step)
     rng = np.random.default_rng(seed)
     starts = [greedy(coarse, coarse_options, loss, count, until)]
     starts += [min(patterns, key=lambda chosen: value(coarse, coarse_options, loss, chosen))] if patterns else []
-    random_starts = (
-        SETTINGS.quick_random_start_lights // count if quick else max(2, SETTINGS.random_start_lights // count)
-    )
+    random_starts = QUICK_RANDOM_START_LIGHTS // count if quick else max(2, RANDOM_START_LIGHTS // count)
     for _ in range(random_starts if count > 1 else 0):  # for one light the greedy scan is exhaustive
         starts.append([int(index) for index in rng.permutation(len(options.row))[:count]])
     solutions = [exchange(coarse, coarse_options, loss, start, until, passes=2) for start in starts]
     if not quick:
         solutions.sort(key=lambda chosen: value(coarse, coarse_options, loss, chosen))
         solutions = [
-            exchange(coarse, coarse_options, loss, chosen, until, passes=4)
-            for chosen in solutions[: SETTINGS.shortlist]
+            exchange(coarse, coarse_options, loss, chosen, until, passes=4) for chosen in solutions[:SHORTLIST]
         ]
         solutions.sort(key=lambda chosen: value(coarse, coarse_options, loss, chosen))
         solutions.append(pair_exchange(coarse, coarse_options, loss, solutions[0], rng, until))
@@ -106,7 +98,7 @@ def exchange(
         losses[others] = np.inf
         best = int(np.argmin(losses))
         # The present light is evaluated by the same scan, because its sums are in single precision.
-        better = losses[best] < losses[chosen[slot]] * (1 - SETTINGS.min_improvement)
+        better = losses[best] < losses[chosen[slot]] * (1 - MIN_IMPROVEMENT)
         unchanged = 0 if better else unchanged + 1
         if better:
             chosen[slot] = best
@@ -121,7 +113,7 @@ def pair_exchange(
     """Pair exchange: removes two lights, refills greedily and exchanges, which escapes most local minima."""
     chosen, best = list(start), value(sample, options, loss, start)
     pairs = list(combinations(range(len(chosen)), 2))
-    for number in rng.permutation(len(pairs))[: SETTINGS.pair_trials]:
+    for number in rng.permutation(len(pairs))[:PAIR_TRIALS]:
         if until.passed:
             break
         trial = [index for place, index in enumerate(chosen) if place not in pairs[number]]
@@ -134,6 +126,6 @@ def pair_exchange(
             trial.append(int(np.argmin(losses)))
         trial = exchange(sample, options, loss, trial, until, passes=2)
         trial_value = value(sample, options, loss, trial)
-        if trial_value < best * (1 - SETTINGS.min_improvement):
+        if trial_value < best * (1 - MIN_IMPROVEMENT):
             best, chosen = trial_value, trial
     return chosen

@@ -38,13 +38,14 @@ from acquisition.plan.objective import Loss
 class PlannerSettings:
     """Tuned numbers of the planner."""
 
-    certificate_pixels: int = tuned(300, "pixels")
-    """Approximate number of pixels of the lower bound, which takes seconds with all of them."""
     max_undetermined_share: float = tuned(0.35, "share")
     """Share of pixels lit by fewer than three lights so far above which the plan warns; usual pilots leave 1–26 %."""
 
 
 SETTINGS = PlannerSettings()
+
+CERTIFICATE_PIXELS = 300
+"""Approximate number of pixels of the lower bound, which takes seconds with all of them."""
 
 _DEFAULT_OPTIONS = PlanOptions()
 
@@ -161,7 +162,7 @@ def _certificate(
     The plan is `chosen` among the `options`. The certificate is of the posterior: variances that no light lowers would
     pull all efficiencies towards 1.
     """
-    step = max(1, len(problem.search_sample.albedo) // SETTINGS.certificate_pixels)
+    step = max(1, len(problem.search_sample.albedo) // CERTIFICATE_PIXELS)
     sample = problem.search_sample.thinned(step)
     thinned = options.thinned(step)
     bound = relaxation.bound(sample, thinned, len(chosen), until)

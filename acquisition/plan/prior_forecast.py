@@ -10,7 +10,7 @@ The lights after the pilot are chosen by the planner's quick search, as in the f
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,36 +20,29 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import ForecastPoint, Light, PriorForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Reach
-from acquisition.models.tuned import tuned
 from acquisition.plan import baselines, criterion, objective, optimise, two_ring_pattern, visibility
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.deadline import Deadline
 from acquisition.plan.expected_sigma import ExpectedSigma
 from acquisition.plan.visibility import Surface
 
+SAMPLE_PIXELS = 450
+"""Number of sample pixels: with twice as many σ differs by 3 % at most, and an answer takes twice the time."""
 
-@dataclass(frozen=True)
-class PriorForecastSettings:
-    """Tuned numbers of the forecast before the pilot."""
+MOST_SEARCHED = 16
+"""Number of lights after the pilot up to which they are searched for; completed rings of more are 2 % from the best."""
 
-    albedo: float = tuned(0.5, "albedo")
-    """Assumed albedo; with automatic exposure σ does not depend on it."""
-    sample_pixels: int = tuned(450, "pixels")
-    """Number of sample pixels: with twice as many σ differs by 3 % at most, and an answer takes twice the time."""
-    most_searched: int = tuned(16, "lights")
-    """Number of lights after the pilot up to which they are searched for; completed rings of more are 2 % from the
-    best."""
-    shown_lights: int = tuned(16, "lights")
-    """Number of images to which a forecast extends at least, so that it shows what more lights would bring."""
-    points: int = tuned(9, "points")
-    """Approximate number of points of a forecast."""
-    visible: float = tuned(0.5, "probability")
-    """Probability of visibility above which a pilot's light counts as seen when further ones are chosen."""
-    behind_m: float = tuned(0.05, "m")
-    """Depth of the background behind the sphere's far side, m."""
+SHOWN_LIGHTS = 16
+"""Number of images to which a forecast extends at least, so that it shows what more lights would bring."""
 
+POINTS = 9
+"""Approximate number of points of a forecast."""
 
-SETTINGS = PriorForecastSettings()
+ALBEDO = 0.5
+"""Assumed albedo; with automatic exposure σ does not depend on it."""
+
+BEHIND_M = 0.05
+"""Depth of the background behind the sphere's far side, m."""
 
 ASSUMPTION = (
     "Nothing is known of the object before the first image, so a matt sphere of {diameter_mm:.0f} mm is assumed, which "
@@ -70,8 +63,8 @@ def assumed_sphere(center: FloatArray, radius_m: float, seed: int) -> tuple[Samp
     """
     half = np.tan(np.arcsin(radius_m / np.linalg.norm(center))) * 1.1
     axis = np.array([center[0], -center[1]]) / -center[2]
-    pitch = 2 * half / visibility.SETTINGS.map_size
-    steps = (np.arange(visibility.SETTINGS.map_size) + 0.5) * pitch - half
+    pitch = 2 * half / visibility.MAP_SIZE
+    steps = (np.arange(visibility.MAP_SIZE) + 0.5) * pitch - half
     ray = np.stack(np.meshgrid(axis[0] + steps, axis[1] + steps)).astype(np.float32)
     direction = photometry.ray_directions(ray).astype(np.float64)
     along = np.einsum("chw,c->hw", direction, center)
@@ -81,9 +74,9 @@ def assumed_sphere(center: FloatArray, radius_m: float, seed: int) -> tuple[Samp
     normal = (direction * depth - center[:, None, None]) / radius_m
     cosine = -np.sum(normal * direction, axis=0) / np.sqrt(squared)
     graded = np.argwhere((discriminant > 0) & (cosine > np.cos(np.radians(photometry.GRADED_SLANT_DEG))))
-    chosen = np.random.default_rng(seed).permutation(len(graded))[: SETTINGS.sample_pixels]
+    chosen = np.random.default_rng(seed).permutation(len(graded))[:SAMPLE_PIXELS]
     row, column = graded[np.sort(chosen)].T
-    background = float(-center[2] + radius_m + SETTINGS.behind_m)
+    background = float(-center[2] + radius_m + BEHIND_M)
     surface = Surface(
         depth=np.ascontiguousarray(np.where(discriminant > 0, depth, background), np.float32),
         ray_x=float(ray[0, 0, 0]),
@@ -91,7 +84,7 @@ def assumed_sphere(center: FloatArray, radius_m: float, seed: int) -> tuple[Samp
         pitch=float(pitch),
         nearest=float(depth[discriminant > 0].min()),
     )
-    albedo = np.full(len(row), SETTINGS.albedo, np.float32)
+    albedo = np.full(len(row), ALBEDO, np.float32)
     pixels = Samples(
         row=row,
         column=column,
@@ -142,8 +135,8 @@ def _counts(recipe: Recipe, reachable: int) -> list[int]:
     if recipe.method in FIXED_NUMBER:
         return [total]
     fewest = recipe.pilot_lights if recipe.method == "optimal" else criterion.MIN_LIGHTS
-    most = max(total, min(SETTINGS.shown_lights, reachable))
-    spread = np.geomspace(fewest, most, SETTINGS.points).round().astype(int).tolist()
+    most = max(total, min(SHOWN_LIGHTS, reachable))
+    spread = np.geomspace(fewest, most, POINTS).round().astype(int).tolist()
     return sorted({*spread, total})
 
 
@@ -163,7 +156,7 @@ def _planned(
     taken = np.array([light.position for light in pilot]) - reach.center
     taken /= np.linalg.norm(taken, axis=1, keepdims=True)
     piloted, options = rows(pilot), rows([lamp_pose.light_at(place, reach.center) for place in reach.candidates])
-    seen = piloted.visibility > SETTINGS.visible
+    seen = piloted.visibility > 0.5
     own = piloted.row.astype(np.float64) * seen[:, None]
     known = replace(
         sample,
@@ -176,7 +169,7 @@ def _planned(
         if added:
             sets = two_ring_pattern.completions(taken, units, added)
             chosen = sets[0]
-            if added <= SETTINGS.most_searched:
+            if added <= MOST_SEARCHED:
                 loss = objective.loss(recipe.objective, criterion.posterior(known, options.only(sets[0])))
                 chosen = optimise.search(known, options, loss, sets, added, recipe.seed, Deadline(), quick=True)
         designs.append(piloted.joined(options.only(chosen)))

@@ -17,28 +17,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.models.base import FloatArray
-from acquisition.models.tuned import tuned
 from acquisition.plan import criterion, criterion_kernels
 from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Samples
 from acquisition.plan.deadline import Deadline
 
+MAX_GAP = 0.001
+"""Relative gap of the relaxation at which the iteration stops."""
 
-@dataclass(frozen=True)
-class RelaxationSettings:
-    """Tuned numbers of the convex relaxation."""
+MAX_ROUNDS = 400
+"""Maximum number of multiplicative updates."""
 
-    max_gap: float = tuned(0.001, "share")
-    """Relative gap of the relaxation at which the iteration stops."""
-    max_rounds: int = tuned(400, "rounds")
-    """Maximum number of multiplicative updates."""
-    max_exponent: float = tuned(4.0, "1")
-    """Upper bound of the exponent of the multiplicative update."""
-    min_relative_weight: float = tuned(1e-4, "share")
-    """Weights below this fraction of the largest are set to zero. The bound remains valid; the gap shows if they
-    matter."""
+MAX_EXPONENT = 4.0
+"""Upper bound of the exponent of the multiplicative update."""
 
-
-SETTINGS = RelaxationSettings()
+MIN_RELATIVE_WEIGHT = 1e-4
+"""Weights below this fraction of the largest are set to zero. The bound remains valid; the gap shows if they matter."""
 
 
 @dataclass(frozen=True)
@@ -67,16 +60,16 @@ def bound(sample: Samples, options: Candidates, count: int, until: Deadline) -> 
     value, gradient = _value_and_gradient(sample, options, weights)
     lower, best, best_weights = -np.inf, value, weights
     exponent = 2.0
-    for _ in range(SETTINGS.max_rounds):
+    for _ in range(MAX_ROUNDS):
         lower = max(lower, value - float(gradient @ weights) + float(np.sum(np.partition(gradient, count - 1)[:count])))
-        if best - lower <= SETTINGS.max_gap * best or until.passed:
+        if best - lower <= MAX_GAP * best or until.passed:
             break
         trial = _scaled_to_sum(weights * (gradient / np.mean(gradient)) ** exponent, count)
         trial_value, trial_gradient = _value_and_gradient(sample, options, trial)
         if trial_value > value * (1 + 1e-9) and exponent > 0.05:
             exponent *= 0.5
             continue
-        exponent = min(exponent * 1.15, SETTINGS.max_exponent)
+        exponent = min(exponent * 1.15, MAX_EXPONENT)
         weights, value, gradient = trial, trial_value, trial_gradient
         if value < best:
             best, best_weights = value, weights
@@ -102,7 +95,7 @@ def _value_and_gradient(sample: Samples, options: Candidates, weights: FloatArra
 
 def _scaled_to_sum(weights: FloatArray, count: int) -> FloatArray:
     """Weights scaled so that, clipped at 1, they sum to `count`."""
-    weights = np.where(weights < SETTINGS.min_relative_weight * np.max(weights), 0.0, weights)
+    weights = np.where(weights < MIN_RELATIVE_WEIGHT * np.max(weights), 0.0, weights)
     for _ in range(50):
         full = weights >= 1.0
         weights = np.where(full, 1.0, weights)

@@ -40,13 +40,12 @@ class StoppingRuleSettings:
 
     tolerance: float = tuned(0.03, "share")
     """Fraction by which the mean σ may exceed the target and still meet it. Measured errors scatter by more, and near
-    the limit of what is attainable a light lowers σ by 1 %, so the last per cent would need as many lights again."""
+    the limit of what is attainable a light lowers σ by 1 %, so the last per cent would need as many lights
+    again. Forecasts after the first may exceed it as far."""
     first_slack: float = tuned(0.2, "share")
     """Fraction by which the first forecast may exceed the target: a missing light costs a pass, a superfluous one an
     image. Forecasts from the pilot are 5–14 % too large. The pilot itself must be below the target by it: too few
     images to self-calibrate the lamps predict their own errors poorly (measured over predicted 0.9–1.5)."""
-    later_slack: float = tuned(0.03, "share")
-    """Fraction by which later forecasts may exceed the target."""
     negligible_gain: float = tuned(0.05, "share")
     """If even the maximum number of lights does not meet the target, the final ones that together lower the mean σ by
     less than this fraction are omitted."""
@@ -87,7 +86,7 @@ def plan_to_target(
     slack = SETTINGS.first_slack
     if not first:
         curve = [point.model_copy(update={"sigma_deg": point.sigma_deg * achieved / now.sigma_deg}) for point in curve]
-        slack = SETTINGS.later_slack
+        slack = SETTINGS.tolerance
     lowest_deg = min(point.sigma_deg for point in curve)
     unreachable = lowest_deg > target
     aim_deg = (1 + SETTINGS.negligible_gain) * lowest_deg if unreachable else target

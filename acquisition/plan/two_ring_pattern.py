@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from acquisition import geometry, lamp_pose
 from acquisition.models.base import FloatArray
 from acquisition.models.tuned import tuned
+from acquisition.plan import baselines
 from acquisition.plan.baselines import INNER_SLANT_DEG, OUTER_SLANT_DEG
 
 
@@ -21,17 +22,14 @@ from acquisition.plan.baselines import INNER_SLANT_DEG, OUTER_SLANT_DEG
 class TwoRingSettings:
     """Tuned numbers of the completion of two rings."""
 
-    azimuth_steps: int = tuned(12, "steps")
-    """Azimuths of each ring, as fractions of its step, that are tried."""
-    top_max_slant_deg: float = tuned(15.0, "deg")
-    """Upper slant of a captured light that counts as the top one."""
-    inner_max_slant_deg: float = tuned(40.0, "deg")
-    """Upper slant of captured lights that count as the inner ring; beyond, the outer one."""
     misfit_weight: float = tuned(0.5, "1/rad")
     """Weight of the rms misfit of captured lights to their ring positions, per rad, relative to imbalance."""
 
 
 SETTINGS = TwoRingSettings()
+
+TOP_MAX_SLANT_DEG, INNER_MAX_SLANT_DEG = INNER_SLANT_DEG / 2, (INNER_SLANT_DEG + OUTER_SLANT_DEG) / 2
+"""Upper slants of captured lights that count as the top one and as the inner ring: half way to the next ring."""
 
 
 def completions(captured: FloatArray, units: FloatArray, count: int) -> list[list[int]]:
@@ -40,17 +38,17 @@ def completions(captured: FloatArray, units: FloatArray, count: int) -> list[lis
     One set for each likely number of lights on the inner ring, the lowest score (imbalance and misfit) first.
     """
     slant = np.degrees(geometry.slant_azimuth(captured)[0])
-    captured_inner = captured[(slant > SETTINGS.top_max_slant_deg) & (slant <= SETTINGS.inner_max_slant_deg)]
-    captured_outer = captured[slant > SETTINGS.inner_max_slant_deg]
+    captured_inner = captured[(slant > TOP_MAX_SLANT_DEG) & (slant <= INNER_MAX_SLANT_DEG)]
+    captured_outer = captured[slant > INNER_MAX_SLANT_DEG]
     total = len(captured) + count
-    inner_missing = round(total / 3) - np.count_nonzero(slant <= SETTINGS.inner_max_slant_deg)
+    inner_missing = round(total / 3) - np.count_nonzero(slant <= INNER_MAX_SLANT_DEG)
     free = np.ones(len(units), dtype=np.bool_)
     scored: list[tuple[float, list[int]]] = []
     for inner in sorted({int(np.clip(inner_missing + more, 0, count)) for more in (-1, 0, 1)}):
         rings = [
             [
                 _open_positions(ring, number, slant_deg, turn)
-                for turn in np.arange(SETTINGS.azimuth_steps) / SETTINGS.azimuth_steps
+                for turn in np.arange(baselines.AZIMUTH_STEPS) / baselines.AZIMUTH_STEPS
             ]
             for ring, number, slant_deg in (
                 (captured_inner, inner, INNER_SLANT_DEG),

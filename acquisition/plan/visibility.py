@@ -15,19 +15,10 @@ from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
-from acquisition.models.tuned import tuned
 from acquisition.plan import criterion_kernels
 
-
-@dataclass(frozen=True)
-class VisibilitySettings:
-    """Tuned numbers of the visibility."""
-
-    map_size: int = tuned(192, "samples")
-    """Samples of the grid along its longer side."""
-
-
-SETTINGS = VisibilitySettings()
+MAP_SIZE = 192
+"""Samples of the grid along its longer side."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +59,7 @@ def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
         calibration, np.array([rows[0], rows[0], rows[-1], rows[-1]]), np.array([columns[0], columns[-1]] * 2)
     )
     low, high = corners.min(axis=1), corners.max(axis=1)
-    pitch = float(np.max(high - low)) / SETTINGS.map_size
+    pitch = float(np.max(high - low)) / MAP_SIZE
     size = np.ceil((high - low) / pitch).astype(int) + 3
     first = low - pitch
     grid = np.meshgrid(first[0] + pitch * np.arange(size[0]), first[1] + pitch * np.arange(size[1]))

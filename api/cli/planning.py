@@ -317,7 +317,7 @@ def _outcome(
         places = reach.numbers(chosen.lights)
         lights = [{frame.word: offer.own[place].tolist(), "number": offer.numbers[place]} for place in places]
         notes += offer.notes
-        if len(offer.numbers) > (most := design_problem.SETTINGS.max_candidates):
+        if len(offer.numbers) > (most := design_problem.MAX_CANDIDATES):
             notes.append(f"{most} of {len(offer.numbers)} candidates, evenly over the list, were considered")
     return {
         "lights": lights,

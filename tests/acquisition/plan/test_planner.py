@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition import lamp_pose, pilot, plan
+from acquisition import lamp_pose, photometry, pilot, plan
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Objective, Recipe
 from acquisition.models.result import CAST, LIT, FisherInformation, NormalMap
-from acquisition.plan import criterion, design_problem, objective, two_ring_pattern
+from acquisition.plan import criterion, objective, two_ring_pattern
 from acquisition.plan.objective import CAPPED
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
@@ -192,7 +192,7 @@ def test_choose_never_predicts_more_loss_than_completed_rings(
     recipe = Recipe(objective="mean")
     chosen = plan.choose(normal_map, observations, recipe, reach, cushion.calibration, count)
     usable = criterion.usable_pixels(normal_map, cushion.calibration)
-    offset_sigma_m = design_problem.SETTINGS.search_offset_sigma_m
+    offset_sigma_m = photometry.SETTINGS.integrated_depth_sigma_m
     sample = criterion.samples(normal_map, cushion.calibration, usable, offset_sigma_m)
     sample = criterion.reweight(sample, normal_map, observations, cushion.calibration, cautious=True)
     units = (reach.candidates - reach.center) / reach.radius_m

@@ -55,7 +55,7 @@ def test_prior_forecast_falls_from_pilot_past_recipe_s_number() -> None:
     images = [point.lights for point in points]
     assert images == sorted(images)
     assert images[0] == 4
-    assert images[-1] == prior_forecast.SETTINGS.shown_lights
+    assert images[-1] == prior_forecast.SHOWN_LIGHTS
     assert 9 in images
     sigma = np.array([point.sigma_deg for point in points])
     assert np.all(np.diff(sigma) < 0.02 * sigma[:-1])  # a light more in other rings may gain nothing
