@@ -40,7 +40,7 @@ REASONS: dict[str, str] = {
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
         photometry.LOBE_SAMPLES distant.distant_solve.SAMPLE_PIXELS
-        distant.least_squares_kernels.BLOCK distant.lit_mask.SAMPLE_ROWS
+        distant.grey_conversion.BLOCK distant.lit_mask.SAMPLE_ROWS
         distant.pixel_blocks.BLOCK_BYTES distant.reflectance_fit.CHUNK
         distant.solver_selection.SAMPLE_PIXELS distant.solvers.DIFFUSE_PARAMS_SAMPLE
         equivalent_session.INFORMATION_PIXELS error_variance.STRIP_ROWS
@@ -61,6 +61,7 @@ REASONS: dict[str, str] = {
         distant.solver_selection.FOLDS distant.solver_selection.FOLDS_OF_FEW photon_transfer.BINS
         resampling.EXTRAPOLATION_PX""",
     "steps and tolerances of numerical methods": """
+        distant.solvers.RIDGE
         photometry.UNDISTORTION_ROUNDS distant.light_intensities.ITERATIONS
         distant.light_intensities.TOLERANCE distant.reflectance_fit.DIFFERENCE_STEP
         distant.reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
@@ -112,7 +113,7 @@ STRAYS = (
 
 INLINE = {
     "alternation": 1, "baselines": 2, "criterion": 4, "criterion_kernels": 2, "discontinuity": 1,
-    "distant.distant_solve": 1, "distant.least_squares_kernels": 5, "distant.light_intensities": 2,
+    "distant.distant_solve": 1, "distant.light_intensities": 2,
     "distant.lit_mask": 1, "distant.reflectance_fit": 6, "distant.reflectance_kernels": 14,
     "distant.robust_regression": 6, "distant.solvers": 1, "equivalent_session": 1, "exposure_plan": 2,
     "grey_tile": 1, "image_terms": 4,

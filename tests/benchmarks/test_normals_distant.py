@@ -8,7 +8,6 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from acquisition.normals import distant, integration
-from acquisition.normals.distant import least_squares_kernels
 from acquisition.normals.image_set import DistantLights, ImageSet
 from tests.acquisition.normals.distant.gloss_scenes import Rows
 
@@ -51,28 +50,6 @@ def record_size(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
     benchmark.extra_info["seconds to copy"] = round(copied, 4)
     if benchmark.enabled:
         benchmark.extra_info["times the copying"] = round(benchmark.stats["min"] / copied, 2)
-
-
-def outputs(size: int) -> tuple[np.ndarray, np.ndarray]:
-    return np.empty((3, size), np.float32), np.empty(size, np.float32)
-
-
-def test_least_squares_twelve_megapixels_time(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
-    """At most twice the copying; thrice without AVX-512."""
-    inverse = np.ascontiguousarray(np.linalg.pinv(directions()) / 65535, dtype=np.float32)
-    results = outputs(stack.shape[1])
-    benchmark.pedantic(least_squares_kernels.least_squares, args=(stack, inverse, *results), rounds=7, warmup_rounds=1)
-    record_size(benchmark, stack)
-
-
-def test_shadow_masks_twelve_megapixels_time(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
-    """At most eight times the copying."""
-    light, scale = directions().astype(np.float32), np.full(COUNT, 1 / 65535, np.float32)
-    limits = np.array([65_000, 0.05, 0.1], np.float32)
-    extra = [np.empty(stack.shape[1], np.float32) for _ in range(2)]
-    arguments = (stack, scale, light, limits, *outputs(stack.shape[1]), *extra, np.empty(stack.shape, np.uint8))
-    benchmark.pedantic(least_squares_kernels.weighted, args=arguments, rounds=7, warmup_rounds=1)
-    record_size(benchmark, stack)
 
 
 @pytest.mark.parametrize("solver", ["ls", "weighted"])

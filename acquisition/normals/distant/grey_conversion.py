@@ -7,17 +7,20 @@ import numba
 import numpy as np
 
 from acquisition.models.base import Float32Array
-from acquisition.normals.distant.least_squares_kernels import BLOCK, signatures
+
+BLOCK = 4096
+"""Pixels of one block, whose intermediates stay in the processor's cache."""
 
 CLIPPED_VALUE = 1e9
 """Brightness that marks a clipped measurement, in units of white; far above any real one."""
 
 
 @numba.njit(
-    signatures(
-        "void(STORED[:,:,::1], float32[:,::1], float32, float32[::1], float32[::1], boolean, float32[:,::1],"
+    [
+        f"void({stored}[:,:,::1], float32[:,::1], float32, float32[::1], float32[::1], boolean, float32[:,::1],"
         " float32[:,::1])"
-    ),
+        for stored in ("uint16", "float32")  # eight-bit values are widened when they are read
+    ],
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
 def mix(
