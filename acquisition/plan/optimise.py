@@ -2,8 +2,8 @@
 
 Greedy selection alone is 10–30 % worse in the objective for few lights; exchanging one light at a time for the best
 candidate closes that gap, and several starts and pair exchanges remove most of the rest. The two-ring patterns are
-starts too, so that a plan is never predicted to be worse than they are. Everything is deterministic for a given seed,
-unless a deadline ends it early. Positions between the candidates of a dome of 300 lower σ by 0.4 % at most.
+starts too, so that a plan is never predicted to be worse than they are. Everything is deterministic for a given seed.
+Positions between the candidates of a dome of 300 lower σ by 0.4 % at most.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,6 @@ import numpy as np
 
 from acquisition.plan import criterion
 from acquisition.plan.criterion import Candidates, Samples
-from acquisition.plan.deadline import Deadline
 from acquisition.plan.objective import Loss
 
 COARSE_PIXELS = 300
@@ -39,7 +38,7 @@ MIN_IMPROVEMENT = 1e-4
 
 def search(
     sample: Samples, options: Candidates, loss: Loss, patterns: Sequence[list[int]], count: int, seed: int,
-    until: Deadline, *, quick: bool = False,
+    *, quick: bool = False,
 ) -> list[int]:  # fmt: skip
     """Multistart exchange algorithm: numbers of the best set of `count` options.
 
@@ -51,21 +50,19 @@ def search(
     step = max(1, len(sample.albedo) // COARSE_PIXELS)
     coarse, coarse_options = sample.thinned(step), options.thinned(step)
     rng = np.random.default_rng(seed)
-    starts = [greedy(coarse, coarse_options, loss, count, until)]
+    starts = [greedy(coarse, coarse_options, loss, count)]
     starts += [min(patterns, key=lambda chosen: value(coarse, coarse_options, loss, chosen))] if patterns else []
     random_starts = QUICK_RANDOM_START_LIGHTS // count if quick else max(2, RANDOM_START_LIGHTS // count)
     for _ in range(random_starts if count > 1 else 0):  # for one light the greedy scan is exhaustive
         starts.append([int(index) for index in rng.permutation(len(options.row))[:count]])
-    solutions = [exchange(coarse, coarse_options, loss, start, until, passes=2) for start in starts]
+    solutions = [exchange(coarse, coarse_options, loss, start, passes=2) for start in starts]
     if not quick:
         solutions.sort(key=lambda chosen: value(coarse, coarse_options, loss, chosen))
-        solutions = [
-            exchange(coarse, coarse_options, loss, chosen, until, passes=4) for chosen in solutions[:SHORTLIST]
-        ]
+        solutions = [exchange(coarse, coarse_options, loss, chosen, passes=4) for chosen in solutions[:SHORTLIST]]
         solutions.sort(key=lambda chosen: value(coarse, coarse_options, loss, chosen))
-        solutions.append(pair_exchange(coarse, coarse_options, loss, solutions[0], rng, until))
+        solutions.append(pair_exchange(coarse, coarse_options, loss, solutions[0], rng))
     best = min([*solutions, *patterns], key=lambda chosen: value(sample, options, loss, chosen))
-    return exchange(sample, options, loss, best, until, passes=2 if quick else 5)
+    return exchange(sample, options, loss, best, passes=2 if quick else 5)
 
 
 def value(sample: Samples, options: Candidates, loss: Loss, chosen: list[int]) -> float:
@@ -73,21 +70,17 @@ def value(sample: Samples, options: Candidates, loss: Loss, chosen: list[int]) -
     return loss.evaluate(criterion.posterior(sample, options.only(chosen)))
 
 
-def greedy(sample: Samples, options: Candidates, loss: Loss, count: int, until: Deadline) -> list[int]:
-    """Greedy forward selection, one candidate at a time; after the deadline the first remaining candidates."""
+def greedy(sample: Samples, options: Candidates, loss: Loss, count: int) -> list[int]:
+    """Greedy forward selection, one candidate at a time."""
     chosen: list[int] = []
     for _ in range(count):
-        if until.passed:
-            return chosen + [index for index in range(len(options.row)) if index not in chosen][: count - len(chosen)]
         losses = loss.scan(sample, criterion.posterior(sample, options.only(chosen)), options)
         losses[chosen] = np.inf
         chosen.append(int(np.argmin(losses)))
     return chosen
 
 
-def exchange(
-    sample: Samples, options: Candidates, loss: Loss, start: list[int], until: Deadline, passes: int
-) -> list[int]:
+def exchange(sample: Samples, options: Candidates, loss: Loss, start: list[int], passes: int) -> list[int]:
     """Coordinate exchange: replaces one light at a time by the best candidate, until no improvement."""
     chosen = list(start)
     unchanged = 0
@@ -102,20 +95,18 @@ def exchange(
         unchanged = 0 if better else unchanged + 1
         if better:
             chosen[slot] = best
-        if unchanged >= len(chosen) or until.passed:
+        if unchanged >= len(chosen):
             break
     return chosen
 
 
 def pair_exchange(
-    sample: Samples, options: Candidates, loss: Loss, start: list[int], rng: np.random.Generator, until: Deadline
+    sample: Samples, options: Candidates, loss: Loss, start: list[int], rng: np.random.Generator
 ) -> list[int]:
     """Pair exchange: removes two lights, refills greedily and exchanges, which escapes most local minima."""
     chosen, best = list(start), value(sample, options, loss, start)
     pairs = list(combinations(range(len(chosen)), 2))
     for number in rng.permutation(len(pairs))[:PAIR_TRIALS]:
-        if until.passed:
-            break
         trial = [index for place, index in enumerate(chosen) if place not in pairs[number]]
         removed = [chosen[place] for place in pairs[number]]
         while len(trial) < len(chosen):
@@ -124,7 +115,7 @@ def pair_exchange(
             if len(trial) == len(chosen) - 2:
                 losses[removed] = np.inf
             trial.append(int(np.argmin(losses)))
-        trial = exchange(sample, options, loss, trial, until, passes=2)
+        trial = exchange(sample, options, loss, trial, passes=2)
         trial_value = value(sample, options, loss, trial)
         if trial_value < best * (1 - MIN_IMPROVEMENT):
             best, chosen = trial_value, trial

@@ -29,7 +29,6 @@ from acquisition.plan import (
     two_ring_pattern,
 )
 from acquisition.plan.criterion import Candidates
-from acquisition.plan.deadline import Deadline
 from acquisition.plan.design_problem import PlanOptions, Problem
 from acquisition.plan.objective import Loss
 
@@ -66,7 +65,6 @@ def choose(
     None: as many lights as remain of the recipe; an empty plan means that it is fulfilled. Raises RigError
     plan.infeasible when the arm reaches too few positions or the normal map has too few usable pixels.
     """
-    until = Deadline.within(options.deadline_s)
     captured = sum(shot.kind == "light" for shot in observations.shots)
     count_to_add = max(recipe.lights_total - captured, 0) if count is None else count
     problem = design_problem.build(normal_map, observations, recipe, reach, calibration, options, count_to_add)
@@ -75,7 +73,7 @@ def choose(
         return _light_plan([], [], [], before_deg, ["all lights of the recipe have been captured"])
     candidates = problem.search_candidates(problem.positions)
     loss, sets = _loss_and_patterns(problem, candidates, count_to_add)
-    chosen = optimise.search(problem.search_sample, candidates, loss, sets, count_to_add, recipe.seed, until)
+    chosen = optimise.search(problem.search_sample, candidates, loss, sets, count_to_add, recipe.seed)
     positions = problem.positions[chosen]
     exposures = exposure_plan.choose(problem, positions, loss, options.times)
     rings_deg = problem.predicted_deg(problem.positions[sets[0]])
@@ -86,10 +84,6 @@ def choose(
         f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights, "
         f"{np.mean(rings_deg):.2f}° with two rings"
     ]
-    if until.passed:
-        notes.append(
-            f"the search was stopped by its time limit of {options.deadline_s:g} s: the best set so far is used"
-        )
     undetermined = float(np.mean(problem.search_sample.lit < criterion.MIN_LIGHTS))
     if observations.shots and undetermined > SETTINGS.max_undetermined_share:
         notes.append(
@@ -108,7 +102,7 @@ def choose(
     curve = _forecast_curve(problem, candidates, captured, within_reach)
     plan = plan.model_copy(update={"forecast": curve})
     if options.certify:
-        plan = plan.model_copy(update=_certificate(problem, candidates, chosen, sets[0], until))
+        plan = plan.model_copy(update=_certificate(problem, candidates, chosen, sets[0]))
     return plan
 
 
@@ -140,7 +134,7 @@ def _forecast_curve(problem: Problem, options: Candidates, captured: int, counts
         if count:
             loss, sets = _loss_and_patterns(problem, options, count)
             seed = problem.recipe.seed
-            chosen = optimise.search(problem.search_sample, options, loss, sets, count, seed, Deadline(), quick=True)
+            chosen = optimise.search(problem.search_sample, options, loss, sets, count, seed, quick=True)
         sigma_deg = float(np.mean(problem.predicted_deg(problem.positions[chosen])))
         points.append(ForecastPoint(added=count, lights=captured + count, sigma_deg=sigma_deg))
     return points
@@ -155,7 +149,7 @@ def _loss_and_patterns(problem: Problem, options: Candidates, count: int) -> tup
 
 
 def _certificate(
-    problem: Problem, options: Candidates, chosen: list[int], pattern: list[int], until: Deadline
+    problem: Problem, options: Candidates, chosen: list[int], pattern: list[int]
 ) -> dict[str, float | str]:
     """Efficiency of plan and two rings against the relaxation's lower bound, as fields of `LightPlan`.
 
@@ -165,7 +159,7 @@ def _certificate(
     step = max(1, len(problem.search_sample.albedo) // CERTIFICATE_PIXELS)
     sample = problem.search_sample.thinned(step)
     thinned = options.thinned(step)
-    bound = relaxation.bound(sample, thinned, len(chosen), until)
+    bound = relaxation.bound(sample, thinned, len(chosen))
     variance, rings = (
         float(np.mean(criterion.posterior(sample, thinned.only(some)).variance)) for some in (chosen, pattern)
     )

@@ -22,7 +22,6 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.route import Reach
 from acquisition.plan import baselines, criterion, objective, optimise, two_ring_pattern, visibility
 from acquisition.plan.criterion import Candidates, Samples
-from acquisition.plan.deadline import Deadline
 from acquisition.plan.expected_sigma import ExpectedSigma
 from acquisition.plan.visibility import Surface
 
@@ -171,6 +170,6 @@ def _planned(
             chosen = sets[0]
             if added <= MOST_SEARCHED:
                 loss = objective.loss(recipe.objective, criterion.posterior(known, options.only(sets[0])))
-                chosen = optimise.search(known, options, loss, sets, added, recipe.seed, Deadline(), quick=True)
+                chosen = optimise.search(known, options, loss, sets, added, recipe.seed, quick=True)
         designs.append(piloted.joined(options.only(chosen)))
     return designs

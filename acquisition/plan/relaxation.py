@@ -19,7 +19,6 @@ import numpy as np
 from acquisition.models.base import FloatArray
 from acquisition.plan import criterion, criterion_kernels
 from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Samples
-from acquisition.plan.deadline import Deadline
 
 MAX_GAP = 0.001
 """Relative gap of the relaxation at which the iteration stops."""
@@ -51,8 +50,8 @@ class Bound:
         return float(np.degrees(np.sqrt(self.variance)))
 
 
-def bound(sample: Samples, options: Candidates, count: int, until: Deadline) -> Bound:
-    """Multiplicative updates (Silvey, Titterington and Torsney 1978) until the gap closes or the deadline passes.
+def bound(sample: Samples, options: Candidates, count: int) -> Bound:
+    """Multiplicative updates (Silvey, Titterington and Torsney 1978) until the gap closes.
 
     Returns the best lower bound for `count` of the candidates (K ≥ count ≥ 1).
     """
@@ -62,7 +61,7 @@ def bound(sample: Samples, options: Candidates, count: int, until: Deadline) -> 
     exponent = 2.0
     for _ in range(MAX_ROUNDS):
         lower = max(lower, value - float(gradient @ weights) + float(np.sum(np.partition(gradient, count - 1)[:count])))
-        if best - lower <= MAX_GAP * best or until.passed:
+        if best - lower <= MAX_GAP * best:
             break
         trial = _scaled_to_sum(weights * (gradient / np.mean(gradient)) ** exponent, count)
         trial_value, trial_gradient = _value_and_gradient(sample, options, trial)

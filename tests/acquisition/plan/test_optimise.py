@@ -9,11 +9,8 @@ from acquisition import geometry, lamp_pose
 from acquisition.models.base import FloatArray
 from acquisition.plan import optimise, relaxation, two_ring_pattern
 from acquisition.plan.baselines import two_rings
-from acquisition.plan.deadline import Deadline
 from acquisition.plan.objective import CAPPED, VARIANCE
 from tests.acquisition.plan import cases
-
-NEVER = Deadline()
 
 
 def dome_units(count: int, lowest_cosine: float = 0.0) -> FloatArray:
@@ -29,7 +26,7 @@ def rings(units: FloatArray, count: int) -> list[list[int]]:
 @pytest.mark.parametrize("seed", range(12))
 def test_search_small_design_within_5_percent_of_exhaustive(seed: int, quick: bool) -> None:
     sample, options = cases.random_case(seed, pixels=24, lights=11)
-    chosen = optimise.search(sample, options, CAPPED, rings(dome_units(11, 0.3), 3), 3, seed, NEVER, quick=quick)
+    chosen = optimise.search(sample, options, CAPPED, rings(dome_units(11, 0.3), 3), 3, seed, quick=quick)
     value = optimise.value(sample, options, CAPPED, chosen)
     best = min(optimise.value(sample, options, CAPPED, list(some)) for some in combinations(range(11), 3))
     assert len(set(chosen)) == 3
@@ -40,7 +37,7 @@ def test_search_small_design_within_5_percent_of_exhaustive(seed: int, quick: bo
 def test_bound_any_subset_is_not_beaten(seed: int) -> None:
     sample, options = cases.random_case(seed, pixels=6, lights=8)
     count = 1 + seed % 4
-    bound = relaxation.bound(sample, options, count, NEVER)
+    bound = relaxation.bound(sample, options, count)
     best = min(optimise.value(sample, options, VARIANCE, list(some)) for some in combinations(range(8), count))
     assert bound.variance <= best * (1 + 1e-6)
     assert bound.gap <= 0.001
@@ -55,10 +52,10 @@ def test_search_distant_unshadowed_lights_reaches_closed_form(count: int) -> Non
     closed = np.sum(np.sqrt(np.linalg.eigvalsh(mean))) ** 2 / count
     units = dome_units(300)
     sample, options = cases.distant_case(normal, units, scale=80.0)
-    chosen = optimise.search(sample, options, VARIANCE, rings(units, count), count, 0, NEVER)
+    chosen = optimise.search(sample, options, VARIANCE, rings(units, count), count, 0)
     on_grid = optimise.value(sample, options, VARIANCE, chosen) * 80.0**2
     assert closed * (1 - 3e-4) <= on_grid <= 1.005 * closed
-    bound = relaxation.bound(sample, options, count, NEVER)
+    bound = relaxation.bound(sample, options, count)
     assert bound.variance * 80.0**2 == pytest.approx(closed, rel=2e-3)
 
 
@@ -68,7 +65,7 @@ def test_search_start_patterns_never_worse_than_any(seed: int, count: int) -> No
     units = dome_units(60, 0.3)
     sample, options = cases.random_case(seed, pixels=500, lights=60)
     starts = rings(units, count)
-    chosen = optimise.search(sample, options, CAPPED, starts, count, seed, NEVER)
+    chosen = optimise.search(sample, options, CAPPED, starts, count, seed)
     value = optimise.value(sample, options, CAPPED, chosen)
     assert all(value <= optimise.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
 
@@ -78,27 +75,14 @@ def test_search_start_patterns_never_worse_than_any(seed: int, count: int) -> No
 def test_search_default_starts_within_1_percent_of_best_of_50(seed: int, count: int) -> None:
     units = dome_units(80, 0.3)
     sample, options = cases.lit_case(seed, units)
-    chosen = optimise.search(sample, options, CAPPED, rings(units, count), count, seed, NEVER)
+    chosen = optimise.search(sample, options, CAPPED, rings(units, count), count, seed)
     rng = np.random.default_rng(seed + 1000)
     starts = [[int(index) for index in rng.permutation(len(units))[:count]] for _ in range(50)]
     best = min(
-        optimise.value(sample, options, CAPPED, optimise.exchange(sample, options, CAPPED, start, NEVER, passes=8))
+        optimise.value(sample, options, CAPPED, optimise.exchange(sample, options, CAPPED, start, passes=8))
         for start in starts
     )
     assert optimise.value(sample, options, CAPPED, chosen) <= 1.01 * best
-
-
-def test_search_deadline_passed_returns_best_so_far() -> None:
-    units = dome_units(60, 0.3)
-    sample, options = cases.random_case(0, pixels=500, lights=60)
-    starts = rings(units, 6)
-    chosen = optimise.search(sample, options, CAPPED, starts, 6, 0, Deadline.within(0.0))
-    assert len(set(chosen)) == 6
-    value = optimise.value(sample, options, CAPPED, chosen)
-    assert all(value <= optimise.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
-    bound = relaxation.bound(sample, options, 6, Deadline.within(0.0))
-    assert 0 <= bound.variance <= optimise.value(sample, options, VARIANCE, chosen)
-    assert bound.gap > 0.001
 
 
 def test_completions_captured_lights_fill_their_positions() -> None:

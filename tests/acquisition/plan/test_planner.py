@@ -288,20 +288,6 @@ def test_choose_each_objective_is_best_by_its_own_measure(cushion: scenes.Scene,
         assert figures[name][name] <= 1.05 * best + 1e-9, (name, figures)
 
 
-def test_choose_deadline_passed_is_noted(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
-    chosen = plan.choose(
-        piloted,
-        cases.NO_OBSERVATIONS,
-        Recipe(),
-        reach,
-        cushion.calibration,
-        4,
-        plan.PlanOptions(deadline_s=0.0, certify=False),
-    )
-    assert len(chosen.lights) == 4
-    assert any("time limit" in note for note in chosen.notes)
-
-
 def test_forecast_falls_with_lights_and_agrees_with_plan(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
