@@ -32,9 +32,11 @@ REASONS: dict[str, str] = {
         distant.reflectance_kernels.BASIS_SIZE distant.reflectance_kernels.DIFFUSE_PARAMS
         distant.solvers.UNKNOWN_VARIANCE_RAD2 equivalent_session.OBJECT_SIZE_M equivalent_session.DISTANCE_M
         equivalent_session.EXPOSURE error_variance.MIN_LIGHTS pixel_solve.NO_OFFSET_SIGMA_M specular.NO_LOBE
-        surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE translucency.MIN_LIGHTS
+        surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE sensor_estimate.MAX_EXPOSURE_RATIO
+        translucency.MIN_LIGHTS
         session_images.BYTES_PER_VALUE candidate_lights.SAME_POSITION_M criterion.MIN_LIGHTS
-        criterion_kernels.HIDDEN photometry.OVERDETERMINED photometry.REDUNDANT prior_forecast.ALBEDO
+        criterion_kernels.HIDDEN distant.light_intensities.MIN_LIGHTS photometry.OVERDETERMINED
+        photometry.REDUNDANT prior_forecast.ALBEDO
         prior_forecast.BEHIND_M two_ring_pattern.TOP_MAX_SLANT_DEG two_ring_pattern.INNER_MAX_SLANT_DEG""",
     "of settings": "error_variance.WEIGHTS objective.CAPPED pixel_noise.MIN_RESIDUAL_SHARE",
     "sizes of blocks and samples: more changes time and memory": """

@@ -33,13 +33,14 @@ MAX_GAIN_SIGMA, MAX_READ_NOISE_SIGMA = 0.05, 0.15
 class SensorEstimateSettings:
     """Tuned numbers of the sensor's estimate."""
 
-    max_exposure_ratio: float = tuned(1.27, "1")
-    """Of the exposure times of two lamp-off frames that count as a pair: neighbours in the series of exposure times."""
     max_level_share: float = tuned(0.95, "share")
     """Share of the clipping level up to which pixels are used: above it, noise itself is clipped."""
 
 
 SETTINGS = SensorEstimateSettings()
+
+MAX_EXPOSURE_RATIO = 1.27
+"""Of the exposure times of two lamp-off frames that count as a pair: neighbours in a series of thirds of a stop."""
 
 MAX_PIXELS = 1_000_000
 STRIPS = 16
@@ -177,7 +178,7 @@ def _dark_curve(
         return EMPTY_CURVE, "no lamp-off frame"
     black = np.float32(sensor.black_level_dn)
     for shorter, other in sorted(pairwise(by_exposure), key=lambda pair: pair[1].exposure_s / pair[0].exposure_s):
-        if other.exposure_s > SETTINGS.max_exposure_ratio * shorter.exposure_s:
+        if other.exposure_s > MAX_EXPOSURE_RATIO * shorter.exposure_s:
             break
         first, second = (_read(frames, shot.frame, strips, columns) for shot in (shorter, other))
         if not np.array_equal(first, second):  # else one frame stored twice

@@ -43,8 +43,6 @@ class TranslucencySettings:
     """Share of dark pixels among 5 × 5 below which a pixel's local mean rests on too few."""
     min_weight: float = tuned(0.1, "1")
     """Weight of the surface's graph below which two pixels count as divided by a depth step."""
-    min_pixels_in_image: int = tuned(20, "pixels")
-    """Dark pixels of an image below which nothing is said of it."""
     min_cover: float = tuned(0.07, "share")
     """Share of the object's pixels that have to be dark in some image. Light that the walls of one recess send into
     their shadow falls off from its edge as well: shadows in a turned recess of 4–5 % of the object, alike in all
@@ -168,7 +166,7 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
         bright = pixels.image(image_lit.astype(np.uint8))
         dark = core & ~_dilated(bright, 3) & _dilated(bright, 2 * SETTINGS.near_px + 1)
         dark &= cv2.boxFilter(dark.astype(np.float32), -1, (5, 5)) > SETTINGS.min_dark_share
-        if np.count_nonzero(dark) < SETTINGS.min_pixels_in_image:
+        if np.count_nonzero(dark) < photometry.SETTINGS.min_sample:
             continue
         image = pixels.image(irradiance.astype(np.float32))
         source = np.where(bright > 0, image, 0).astype(np.float32)

@@ -22,7 +22,7 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import FrameExposure, Light
 from acquisition.models.recipe import UNPLANNED_FACTOR, Recipe
-from acquisition.models.result import LIT, NormalMap
+from acquisition.models.result import LIT, NormalMap, SolveSettings
 from acquisition.models.shot import Observations, Shot
 from acquisition.models.tuned import tuned
 from acquisition.plan import criterion_kernels, planned_noise, visibility
@@ -38,8 +38,6 @@ VISIBILITY_LEVELS = (1 / 6, 1 / 2, 5 / 6)
 class CriterionSettings:
     """Tuned numbers of the design criterion."""
 
-    min_cosine: float = tuned(0.08, "cosine")
-    """Cosine of incidence below which a pixel counts as in attached shadow."""
     attached_sigma: float = tuned(0.06, "cosine")
     """1 σ of the attached-shadow threshold, in cosine of incidence; combined with the normal's own σ."""
     cast_sigma: float = tuned(0.04, "slope")
@@ -49,6 +47,9 @@ class CriterionSettings:
 
 
 SETTINGS = CriterionSettings()
+MIN_COSINE = SolveSettings().shadow_threshold
+"""Cosine of incidence below which a pixel counts as in attached shadow: the solver's threshold, a share of the peak."""
+
 MIN_LIGHTS = 3
 """Lights needed to determine a pixel's normal and albedo."""
 
@@ -189,9 +190,7 @@ def _shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> _
     strength = np.sqrt(np.einsum("fcp,fcp->fp", light, light))
     distance = np.sqrt(np.sum((lamp[:, :3, None] - sample.point[None]) ** 2, axis=1))
     cosine = np.einsum("fcp,cp->fp", light, sample.normal) / np.maximum(strength, 1e-9)
-    return _Shading(
-        light, strength, distance, cosine, np.maximum(cosine, SETTINGS.min_cosine) * strength * sample.albedo
-    )
+    return _Shading(light, strength, distance, cosine, np.maximum(cosine, MIN_COSINE) * strength * sample.albedo)
 
 
 def candidates(
@@ -253,7 +252,7 @@ def _visibility(sample: Samples, shading: _Shading, surface: Surface, lamp: Floa
     """Probability (K, P) of neither attached nor cast shadow."""
     direction_sigma = sample.sigma / np.sqrt(2.0)
     clearance = surface.clearance(sample.point, lamp)
-    return ndtr((shading.cosine - SETTINGS.min_cosine) / np.hypot(SETTINGS.attached_sigma, direction_sigma)) * ndtr(
+    return ndtr((shading.cosine - MIN_COSINE) / np.hypot(SETTINGS.attached_sigma, direction_sigma)) * ndtr(
         clearance / np.hypot(SETTINGS.cast_sigma, direction_sigma)
     )
 

@@ -14,24 +14,12 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
-from acquisition.models.tuned import tuned
 from acquisition.plan import criterion, expected_sigma, planned_noise, visibility
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.expected_sigma import ExpectedSigma
 from acquisition.plan.exposure_options import CaptureTimes, Exposures
 from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
-
-
-@dataclass(frozen=True)
-class DesignSettings:
-    """Tuned numbers of the design problem."""
-
-    min_pixels: int = tuned(20, "pixels")
-    """Smallest number of usable sample pixels; with fewer the plan is infeasible."""
-
-
-SETTINGS = DesignSettings()
 
 SAMPLE_PIXELS = 900
 """Number of random sample pixels of the search; from 50 to 4,000 the errors of the plans differ by less than 5 %."""
@@ -42,13 +30,10 @@ MAX_CANDIDATES = 300
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """Limits of a plan's search, and optional reports."""
+    """What counts in a plan, which candidates there are, and optional reports."""
 
     region: BoolArray | None = None
     """(H, W) pixels whose normals count; none: the full object."""
-
-    deadline_s: float | None = None
-    """Seconds after which the best set so far is returned; none: no limit, and a deterministic plan."""
 
     certify: bool = True
     """Whether the relaxation's lower bound is computed."""
@@ -143,16 +128,16 @@ def build(
         information = normal_map.information
         usable = usable[region[information.rows[usable], information.columns[usable]]]
         where = " in the region of interest"
-    if len(usable) < SETTINGS.min_pixels:
+    if len(usable) < photometry.SETTINGS.min_sample:
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"only {len(usable)} sample pixels of the normal map are usable{where}, {SETTINGS.min_pixels} are needed: "
-            "check the pilot's images and the region",
+            f"only {len(usable)} sample pixels of the normal map are usable{where}, {photometry.SETTINGS.min_sample} "
+            "are needed: check the pilot's images and the region",
             pixels=len(usable),
         )
 
     order = np.random.default_rng(recipe.seed).permutation(usable)
-    half = max(len(order) // 2, SETTINGS.min_pixels // 2)
+    half = max(len(order) // 2, photometry.SETTINGS.min_sample // 2)
     search_pixels, holdout_pixels = (np.sort(numbers[:SAMPLE_PIXELS]) for numbers in (order[:half], order[half:]))
     search_sample = criterion.samples(
         normal_map, calibration, search_pixels, photometry.SETTINGS.integrated_depth_sigma_m

@@ -95,9 +95,9 @@ def coloured(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:
     return _on_background(bgr[..., ::-1], mask)
 
 
-def scale_colours(steps: int = 16) -> list[str]:
+def scale_colours() -> list[str]:
     """The colours of `coloured` from 0 to the top, as CSS."""
-    bar = np.linspace(0, 255, steps).astype(np.uint8)[None]
+    bar = np.linspace(0, 255, 16).astype(np.uint8)[None]
     return [f"rgb({r},{g},{b})" for b, g, r in np.asarray(cv2.applyColorMap(bar, cv2.COLORMAP_VIRIDIS))[0].tolist()]
 
 

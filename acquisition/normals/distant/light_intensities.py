@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals.distant import robust_regression, solvers
@@ -32,8 +33,6 @@ class LightIntensitySettings:
     information is divided by it. On a flat part, whose few normals hardly tell factors from a tilt, it keeps factors
     near one: 20, 100 and 500 leave 6.7°, 5.8° and 4.6° where equal lamps are fitted (3.8° unfitted), and rounded bodies
     do not feel it (`tests/acquisition/normals/distant/few_light_scenes.py`, seeds 0 and 1)."""
-    min_lights: int = tuned(6, "lights")
-    """Least number of lights: with fewer, a pixel's own three unknowns leave too little to tell its lights apart."""
     max_error_ratio: float = tuned(0.55, "1")
     """Greatest ratio of leave-one-image-out errors, with and without factors, at which they are used. On 32 rendered
     scenes of twelve lights it is 0.56–1.96 where lamps are equal, 0.15–0.65 where they scatter by 6 % (above 0.55 on
@@ -53,6 +52,9 @@ class LightIntensitySettings:
 
 SETTINGS = LightIntensitySettings()
 
+MIN_LIGHTS = 2 * photometry.PIXEL_UNKNOWNS
+"""Least number of lights: with fewer, a pixel's own unknowns leave too little to tell its lights apart."""
+
 ITERATIONS = 25
 """Gauss–Newton steps at most."""
 
@@ -71,7 +73,7 @@ class IntensityFactors:
 def estimate(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> IntensityFactors:
     """Estimates and tests factors from a sample of pixels (C, K, F), each channel divided by the stated intensities."""
     channels, pixels, count = values.shape
-    if count < SETTINGS.min_lights:
+    if count < MIN_LIGHTS:
         return IntensityFactors(
             np.ones((count, channels)), f"as stated: {count} lights are too few to find their intensities"
         )

@@ -117,12 +117,12 @@ def iterate(images: ImageSet, *, luma: bool) -> Iterator[Block]:
             yield read(images, start, stop, luma=luma)
 
 
-def sample(images: ImageSet, count: int, *, luma: bool = False) -> tuple[Float32Array, BoolArray]:
+def sample(images: ImageSet, count: int) -> tuple[Float32Array, BoolArray]:
     """Samples about `count` pixels of the mask, from evenly spread rows: brightness and clipping mask, both (K, F)."""
     values: list[Float32Array] = []
     clipped: list[BoolArray] = []
     for row, columns in _sampled(images.mask, count):
-        picked, full = read(images, row, row + 1, luma=luma).pixels(columns)
+        picked, full = read(images, row, row + 1, luma=False).pixels(columns)
         values.append(picked)
         clipped.append(full)
     return np.concatenate(values), np.concatenate(clipped)

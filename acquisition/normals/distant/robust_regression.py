@@ -22,8 +22,6 @@ class RobustRegressionSettings:
     position_thresholds: tuple[float, float] = tuned((0.25, 0.7), "rank")
     """Ranks, as shares of the lights, between which measurements count at the start; asymmetric, because highlights
     reach further down than shadows reach up."""
-    min_triple_weight: float = tuned(0.5, "1")
-    """Least weight of the measurements of a triple."""
     min_position_threshold_lights: int = tuned(20, "lights")
     """Lights from which the start is the middle ranks, below which it is the best triple."""
     cauchy_scale: float = tuned(2.0, "σ")
@@ -42,7 +40,6 @@ MAX_TRIPLES = 40
 MAX_ITERATIONS = 12
 """IRLS iterations at most."""
 
-MIN_TRIPLE_WEIGHT = SETTINGS.min_triple_weight
 MIN_SPREAD = SETTINGS.min_spread
 
 
@@ -134,7 +131,7 @@ def _solve_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
         best = 1e30
         for t in range(len(lit_triples)):
             i, j, k = lit_triples[t, 0], lit_triples[t, 1], lit_triples[t, 2]
-            if min(usable[p, i], usable[p, j], usable[p, k]) < MIN_TRIPLE_WEIGHT:
+            if min(usable[p, i], usable[p, j], usable[p, k]) < 0.5:
                 continue
             for a in range(3):
                 trial[a] = inverses[t, a, 0] * y[i] + inverses[t, a, 1] * y[j] + inverses[t, a, 2] * y[k]

@@ -167,7 +167,7 @@ def test_candidates_certain_map_has_visibility_of_scene(cushion: scenes.Scene) -
     visibility = cases.design_rows(sample, lights, normal_map, cushion.calibration).visibility
     rows, columns = normal_map.information.rows, normal_map.information.columns
     brightest = [cases.vectors_by_hand(cushion, light, rows, columns) for light in lights]
-    least = criterion.SETTINGS.min_cosine * sample.albedo * np.linalg.norm(brightest, axis=1)  # rejected below
+    least = criterion.MIN_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # rejected below
     lit = np.stack([scenes.lit(cushion, light)[rows, columns] for light in lights]) > least
     assert np.mean((visibility > 0.5) == lit) > 0.95
     assert np.mean(lit[visibility > 0.9]) > 0.98

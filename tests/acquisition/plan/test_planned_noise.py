@@ -116,7 +116,7 @@ def test_reweight_indirect_radiance_follows_share_of_images(ball: scenes.Scene) 
     for number in (0, 1, 3):
         s = cases.vectors_by_hand(ball, lights[number], rows, columns)
         cosine = np.sum(s * sample.normal, axis=0) / np.linalg.norm(s, axis=0)
-        given += sample.albedo * np.linalg.norm(s, axis=0) * np.maximum(cosine, criterion.SETTINGS.min_cosine) / 4
+        given += sample.albedo * np.linalg.norm(s, axis=0) * np.maximum(cosine, criterion.MIN_COSINE) / 4
     times = np.select([columns < 50, columns < 64], [0.0, 0.25], 1.0)
     assert set(times) == {0.0, 0.25, 1.0}
     np.testing.assert_allclose(reweighted.indirect, times * given, rtol=1e-3)
