@@ -25,7 +25,8 @@ REASONS: dict[str, str] = {
         residual_noise.GAUSSIAN_MEDIAN_DEVIATION pixel_solve_kernels.CAUCHY_MEAN_WEIGHT surface_diffusion.MAX_EIGENVALUE
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
         light_tests.STATED_AXES light_tests.ALL_AXES baselines.VIEWING_AXIS objective.VARIANCE
-        photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENT""",
+        photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
+        photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENT""",
     "counts of unknowns, marks and definitions": """
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         distant.grey_conversion.CLIPPED_VALUE distant.lit_mask.MIN_IMAGES distant.reflectance_fit.LAMBERT_PARAMS
