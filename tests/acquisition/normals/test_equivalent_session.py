@@ -46,7 +46,7 @@ def test_of_distant_lights_shine_from_their_directions(diligent: ImageSet) -> No
     for shot, unit in zip(session.observations.shots, units, strict=True):
         assert shot.light is not None
         toward = np.array(shot.light.position) - session.center
-        assert np.degrees(np.arccos(toward @ unit / np.linalg.norm(toward))) < 0.01
+        assert np.linalg.norm(np.cross(toward, unit)) < np.radians(0.01) * (toward @ unit)
         np.testing.assert_allclose(-np.array(shot.light.axis), unit, atol=1e-4)
 
 
