@@ -4,6 +4,8 @@ Each is a set of ideal directions, assigned to the nearest reachable positions, 
 session. The strongest from eight lights on is `two-rings`: a third of the lights at 25° and the rest at 55°, staggered.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from acquisition import geometry, lamp_pose
@@ -12,7 +14,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Method, Recipe
 from acquisition.models.route import Reach
-from acquisition.plan import candidate_lights
+from acquisition.models.tuned import tuned
 
 INNER_SLANT_DEG, OUTER_SLANT_DEG = 25.0, 55.0
 """Slants of the two rings; decision 0029."""
@@ -22,6 +24,17 @@ DRBOHLAV_SLANT_DEG = 54.74
 VIEWING_AXIS = np.array([0.0, 0.0, 1.0])
 """Unit vector to the camera, view frame."""
 
+
+@dataclass(frozen=True)
+class BaselineSettings:
+    """Tuned numbers of the baselines."""
+
+    max_slant_deg: float = tuned(75.0, "deg")
+    """Bound of the slant for the paper's criterion, whose unbounded minimum lies at the horizon of a surface that faces
+    the camera."""
+
+
+SETTINGS = BaselineSettings()
 
 AZIMUTH_STEPS = 12
 """Azimuths of a ring pattern, as fractions of its step, that are tried."""
@@ -90,7 +103,7 @@ def least_trace_directions(count: int, rng: np.random.Generator) -> FloatArray:
 
     def upper(lights: FloatArray) -> FloatArray:
         slant, azimuth = geometry.slant_azimuth(lights)
-        return geometry.direction(np.minimum(slant, np.radians(candidate_lights.SETTINGS.max_slant_deg)), azimuth)
+        return geometry.direction(np.minimum(slant, np.radians(SETTINGS.max_slant_deg)), azimuth)
 
     def value(lights: FloatArray) -> float:
         return float(np.trace(tangential @ np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))))
