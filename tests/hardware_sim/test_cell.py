@@ -108,6 +108,7 @@ def test_cell_image_follows_lamp_and_arm(cell: Cell) -> None:
         outputs.disconnect()
 
 
+@pytest.mark.long
 def test_cell_swaps_object_for_target_while_it_runs(cell: Cell) -> None:
     before = truth.load(cell.truth_file).mask.sum()
     assert cell.place("mirror-sphere") == "mirror-sphere"

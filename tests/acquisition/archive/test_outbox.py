@@ -132,6 +132,7 @@ def test_another_archive_gets_all_sessions(tmp_path: Path, journal: Journal):
     assert journal.outbox_status().waiting == 1
 
 
+@pytest.mark.long
 def test_sender_process_pushes_and_ends_with_its_input(tmp_path: Path, journal: Journal):
     session_id = completed(tmp_path, journal)
     command = [sys.executable, "-m", "acquisition.archive.sender", str(tmp_path / "data"), str(tmp_path / "archive")]

@@ -65,6 +65,7 @@ def assert_each_light_is_complete(shots: list[Shot]) -> None:
             assert one.exposure_s in [dark.exposure_s for dark in darks]
 
 
+@pytest.mark.long
 def test_planned_exposures_session_takes_all_frames_of_each_light(rig: Rig) -> None:
     session_id = new(rig, PLANNED)
     rig.runner.act(session_id, Trigger.START, "a")

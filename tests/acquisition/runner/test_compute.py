@@ -41,6 +41,7 @@ def test_compute_job_returns_value_or_error_with_context(compute: Compute) -> No
     assert error.value.code is ErrorCode.WAYPOINTS_COLLISION
 
 
+@pytest.mark.long
 def test_compute_urgent_job_preempts_a_preemptible_one(compute: Compute, tmp_path: Path) -> None:
     compute.warm()
     ends: list[BaseException | None] = []

@@ -129,6 +129,7 @@ def moved(rig: Rig, motion: JogMotion, radians: float) -> list[RigError]:
     return refusals
 
 
+@pytest.mark.long
 def test_jog_held_moves_one_joint_over_several_steps(rig: Rig) -> None:
     before = rig.at_rest()
     moved(rig, LAST, 0.25)  # more than two steps

@@ -58,6 +58,7 @@ def test_resume_displaced_arm_requires_from_here(rig: Rig) -> None:
     assert kinds.count("reference") == 2  # after the interruption, and at the end of the pass
 
 
+@pytest.mark.long
 def test_resume_moved_object_is_detected_by_repeated_image(rig: Rig) -> None:
     session_id = interrupted(rig)
     captured = len(rig.store.journal.shots(session_id))
