@@ -82,8 +82,8 @@ class AlternationResult:
     Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities; the
     parameters shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that
     all pixels share; indirect irradiance (F, N) or none where it is insignificant, and the scale that its prediction
-    was multiplied by; the median albedo; the specular lobe; the noise of coarse pixels; normals (3, M) of the coarse
-    pixels, never others.
+    was multiplied by; the median of the pixels' albedo; the specular lobe; the noise of coarse pixels; normals (3, M)
+    of the coarse pixels, never others.
     """
 
     depth_m: Float32Array
@@ -165,8 +165,8 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
         )  # fmt: skip
         previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
-        hidden = _hardly_lit(indirect, measured - highlight, estimate)
-        variance = np.where(hidden, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
+        dark = _hardly_lit(indirect, measured - highlight, estimate)
+        variance = np.where(dark, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
         shadows = None
         if discontinuous:
             shadows = ShadowImages(
@@ -174,7 +174,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             )
         cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
         depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadows, cuts)
-        chosen = drawn[~hidden[drawn]]
+        chosen = drawn[~dark[drawn]]
         sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], nominal)
 
         lobe = specular.fit(

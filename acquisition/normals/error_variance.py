@@ -26,9 +26,9 @@ The constants maximise the likelihood of the errors under Rayleigh's law with a 
 freedom) over captures without uncorrected findings of design seeds, then all are multiplied so that P(e < σ) is 0.69
 over them. `python -m tests.unseen fit-sigma` does this, and prints them and how much less likely the errors are without
 each component. These are of 267 captures of seeds 0–9 without 4 (two rings of 6, 8, 12 and 20 lights, November 2026),
-fitted before V was there: with it, a fit to 32 captures was no better on others than they are; they depend on the tail
-that is assumed (`tests.unseen.sigma_fit.TAIL`). How they do on captures that they were not fitted to stands in
-`tests/unseen/reports.md`.
+fitted before V was there: with it, fits to 67 and to 57 captures, those of even and of odd seeds of 0–4, were no better
+on the others than they are; they depend on the tail that is assumed (`tests.unseen.sigma_fit.TAIL`). How they do on
+captures that they were not fitted to stands in `tests/unseen/reports.md`.
 
 A, B, D and E are `photometry`'s, because a plan's forecast takes them into account as well.
 """

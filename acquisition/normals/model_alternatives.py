@@ -52,7 +52,7 @@ class AlternativeSettings:
     min_gloss_step: float = tuned(0.05, "share")
     """Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried."""
     gloss_better: float = tuned(0.9, "misfit ratio")
-    """Misfit after over before, up to which gloss, and a registration, is accepted."""
+    """Misfit after over before, up to which gloss is accepted."""
     metal_better: float = tuned(0.7, "misfit ratio")
     """Misfit after over before, up to which the surface counts as metal."""
     term_sigma: ImageTerms = tuned(ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0), "term")
@@ -67,6 +67,8 @@ class AlternativeSettings:
     alone, since where a pixel is lit, a residual does not know of blur."""
     min_translation_px: float = tuned(0.4, "px")
     """Translation of images from which a registration is tried."""
+    registered_better: float = tuned(0.9, "misfit ratio")
+    """Misfit of registered images over that before, up to which it is accepted."""
     bad_image_ratio: float = tuned(3.0, "misfit ratio")
     """Misfit of an image over the median of the others from which it is left out on trial."""
     max_log_intensity: float = tuned(0.1, "1")
@@ -235,7 +237,7 @@ def moved_object(present: Solution) -> list[Alternative]:
     message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
     spacing = 1 if problem.masked.channel is None else mosaic.CELL
     registered = problem.reread(changed_images.translated(problem.masked.images, moves, spacing))
-    return [Alternative("moved object", message, registered, SETTINGS.gloss_better, distance)]
+    return [Alternative("moved object", message, registered, SETTINGS.registered_better, distance)]
 
 
 def bad_image(present: Solution) -> list[Alternative]:

@@ -82,7 +82,6 @@ def left_at(rig: Rig, joints: tuple[float, ...]) -> None:
     rig.runner.acknowledge("a")
 
 
-@pytest.mark.long
 def test_park_displaced_arm_returns_home(rig: Rig) -> None:
     park(rig)
     assert rig.outcome() == "at home"

@@ -66,7 +66,6 @@ def test_start_twice_at_once_runs_once_and_can_be_stopped(rig: Rig) -> None:
     assert rests(rig)
 
 
-@pytest.mark.long
 def test_start_of_two_sessions_one_is_refused_naming_the_holder(rig: Rig) -> None:
     sessions = [new(rig), new(rig)]
     refused: list[RigError] = []
