@@ -65,12 +65,12 @@ class SharedSettings:
     weighed by."""
     predicted_highlight_sigma: float = tuned(0.2, "share")
     """1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
-    posterior_factor: float = tuned(0.48, "1")
+    posterior_factor: float = tuned(1.26, "1")
     """A and B of a pixel's variance (A + B χ²) σ₀², σ₀² of the posterior and χ² the whitened residuals' squares over
     their degrees of freedom: `acquisition.normals.error_variance` says where they come from."""
-    misfit_factor: float = tuned(1.29, "1")
+    misfit_factor: float = tuned(0.135, "1")
     """B of a pixel's variance (A + B χ²) σ₀², set with A."""
-    few_lights_sigma_deg: float = tuned(9.1, "deg")
+    few_lights_sigma_deg: float = tuned(4.6, "deg")
     """D, degrees: 1 σ of the normal where no more than PIXEL_UNKNOWNS lights are usable: no residual is left, so that
     χ² says nothing."""
     unsound_sigma_deg: float = tuned(6.0, "deg")

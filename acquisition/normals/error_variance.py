@@ -5,7 +5,7 @@ predicted, a pixel that mixes two surfaces. What tells is how badly the pixel's 
 changes from pixel to pixel:
 
     σ² = 1 / (1/v + 1/V²),
-    v = (A + B χ²) σ₀² + M² max(Δ² − Δ₀², 0) + D² [fewer than four lights] + E² [something is wrong with the capture]
+    v = (A + B m max(χ² − 1, 0)) σ₀² + M² max(Δ² − Δ₀², 0) + D² [fewer than four lights] + E² [something remains wrong]
 
 V = 49° is 1 σ of a normal of which no image tells anything (`photometry.bounded_variance`): without it pixels in
 cavities that are hardly lit and fit badly have σ up to 480°, and 2–9 % of the pixels make up half of the mean σ. χ² is
@@ -48,7 +48,7 @@ from acquisition.normals import regularisation
 class ErrorVarianceSettings:
     """Tuned numbers of σ's components."""
 
-    crease_share: float = tuned(0.36, "share")
+    crease_share: float = tuned(0.54, "share")
     """M: 1 σ of the normal at a crease, as a share of Δ, half of its angle."""
     min_crease_deg: float = tuned(16.0, "deg")
     """Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell."""
@@ -115,7 +115,8 @@ def components(
     squares, freedom = _squares(residual, np.where(known, lights, 0))
     square = _summed(squares) / np.maximum(_summed(freedom), 1)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
-    return np.stack([base, square * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
+    excess = lights * np.maximum(square - 1, 0)
+    return np.stack([base, excess * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
 
 
 def misfit(residual: Float32Array, lights: np.ndarray) -> float:

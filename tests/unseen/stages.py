@@ -216,7 +216,7 @@ STAGES = (
     Stage(
         "gloss of a dielectric",
         "Highlights are those of the one lobe, whatever the score test says.",
-        (_setting(model_alternatives, gloss_better=0.0),),
+        (_setting(model_alternatives, min_gloss_step=math.inf),),
     ),
     Stage(
         "metal",
