@@ -77,7 +77,7 @@ STRIP_ROWS, NEIGHBOUR_ROWS = 256, 2
 
 def sigma_deg(
     posterior_deg: Float32Array, regularised_deg: Float32Array, residual: Float32Array, lights: np.ndarray,
-    normals: Float32Array, *, unsound: bool,
+    stated_share: Float32Array, normals: Float32Array, *, unsound: bool,
 ) -> Float32Array:  # fmt: skip
     """σ (H, W) in degrees over both tangential directions: the weighted `components`, whose arguments these are.
 
@@ -88,7 +88,7 @@ def sigma_deg(
     for start in range(0, len(out), STRIP_ROWS):
         stop = min(start + STRIP_ROWS, len(out))
         first, last = max(start - NEIGHBOUR_ROWS, 0), min(stop + NEIGHBOUR_ROWS, len(out))
-        maps = (posterior_deg, regularised_deg, residual, lights, normals)
+        maps = (posterior_deg, regularised_deg, residual, lights, stated_share, normals)
         parts = components(*(one[first:last] for one in maps))[:, start - first : stop - first]
         known = np.isfinite(posterior_deg[start:stop])
         by_images = np.asarray(np.tensordot(WEIGHTS, parts, 1) + added, np.float64)
@@ -99,7 +99,7 @@ def sigma_deg(
 
 def components(
     posterior_deg: Float32Array, regularised_deg: Float32Array, residual: Float32Array, lights: np.ndarray,
-    normals: Float32Array,
+    stated_share: Float32Array, normals: Float32Array,
 ) -> Float32Array:  # fmt: skip
     """What A, B, M² and D² of the module's docstring multiply (4, H, W): deg², and 0 or 1.
 
@@ -113,10 +113,9 @@ def components(
         ** 2
     )
     squares, freedom = _squares(residual, np.where(known, lights, 0))
-    square = _summed(squares) / np.maximum(_summed(freedom), 1)
+    excess = np.maximum(_summed(squares - stated_share * freedom) / np.maximum(_summed(freedom), 1), 0)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
-    excess = lights * np.maximum(square - 1, 0)
-    return np.stack([base, excess * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
+    return np.stack([base, lights * excess * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
 
 
 def misfit(residual: Float32Array, lights: np.ndarray) -> float:

@@ -151,7 +151,7 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
         ray_direction = ray_direction[:, lit]
     noise, solution = step(noise)
     albedo = pixel_solve.median_albedo(solution.estimate, solution.measured, sample.clipped)
-    return replace(scene, noise=noise, median_albedo=albedo), sample, solution
+    return replace(scene, noise=noise, stated_noise=scene.noise, median_albedo=albedo), sample, solution
 
 
 def solve(
@@ -192,8 +192,8 @@ def solve(
     _regularise(maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray)
     lights_used = surface.pop("lights")
     maps["sigma_deg"][window] = error_variance.sigma_deg(
-        posterior_deg, maps["sigma_deg"][window], maps["residual"][window], lights_used, maps["normals"][window],
-        unsound=unsound,
+        posterior_deg, maps["sigma_deg"][window], maps["residual"][window], lights_used, surface.pop("stated_share"),
+        maps["normals"][window], unsound=unsound,
     )  # fmt: skip
     misfit = error_variance.misfit(maps["residual"][window], lights_used)
     del posterior_deg
@@ -270,7 +270,7 @@ def _integration_inputs(shape: tuple[int, int], *, discontinuous: bool) -> dict[
     maps: dict[str, np.ndarray] = {
         "variance": np.zeros(shape, np.float32), "start": np.ones(shape, np.float32)
     }  # fmt: skip
-    maps["lights"] = np.zeros(shape, np.uint8)
+    maps |= {"lights": np.zeros(shape, np.uint8), "stated_share": np.ones(shape, np.float32)}
     return maps | ({"continuity_weight": np.ones(shape, np.float32)} if discontinuous else {})
 
 
@@ -318,6 +318,7 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "start": local.depth_m,
         "continuity_weight": local.continuity_weight,
         "lights": np.minimum(used, 255).astype(np.uint8),
+        "stated_share": _stated_share(solution, scene),
     }
     sampled = chosen[(solved & ~solution.hardly_lit)[own][chosen]]
     return BlockResult(
@@ -328,6 +329,20 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         sampled=sampled,
         matrices=pixel_solve.fisher_information(estimate, sampled + first, scene.lamps, ray_direction),
     )
+
+
+def _stated_share(solution: PixelSolution, scene: Scene) -> Float32Array:
+    """Stated over estimated variance (N,), at most 1, mean over the usable measurements of each pixel."""
+    estimate, usable = solution.estimate, solution.estimate.usable
+    if scene.stated_noise is None:
+        return np.ones(usable.shape[1], np.float32)
+    strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
+    stated, estimated = (
+        noise.variance(solution.values, strength) + solution.extra_variance
+        for noise in (scene.stated_noise, scene.noise)
+    )
+    share = np.sum(np.minimum(stated / estimated, 1) * usable, axis=0) / np.maximum(np.count_nonzero(usable, axis=0), 1)
+    return share.astype(np.float32)
 
 
 def _direct_diffuse(state: AlternationResult) -> bool:

@@ -50,9 +50,9 @@ class AlternativeSettings:
     min_step: ImageTerms = tuned(ImageTerms(roughness=0.03, ambient=0.02, offset=0.005), "term")
     """Values of the terms, by one step from zero, below which they are not tried: less changes no normal visibly."""
     min_gloss_step: float = tuned(0.1, "share")
-    """Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried, and accepted unless
-    the images then fit worse. 0.11–1.3 of 84 of 95 glossy captures (α 0.12–0.5), none of 174 others (design seeds
-    20–22, 40–43, 50, 51, 60–63; 6–20 lights by two rings): 0.09 at most."""
+    """Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried, and accepted
+    unless the images then fit worse. 0.11–1.3 of 84 of 95 glossy captures (α 0.12–0.5), 0.09 at most of 174 others
+    (design seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights by two rings)."""
     metal_better: float = tuned(0.7, "misfit ratio")
     """Misfit after over before, up to which the surface counts as metal."""
     term_sigma: ImageTerms = tuned(ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0), "term")
@@ -201,7 +201,7 @@ def other_formation(present: Solution) -> list[Alternative]:
         for name in ("roughness", "ambient", "offset"):
             score: TermScore = getattr(present.scores, name)
             if score.gain > SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
-                alternatives.append(with_term(name, LAMBERTIAN, model_trial.SETTINGS.worse_at_most, score.step))
+                alternatives.append(with_term(name, LAMBERTIAN, 1.0, score.step))
     if nominal.terms is None and present.poor:
         alternatives.append(with_term("metal", ImageTerms(metal=METAL_START), SETTINGS.metal_better))
         for start in SECOND_STARTS:
@@ -270,7 +270,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
     scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
-    return [Alternative("intensities", message, scaled, model_trial.SETTINGS.worse_at_most, float(factors[far][0]))]
+    return [Alternative("intensities", message, scaled, 1.0, float(factors[far][0]))]
 
 
 def held_shift(present: Solution) -> list[Alternative]:

@@ -78,7 +78,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
             ModelFinding(
                 kind="lamps",
                 message="the lamps' positions or intensities, or the object's place, are not what is stated "
-                f"(directions {noise.direction:.3f} rad, intensities {noise.intensity:.1%}, object off by "
+                f"(intensities {noise.intensity:.1%}, object off by "
                 f"{1000 * solution.moved_m:.0f} mm): do not trust the normals",
                 corrected=False,
             )

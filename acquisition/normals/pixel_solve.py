@@ -47,8 +47,9 @@ class Scene:
     """What solves take as given: lamps (F, 6) as of `photometry.lamps`, calibration, noise model, settings, and terms
     of image formation beyond Lambert's.
 
-    Terms that are none are not solved for, nor are their derivatives. `median_albedo` is that of the whole object where
-    the pixels at hand are but a part of it; none: theirs. `common_lamp_errors_m` (F, 3, C) is by how much 1 σ of each
+    `stated_noise` is what sensor and calibration state where `noise` is estimated; none: `noise` is. Terms that are
+    none are not solved for, nor are their derivatives. `median_albedo` is that of the whole object where the pixels at
+    hand are but a part of it; none: theirs. `common_lamp_errors_m` (F, 3, C) is by how much 1 σ of each
     error of the calibration that all lamps share displaces each lamp, as of `lamp_pose.common_errors`; none: unknown.
     """
 
@@ -59,6 +60,7 @@ class Scene:
     median_albedo: float | None = None
     terms: ImageTerms | None = None
     common_lamp_errors_m: FloatArray | None = None
+    stated_noise: photometry.Noise | None = None
 
     def response(self, channel: Sites | None) -> Float32Array | None:
         """Values (N,) of white at a mosaic's sites of these channels (N,), over the mean; none without a mosaic."""
