@@ -27,7 +27,7 @@ from acquisition.normals import (
     specular,
 )
 from acquisition.normals.discontinuity import ShadowImages
-from acquisition.normals.image_terms import LAMBERTIAN
+from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.interreflection import Surface
 from acquisition.normals.pixel_solve import Estimate, Pixels, PixelSolveOptions, Scene
 from acquisition.normals.pyramid import PyramidLevel
@@ -165,7 +165,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
         )  # fmt: skip
         previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
-        dark = _hardly_lit(indirect, measured - highlight, estimate)
+        dark = _hardly_lit(indirect, measured - highlight, estimate, nominal.terms)
         variance = np.where(dark, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
         shadows = None
         if discontinuous:
@@ -282,11 +282,15 @@ def _indirect_light(
     return predicted(1)
 
 
-def _hardly_lit(indirect: _IndirectLight | None, diffuse: Float32Array, estimate: Estimate) -> BoolArray:
-    """`interreflection.hardly_lit` by the irradiance of the round before; none in the first."""
-    if indirect is None or not indirect.significant:
+def _hardly_lit(
+    indirect: _IndirectLight | None, diffuse: Float32Array, estimate: Estimate, terms: ImageTerms | None
+) -> BoolArray:
+    """`interreflection.hardly_lit` by the irradiance of the round before; none in the first, and none of metal, which
+    has no diffuse light."""
+    if indirect is None or not indirect.significant or (terms is not None and terms.metal > 0):
         return np.zeros(diffuse.shape[1], np.bool_)
-    return interreflection.hardly_lit(indirect.irradiance, diffuse, estimate.albedo, float(np.median(estimate.albedo)))
+    diffuse = diffuse - estimate.nondiffuse_value
+    return interreflection.hardly_lit(indirect.irradiance, diffuse, float(np.median(estimate.albedo)))
 
 
 def _shared_normal_variance(

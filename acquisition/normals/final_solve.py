@@ -390,10 +390,9 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     if estimate.terms is not None:
         extra = extra + estimate.terms.highlight_variance
     hardly_lit = np.zeros(measured.shape[1], np.bool_)
-    if state.indirect_irradiance is not None:
-        hardly_lit = interreflection.hardly_lit(
-            state.indirect_irradiance, diffuse, estimate.albedo, state.median_albedo
-        )
+    if state.indirect_irradiance is not None and (scene.terms is None or scene.terms.metal == 0):
+        diffuse = diffuse - estimate.nondiffuse_value
+        hardly_lit = interreflection.hardly_lit(state.indirect_irradiance, diffuse, state.median_albedo)
     return PixelSolution(estimate, measured, values, pixels.plus_extra(extra), indirect, hardly_lit)
 
 

@@ -37,20 +37,25 @@ def test_reflected_radiosity_any_subtracted_share_is_equal(
 @settings(max_examples=60, deadline=None)
 @given(
     albedo=st.floats(0.3, 0.9),
-    received=st.lists(st.floats(0.01, 0.2), min_size=4, max_size=8),
+    received=st.lists(st.floats(0.01, 0.1), min_size=4, max_size=8),
     scale=st.floats(0.1, 10.0),
 )
-def test_hardly_lit_pixel_without_direct_light_counts_whatever_the_units(
+def test_hardly_lit_pixel_of_at_most_one_direct_value_counts_whatever_the_units(
     albedo: float, received: list[float], scale: float
 ) -> None:
-    """Indirect light alone, taken for direct light of irradiance 1, looks like a surface of a small albedo."""
     irradiance = np.float32(scale) * np.array(received, np.float32)[:, None]
     values = np.float32(albedo) * irradiance
-    dark = values.max(axis=0) / scale
-    assert interreflection.hardly_lit(irradiance, values, dark, albedo).all()
-    # A pixel of the object's own albedo is lit, and so is a dark one that receives nothing from other surfaces.
-    assert not interreflection.hardly_lit(irradiance, values, np.full(1, albedo, np.float32), albedo).any()
-    assert not interreflection.hardly_lit(np.zeros_like(irradiance), values, dark, albedo).any()
+    assert interreflection.hardly_lit(irradiance, values, albedo).all()
+    values[0] = scale
+    assert interreflection.hardly_lit(irradiance, values, albedo).all()
+    values[1] = 0.5 * scale
+    assert not interreflection.hardly_lit(irradiance, values, albedo).any()
+
+
+def test_hardly_lit_dark_surface_under_all_lamps_does_not_count() -> None:
+    """An albedo a fifth of the object's, in a hollow that sends a tenth of the lamps' light."""
+    values = 0.1 * np.array([[0.4], [0.6], [0.8], [1.0]], np.float32)
+    assert not interreflection.hardly_lit(np.full_like(values, 0.05), values, 0.5).any()
 
 
 def test_reflected_radiosity_is_at_most_the_received() -> None:
