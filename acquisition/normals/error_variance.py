@@ -118,12 +118,11 @@ def components(
     return np.stack([base, lights * excess * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
 
 
-def misfit(residual: Float32Array, lights: np.ndarray) -> float:
-    """χ² of all pixels together, from the rms of whitened residuals and the number of lights (H, W) of each; 1 where no
-    pixel has a residual."""
+def misfit(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
+    """1 + the excess of all pixels together, from maps as of `components`; 1 where no pixel has a residual."""
     squares, freedom = _squares(residual, lights)
     total = float(np.sum(freedom, dtype=np.float64))
-    return float(np.sum(squares, dtype=np.float64)) / total if total > 0 else 1.0
+    return 1 + max(float(np.sum(squares - stated_share * freedom, dtype=np.float64)) / total, 0) if total > 0 else 1.0
 
 
 def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, Float32Array]:

@@ -190,12 +190,12 @@ def solve(
     del views
     posterior_deg = maps["sigma_deg"][window].copy()
     _regularise(maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray)
-    lights_used = surface.pop("lights")
+    lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
     maps["sigma_deg"][window] = error_variance.sigma_deg(
-        posterior_deg, maps["sigma_deg"][window], maps["residual"][window], lights_used, surface.pop("stated_share"),
+        posterior_deg, maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share,
         maps["normals"][window], unsound=unsound,
     )  # fmt: skip
-    misfit = error_variance.misfit(maps["residual"][window], lights_used)
+    misfit = error_variance.misfit(maps["residual"][window], lights_used, stated_share)
     del posterior_deg
     depth = integration.depth(
         maps["normals"][window].transpose(2, 0, 1), masked.mask, masked.ray,

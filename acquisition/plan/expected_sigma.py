@@ -4,14 +4,14 @@ A result's σ consists of components (`acquisition.normals.error_variance`): the
 χ², the misfit of the pixel's images, and variances that no posterior contains. A plan knows the posterior of its
 design, how many lights will reach each pixel, and the misfit of the images so far:
 
-    σ² = (A + B κ) (v + C²) + S² κ + D² [fewer than four lights expected] + E² [something is wrong with the capture]
+    σ² = (A + B m (κ − 1)) (v + C²) + D² [fewer than four lights expected] + E² [something is wrong with the capture]
 
-κ is χ² of the images so far over the whole object, between 1 and `max_misfit`, because few images have few residuals: a
-pixel's own χ² after a pilot of four says next to nothing, and where half of the pixels are lit by three lights it does
-not exist. What raises it (shadow edges, steps, indirect light, lobes of the lamps) is shared by images, so that a part
-of it, S² κ, does not fall with their number. C is what the calibration leaves uncertain of all lamps alike. Creases are
-left out: those in a pilot's normals are its noise. As in a result, σ stays below that of a normal of which nothing is
-known.
+v is the posterior's variance and m the number of lights that will reach the pixel. κ is χ² of the images so far over
+the whole object, between 1 and `max_misfit`, because few images have few residuals: a pixel's own χ² after a pilot of
+four says next to nothing, and where half of the pixels are lit by three lights it does not exist. What raises it
+(shadow edges, steps, indirect light, lobes of the lamps) is shared by images, so that its part does not fall with their
+number. C is what the calibration leaves uncertain of all lamps alike. Creases are left out: those in a pilot's normals
+are its noise. As in a result, σ stays below that of a normal of which nothing is known.
 """
 
 from dataclasses import dataclass
@@ -29,8 +29,6 @@ from acquisition.plan.criterion import Posterior
 class ExpectedSigmaSettings:
     """Tuned numbers of the forecast of σ."""
 
-    shared_sigma_deg: float = tuned(0.5, "deg")
-    """S, degrees: 1 σ of the normal that no further image lowers, at a misfit of 1."""
     max_misfit: float = tuned(10.0, "1")
     """Greatest misfit that counts: what fits worse still is down-weighted by the solver's robust weights."""
 
@@ -49,11 +47,10 @@ class ExpectedSigma:
 
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
         """Expected σ (P,) in degrees of pixels with a posterior, mean over its visibility scenarios."""
-        factor = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor * self.misfit
-        added = SETTINGS.shared_sigma_deg**2 * self.misfit + (
-            photometry.SETTINGS.unsound_sigma_deg**2 if self.unsound else 0.0
-        )
-        few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, photometry.SETTINGS.few_lights_sigma_deg**2, 0.0)
+        tuned_by = photometry.SETTINGS
+        factor = tuned_by.posterior_factor + tuned_by.misfit_factor * posterior.lit * (self.misfit - 1)
+        added = tuned_by.unsound_sigma_deg**2 if self.unsound else 0.0
+        few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, tuned_by.few_lights_sigma_deg**2, 0.0)
         # Both tangential directions of a normal, as the posterior's variance counts them.
         shared = 2 * self.calibration_rad**2
         variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + few + added

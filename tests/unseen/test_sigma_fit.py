@@ -10,7 +10,7 @@ from acquisition.normals import error_variance
 from tests.unseen import run, sigma_fit
 from tests.unseen.sigma_fit import Errors
 
-WEIGHTS = np.array([0.7, 0.8, 0.09, 25.0])
+WEIGHTS = np.array([0.9, 0.3, 0.09, 25.0])
 CREASE_DEG = 12.0
 
 
@@ -19,7 +19,7 @@ def drawn(seed: int, *, added_deg: float = 0.0, unsound: bool = False) -> Errors
     rng = np.random.default_rng(seed)
     base = np.exp(rng.normal(0, 1, 3000))
     change = np.where(rng.random(3000) < 0.2, rng.uniform(0, 60, 3000) ** 2, 1.0)
-    parts = np.stack([base, base * rng.chisquare(4, 3000) / 4, change, rng.random(3000) < 0.1])
+    parts = np.stack([base, base * 8 * np.maximum(rng.chisquare(4, 3000) / 4 - 1, 0), change, rng.random(3000) < 0.1])
     one = Errors("blob", seed, 8, unsound, np.zeros(3000), parts, np.ones(3000))
     variance = photometry.bounded_variance(WEIGHTS @ one.regressors(CREASE_DEG) + added_deg**2)
     return Errors("blob", seed, 8, unsound, np.sqrt(variance * rng.exponential(1.0, 3000)), parts, np.sqrt(variance))

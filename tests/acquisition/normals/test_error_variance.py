@@ -25,14 +25,14 @@ def bent(angle_deg: float, row: int = STRIP_ROWS) -> np.ndarray:
 
 def sigma(
     posterior_deg: float = 1.0, regularised_deg: float = 1.0, residual: float = 0.0, lights: int = 8,
-    *, unsound: bool = False,
+    *, stated_share: float = 1.0, unsound: bool = False,
 ) -> np.ndarray:  # fmt: skip
     def full(value: float) -> np.ndarray:
         return np.full(SHAPE, value, np.float32)
 
     return error_variance.sigma_deg(
-        full(posterior_deg), full(regularised_deg), full(residual), np.full(SHAPE, lights, np.uint8), bent(0),
-        unsound=unsound,
+        full(posterior_deg), full(regularised_deg), full(residual), np.full(SHAPE, lights, np.uint8),
+        full(stated_share), bent(0), unsound=unsound,
     )  # fmt: skip
 
 
@@ -40,8 +40,16 @@ def test_sigma_perfect_fit_is_posterior_times_factor() -> None:
     assert sigma() == pytest.approx(bounded(FACTOR), rel=1e-5)
 
 
-def test_sigma_of_model_that_holds_has_misfit_one() -> None:
-    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(bounded(FACTOR + MISFIT), rel=1e-5)
+def test_sigma_of_model_that_holds_is_posterior_times_factor() -> None:
+    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(bounded(FACTOR), rel=1e-5)
+
+
+@pytest.mark.parametrize("lights", [6, 20])
+def test_sigma_excess_over_stated_noise_does_not_fall_with_lights(lights: int) -> None:
+    """χ² is twice the freedom, of which the stated noise explains half of one: 1.5 for each light."""
+    residual = float(np.sqrt(2 * (lights - 3) / lights))
+    expected = bounded(FACTOR + 1.5 * MISFIT * lights)
+    assert sigma(residual=residual, lights=lights, stated_share=0.5) == pytest.approx(expected, rel=1e-5)
 
 
 def test_sigma_of_pixel_that_images_do_not_tell_of_is_a_random_normals() -> None:
@@ -53,12 +61,14 @@ def test_sigma_of_pixel_that_images_do_not_tell_of_is_a_random_normals() -> None
 
 
 def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
-    residual = np.array([[1.0, 2.0, 9.0]], np.float32)
-    assert error_variance.misfit(residual, np.array([[5, 8, 3]], np.uint8)) == pytest.approx((5 + 4 * 8) / (2 + 5))
-    assert error_variance.misfit(residual, np.full((1, 3), 3, np.uint8)) == 1.0
-    assert error_variance.misfit(residual * 100, np.full((1, 3), 6, np.uint8)) == pytest.approx(
-        2 * error_variance.SETTINGS.max_square
-    )
+    residual, stated = np.array([[1.0, 2.0, 9.0]], np.float32), np.array([[1.0, 0.5, 0.5]], np.float32)
+    excess = (5 - 2 * 1.0) + (4 * 8 - 5 * 0.5)
+    lights = np.array([[5, 8, 3]], np.uint8)
+    assert error_variance.misfit(residual, lights, stated) == pytest.approx(1 + excess / (2 + 5))
+    assert error_variance.misfit(residual, np.full((1, 3), 3, np.uint8), stated) == 1.0
+    assert error_variance.misfit(0 * residual, lights, stated) == 1.0
+    most = error_variance.misfit(residual * 100, np.full((1, 3), 6, np.uint8), np.ones((1, 3), np.float32))
+    assert most == pytest.approx(2 * error_variance.SETTINGS.max_square)
 
 
 @pytest.mark.parametrize(
@@ -83,12 +93,11 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
     residual[STRIP_ROWS - 1, 10] = 3.0
     posterior = np.ones(SHAPE, np.float32)
     posterior[STRIP_ROWS, 9:12] = np.nan
-    result = error_variance.sigma_deg(
-        posterior, np.ones(SHAPE, np.float32), residual, np.full(SHAPE, 8, np.uint8), bent(0), unsound=False
-    )
+    ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
+    result = error_variance.sigma_deg(posterior, ones, residual, lights, ones, bent(0), unsound=False)
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
-    misfit = (9 * 8) / (6 * 5)
-    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(FACTOR + MISFIT * misfit), rel=1e-4)
+    excess = (9 * 8) / (6 * 5) - 1
+    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(FACTOR + MISFIT * 8 * excess), rel=1e-4)
     assert result[STRIP_ROWS - 3, 10] == pytest.approx(bounded(FACTOR), rel=1e-5)
     assert np.count_nonzero(result > 1.01 * bounded(FACTOR)) == 6
 
@@ -126,4 +135,4 @@ def test_crease_beside_unknown_pixels_is_none() -> None:
 
 def _plain_maps() -> tuple[np.ndarray, ...]:
     ones = np.ones(SHAPE, np.float32)
-    return ones, ones, np.zeros(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
+    return ones, ones, np.zeros(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8), ones

@@ -26,9 +26,10 @@ def bounded(variance_deg2: float) -> float:
     return float(1 / np.sqrt(1 / variance_deg2 + 1 / photometry.RANDOM_NORMAL_SIGMA_DEG**2))
 
 
-def test_sigma_of_many_lights_is_what_images_share() -> None:
-    expected = ExpectedSigma(4.0).sigma_deg(posterior(1e-6))
-    assert expected == pytest.approx(bounded((2 * SETTINGS.shared_sigma_deg) ** 2))
+def test_sigma_misfit_part_does_not_fall_with_lights() -> None:
+    """Posterior variances fall as the lights' number rises; what images share does not."""
+    few, many = (ExpectedSigma(1e6).sigma_deg(posterior(1.0 / np.sqrt(lit), lit)) for lit in (5.0, 500.0))
+    assert few == pytest.approx(many, rel=1e-3)
 
 
 def test_sigma_of_unlit_pixel_is_a_random_normals() -> None:
@@ -36,8 +37,8 @@ def test_sigma_of_unlit_pixel_is_a_random_normals() -> None:
 
 
 def test_sigma_rises_with_misfit_of_images_so_far() -> None:
-    factor = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor * 3
-    variance = factor * 2.0**2 + 3 * SETTINGS.shared_sigma_deg**2
+    factor = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor * 6 * (3 - 1)
+    variance = factor * 2.0**2
     assert ExpectedSigma(3.0).sigma_deg(posterior(2.0)) == pytest.approx(bounded(variance))
 
 
@@ -49,7 +50,7 @@ def test_sigma_rises_with_misfit_of_images_so_far() -> None:
     ],
 )
 def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float, added_deg: float) -> None:
-    plain = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor + SETTINGS.shared_sigma_deg**2
+    plain = photometry.SETTINGS.posterior_factor
     assert expected.sigma_deg(posterior(1.0, lit)) == pytest.approx(bounded(plain + added_deg**2))
 
 
