@@ -372,3 +372,24 @@ def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = N
         out.lit,
     )
     return replace(out, lit=out.lit + sample.lit)
+
+
+def scan(
+    sample: Samples, present: Posterior, lights: Candidates, inverse_cap: float, *, slope: bool = False
+) -> FloatArray:
+    """Mean of v / (1 + v · inverse_cap) (K,) with each one of `lights` added to the present posterior; or, for `slope`,
+    the gradient (K,) of the mean v in their design weights."""
+    out = np.empty(len(lights.row))
+    criterion_kernels.scan(
+        present.covariance,
+        present.variance.astype(np.float32),
+        lights.row,
+        lights.visibility,
+        sample.normal,
+        sample.inverse_albedo2,
+        np.array(VISIBILITY_LEVELS, np.float32),
+        np.float32(inverse_cap),
+        slope,
+        out,
+    )
+    return out

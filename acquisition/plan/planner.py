@@ -58,7 +58,7 @@ def choose(
     count: int | None = None,
     options: PlanOptions = _DEFAULT_OPTIONS,
 ) -> LightPlan:
-    """A-optimal sequential design: the `count` lights that lower the recipe's loss of the angular variance most.
+    """A-optimal sequential design: the `count` lights that lower the capped angular variance most.
 
     Bayesian: the normal map's information is the prior of the new lights. Exchange over the dome's candidates from many
     starts, completed rings among them (`optimise.search`), and the relaxation's lower bound as certificate. `count`
@@ -134,18 +134,18 @@ def _forecast_curve(problem: Problem, options: Candidates, captured: int, counts
         if count:
             loss, sets = _loss_and_patterns(problem, options, count)
             seed = problem.recipe.seed
-            chosen = optimise.search(problem.search_sample, options, loss, sets, count, seed, quick=True)
+            chosen = optimise.search(problem.search_sample, options, loss, sets, count, seed)
         sigma_deg = float(np.mean(problem.predicted_deg(problem.positions[chosen])))
         points.append(ForecastPoint(added=count, lights=captured + count, sigma_deg=sigma_deg))
     return points
 
 
 def _loss_and_patterns(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[list[int]]]:
-    """The recipe's loss, scaled by two rings' posterior of the search pixels, and the two-ring completions of the
+    """The loss of plans, its cap set by two rings' posterior of the search pixels, and the two-ring completions of the
     captured lights, the best balanced first."""
     sets = two_ring_pattern.completions(problem.captured_directions, problem.units, count)
     rings = criterion.posterior(problem.search_sample, options.only(sets[0]))
-    return objective.loss(problem.recipe.objective, rings), sets
+    return objective.capped(rings), sets
 
 
 def _certificate(

@@ -169,7 +169,7 @@ def _planned(
             sets = two_ring_pattern.completions(taken, units, added)
             chosen = sets[0]
             if added <= MOST_SEARCHED:
-                loss = objective.loss(recipe.objective, criterion.posterior(known, options.only(sets[0])))
-                chosen = optimise.search(known, options, loss, sets, added, recipe.seed, quick=True)
+                loss = objective.capped(criterion.posterior(known, options.only(sets[0])))
+                chosen = optimise.search(known, options, loss, sets, added, recipe.seed)
         designs.append(piloted.joined(options.only(chosen)))
     return designs
