@@ -57,7 +57,7 @@ REASONS: dict[str, str] = {
         session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES
         criterion_kernels.BLOCK stopping_rule.COUNTS optimise.COARSE_PIXELS
         optimise.RANDOM_START_LIGHTS planner.CERTIFICATE_PIXELS design_problem.SAMPLE_PIXELS
-        design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS prior_forecast.MOST_SEARCHED
+        design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
         visibility.MAP_SIZE translucency.GRID distant.robust_regression.MAX_TRIPLES
         distant.solver_selection.FOLDS distant.solver_selection.FOLDS_OF_FEW photon_transfer.BINS
@@ -85,8 +85,7 @@ REASONS: dict[str, str] = {
         exposure_options.SHORTEST exposure_options.LONGEST exposure_options.FRAMES exposure_options.RATIOS
         translucency.LENGTHS_PX translucency.TESTED_PX model_alternatives.SECOND_STARTS""",
     "pictures": """
-        explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE placed_lights.PICTURE_PIXELS
-        placed_lights.BRIGHTEST_PERCENTILE placed_lights.SHOWN_RANGE""",
+        explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE placed_lights.SHOWN_RANGE""",
 }
 """Why a number at a module's level is not tuned, and the names of those; modules without their package."""
 

@@ -9,7 +9,7 @@ together. Multiplying information by probability instead would be optimistic (de
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -144,6 +144,12 @@ def samples(
         indirect=np.zeros_like(albedo),
         offset_sigma_m=offset_sigma_m,
     )
+
+
+def usable_samples(normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
+    """Sample pixels of all of a normal map's usable ones, with the noise that the planner expects."""
+    sample = samples(normal_map, calibration, usable_pixels(normal_map, calibration))
+    return reweight(sample, normal_map, observations, calibration)
 
 
 def prior_information(albedo: Float32Array) -> FloatArray:
@@ -374,6 +380,13 @@ def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = N
     return replace(out, lit=out.lit + sample.lit)
 
 
+def without_each(sample: Samples, lights: Candidates, instead: Candidates | None = None) -> Iterator[Posterior]:
+    """Leave-one-out: the posterior without each of `lights`, or with the same one of `instead` in its place."""
+    for one in range(len(lights.row)):
+        others = lights.only(np.delete(np.arange(len(lights.row)), one))
+        yield posterior(sample, others if instead is None else others.joined(instead.only([one])))
+
+
 def scan(
     sample: Samples, present: Posterior, lights: Candidates, inverse_cap: float, *, slope: bool = False
 ) -> FloatArray:
@@ -388,7 +401,7 @@ def scan(
         sample.normal,
         sample.inverse_albedo2,
         np.array(VISIBILITY_LEVELS, np.float32),
-        np.float32(inverse_cap),
+        inverse_cap,
         slope,
         out,
     )

@@ -110,7 +110,7 @@ def posterior(
 
 @numba.njit(
     "void(float32[:,:,::1], float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1],"
-    " float32[::1], float32, boolean, float64[::1])",
+    " float32[::1], float64, boolean, float64[::1])",
     cache=True,
     parallel=True,
     fastmath=True,
@@ -131,7 +131,7 @@ def scan(
     """Rank-one (Sherman–Morrison) update: the mean capped variance with each candidate added in turn; or, for `slope`,
     the gradient of the mean variance in each one's design weight, −mean |P C a|²/ρ²."""
     scenarios, pixels = variance.shape
-    zero, one = np.float32(0.0), np.float32(1.0)
+    zero, one, capped = np.float32(0.0), np.float32(1.0), np.float32(inverse_cap)
     for k in numba.prange(row.shape[0]):
         total = 0.0
         for s in range(scenarios):
@@ -159,7 +159,7 @@ def scan(
                     part -= gain
                 else:
                     v = max(variance[s, p] - gain / (one + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3), zero)
-                    part += v / (one + v * inverse_cap)
+                    part += v / (one + v * capped)
             total += part
         out[k] = total / (scenarios * pixels)
 
