@@ -52,7 +52,7 @@ REASONS: dict[str, str] = {
         interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
         photon_transfer.INITIAL_SAMPLE pixel_noise.STRIPS pixel_noise.MAX_PRODUCTS
         pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS poisson._STRIP
-        pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS regularisation.STRIP_ROWS
+        pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS
         sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS session_images.BYTES_PER_EXTRA
         session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES
         criterion_kernels.BLOCK stopping_rule.COUNTS optimise.COARSE_PIXELS
