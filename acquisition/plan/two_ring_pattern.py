@@ -17,12 +17,11 @@ def completions(captured: FloatArray, units: FloatArray, count: int) -> list[lis
 
     One set for each turn of the rings, that to which the captured lights fit best first.
     """
-    free = np.ones(len(units), dtype=np.bool_)
     scored: list[tuple[float, list[int]]] = []
     for turn in np.arange(baselines.AZIMUTH_STEPS) / baselines.AZIMUTH_STEPS:
         ideal = baselines.two_rings(len(captured) + count, float(turn))
         squared = np.arccos(np.clip(captured @ ideal.T, -1, 1)) ** 2
         rows, filled = linear_sum_assignment(squared)
-        chosen, _ = lamp_pose.nearest_distinct(np.delete(ideal, filled, axis=0), units, free)
+        chosen, _ = lamp_pose.nearest_distinct(np.delete(ideal, filled, axis=0), units)
         scored.append((float(np.sum(squared[rows, filled])), chosen))
     return [chosen for _, chosen in sorted(scored)]

@@ -93,4 +93,4 @@ def test_completions_captured_lights_fill_their_positions() -> None:
         for added in two_ring_pattern.completions(captured, units, 5)
     )
     assert best[0] > np.cos(0.15)
-    assert len(lamp_pose.nearest_distinct(pattern, units, np.ones(400, dtype=np.bool_))[0]) == 8
+    assert len(lamp_pose.nearest_distinct(pattern, units)[0]) == 8
