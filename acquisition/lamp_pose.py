@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from acquisition import geometry
-from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
@@ -66,22 +66,21 @@ def directions(candidates: FloatArray, center: FloatArray, count: int, *, surrou
     return units
 
 
-def nearest_distinct(ideal: FloatArray, units: FloatArray, free: BoolArray) -> tuple[list[int], FloatArray]:
+def nearest_distinct(ideal: FloatArray, units: FloatArray) -> tuple[list[int], FloatArray]:
     """Greedy assignment of ideal unit directions (M, 3) to distinct candidates of `units` (K, 3), nearest pair first.
 
-    Only candidates with `free` (K,) are used. Returns indices (M) and the angular deviations (M,), rad. Raises RigError
-    plan.infeasible when fewer than M candidates are free.
+    Returns indices (M) and the angular deviations (M,), rad. Raises RigError plan.infeasible when there are fewer than
+    M candidates.
     """
-    if np.count_nonzero(free) < len(ideal):
+    if len(units) < len(ideal):
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"{len(ideal)} places of a pattern are to be filled from {np.count_nonzero(free)} reachable positions: "
+            f"{len(ideal)} places of a pattern are to be filled from {len(units)} reachable positions: "
             "ask for fewer lights, or widen the reach (GET /v1/rig/reach says why positions are refused)",
-            reachable=int(np.count_nonzero(free)),
+            reachable=len(units),
             wanted=len(ideal),
         )
     angles = np.arccos(np.clip(ideal @ units.T, -1.0, 1.0))
-    angles[:, ~free] = np.inf
     chosen = [-1] * len(ideal)
     miss = np.zeros(len(ideal))
     for _ in range(len(ideal)):

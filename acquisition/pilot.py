@@ -46,9 +46,8 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
     slant_deg = RING_SLANT_DEG if top else SLANT_OF_THREE_DEG
     slants = np.radians([*[TOP_SLANT_DEG] * top, *[slant_deg] * around])
     azimuths = np.array([*[step / 2] * top, *np.arange(around) * step])
-    free = np.ones(len(units), dtype=np.bool_)
     patterns = [
-        lamp_pose.nearest_distinct(geometry.direction(slants, turn + azimuths), units, free)
+        lamp_pose.nearest_distinct(geometry.direction(slants, turn + azimuths), units)
         for turn in np.arange(AZIMUTH_STEPS) * step / AZIMUTH_STEPS
     ]
     chosen, miss = min(patterns, key=lambda one: float(np.sum(one[1] ** 2)))

@@ -38,8 +38,8 @@ REASONS: dict[str, str] = {
         session_images.BYTES_PER_VALUE candidate_lights.SAME_POSITION_M criterion.MIN_LIGHTS
         criterion_kernels.HIDDEN distant.light_intensities.MIN_LIGHTS photometry.OVERDETERMINED
         photometry.REDUNDANT prior_forecast.ALBEDO
-        prior_forecast.BEHIND_M two_ring_pattern.TOP_MAX_SLANT_DEG two_ring_pattern.INNER_MAX_SLANT_DEG""",
-    "of settings": "error_variance.WEIGHTS objective.CAPPED pixel_noise.MIN_RESIDUAL_SHARE",
+        prior_forecast.BEHIND_M""",
+    "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
         photometry.LOBE_SAMPLES distant.distant_solve.SAMPLE_PIXELS
@@ -52,13 +52,12 @@ REASONS: dict[str, str] = {
         interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
         photon_transfer.INITIAL_SAMPLE pixel_noise.STRIPS pixel_noise.MAX_PRODUCTS
         pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS poisson._STRIP
-        pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS regularisation.STRIP_ROWS
+        pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS
         sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS session_images.BYTES_PER_EXTRA
         session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES
         criterion_kernels.BLOCK stopping_rule.COUNTS optimise.COARSE_PIXELS
-        optimise.RANDOM_START_LIGHTS optimise.QUICK_RANDOM_START_LIGHTS optimise.SHORTLIST
-        optimise.PAIR_TRIALS planner.CERTIFICATE_PIXELS design_problem.SAMPLE_PIXELS
-        design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS prior_forecast.MOST_SEARCHED
+        optimise.RANDOM_START_LIGHTS planner.CERTIFICATE_PIXELS design_problem.SAMPLE_PIXELS
+        design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
         visibility.MAP_SIZE translucency.GRID distant.robust_regression.MAX_TRIPLES
         distant.solver_selection.FOLDS distant.solver_selection.FOLDS_OF_FEW photon_transfer.BINS
@@ -75,7 +74,7 @@ REASONS: dict[str, str] = {
         discontinuity.LEAST_START_WEIGHT integration.BILATERAL_ROUNDS
         integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS pixel_solve.IRLS_ITERATIONS
         relaxation.MAX_GAP relaxation.MAX_ROUNDS relaxation.MAX_EXPONENT
-        relaxation.MIN_RELATIVE_WEIGHT optimise.MIN_IMPROVEMENT baselines.AZIMUTH_STEPS
+        relaxation.MIN_RELATIVE_WEIGHT optimise.MIN_IMPROVEMENT optimise.MAX_PASSES baselines.AZIMUTH_STEPS
         baselines.PAPER_STARTS registration.ROUNDS registration.ROBUST_ROUNDS
         translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS specular.FIT_ROUNDS term_solve.ROUNDS
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
@@ -86,8 +85,7 @@ REASONS: dict[str, str] = {
         exposure_options.SHORTEST exposure_options.LONGEST exposure_options.FRAMES exposure_options.RATIOS
         translucency.LENGTHS_PX translucency.TESTED_PX model_alternatives.SECOND_STARTS""",
     "pictures": """
-        explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE placed_lights.PICTURE_PIXELS
-        placed_lights.BRIGHTEST_PERCENTILE placed_lights.SHOWN_RANGE""",
+        explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE placed_lights.SHOWN_RANGE""",
 }
 """Why a number at a module's level is not tuned, and the names of those; modules without their package."""
 

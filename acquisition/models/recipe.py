@@ -13,10 +13,8 @@ ExposurePlan = Literal["fixed", "planned"]
 UNPLANNED_FACTOR = 8.0
 """How many times as long the second exposure of a light is for which none is planned yet, as for a pilot's."""
 
-Objective = Literal["capped", "mean", "quantile", "coverage"]
-"""Design criterion over the object's pixels, or over the region of interest: `capped` the mean of the angular variance,
-each pixel's capped so that a few that no light can reach do not dominate; `mean` the mean σ; `quantile` the 0.9
-quantile of σ; `coverage` first the number of pixels lit by at least three lights, then `capped`."""
+FORMER_OBJECTIVES = ("capped", "mean", "quantile", "coverage")
+"""Values of `objective` in recipes of release 0.1."""
 
 
 class Exposure(Value):
@@ -86,7 +84,6 @@ class Recipe(Value):
     max_lights: int = Field(
         default=24, ge=3, le=80, description="Maximum number of lights for a target, pilot included"
     )
-    objective: Objective = Field(default="capped", description="Design criterion that method `optimal` minimises")
     slant_deg: float = Field(default=45.0, ge=5, le=80, description="Slant of method `ring`")
     user_lights: list[Vector3] = Field(
         default_factory=list[tuple[float, float, float]],
@@ -104,6 +101,14 @@ class Recipe(Value):
     )
     label: str = Field(default="", max_length=200, description="Title for people, up to 200 characters")
     notes: str = Field(default="", max_length=10_000, description="Notes for people, up to 10,000 characters")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _objective_of_release_0_1_is_left_out(cls, given: Any) -> Any:
+        """There is one objective now, what was `capped`; the others' recipes are read, and get it."""
+        if isinstance(given, dict) and cast(dict[str, Any], given).get("objective") in FORMER_OBJECTIVES:
+            return {name: value for name, value in cast(dict[str, Any], given).items() if name != "objective"}
+        return given
 
     @model_validator(mode="before")
     @classmethod

@@ -41,7 +41,6 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.tuned import tuned
-from acquisition.normals import regularisation
 
 
 @dataclass(frozen=True)
@@ -76,8 +75,8 @@ STRIP_ROWS, NEIGHBOUR_ROWS = 256, 2
 
 
 def sigma_deg(
-    posterior_deg: Float32Array, regularised_deg: Float32Array, residual: Float32Array, lights: np.ndarray,
-    stated_share: Float32Array, normals: Float32Array, *, unsound: bool,
+    posterior_deg: Float32Array, residual: Float32Array, lights: np.ndarray, stated_share: Float32Array,
+    normals: Float32Array, *, unsound: bool,
 ) -> Float32Array:  # fmt: skip
     """σ (H, W) in degrees over both tangential directions: the weighted `components`, whose arguments these are.
 
@@ -88,7 +87,7 @@ def sigma_deg(
     for start in range(0, len(out), STRIP_ROWS):
         stop = min(start + STRIP_ROWS, len(out))
         first, last = max(start - NEIGHBOUR_ROWS, 0), min(stop + NEIGHBOUR_ROWS, len(out))
-        maps = (posterior_deg, regularised_deg, residual, lights, stated_share, normals)
+        maps = (posterior_deg, residual, lights, stated_share, normals)
         parts = components(*(one[first:last] for one in maps))[:, start - first : stop - first]
         known = np.isfinite(posterior_deg[start:stop])
         by_images = np.asarray(np.tensordot(WEIGHTS, parts, 1) + added, np.float64)
@@ -98,20 +97,17 @@ def sigma_deg(
 
 
 def components(
-    posterior_deg: Float32Array, regularised_deg: Float32Array, residual: Float32Array, lights: np.ndarray,
-    stated_share: Float32Array, normals: Float32Array,
+    posterior_deg: Float32Array, residual: Float32Array, lights: np.ndarray, stated_share: Float32Array,
+    normals: Float32Array,
 ) -> Float32Array:  # fmt: skip
     """What A, B, M² and D² of the module's docstring multiply (4, H, W): deg², and 0 or 1.
 
-    `posterior_deg` (H, W) is σ of the pixel solve, NaN where there is no normal, `regularised_deg` that after smoothing
-    and the integrability projection; `residual` the rms of whitened residuals, `lights` how many measurements each
-    pixel rests on, `normals` (H, W, 3) the final ones.
+    `posterior_deg` (H, W) is σ after the integrability projection, NaN where there is no normal; `residual` the rms of
+    whitened residuals, `lights` how many measurements each pixel rests on, `stated_share` the share of the stated noise
+    in their variance, `normals` (H, W, 3) the final ones.
     """
     known = np.isfinite(posterior_deg)
-    base = (
-        np.where(known, np.where(posterior_deg > regularisation.SETTINGS.unsure_deg, posterior_deg, regularised_deg), 0)
-        ** 2
-    )
+    base = np.where(known, posterior_deg, 0) ** 2
     squares, freedom = _squares(residual, np.where(known, lights, 0))
     excess = np.maximum(_summed(squares - stated_share * freedom) / np.maximum(_summed(freedom), 1), 0)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)

@@ -27,7 +27,6 @@ from acquisition.normals import (
     measurement_flags,
     memory_mapped,
     pixel_solve,
-    regularisation,
     residual_noise,
     specular,
     term_solve,
@@ -158,7 +157,7 @@ def solve(
     masked: MaskedImages, level: PyramidLevel, state: AlternationResult, scene: Scene, size: tuple[int, int],
     *, unsound: bool = False, block_map: BlockMap = map,
 ) -> NormalMap:  # fmt: skip
-    """Solves all object pixels block by block, regularises and integrates; maps of the whole frame (H, W) of `size`.
+    """Solves all object pixels block by block, projects and integrates them; maps of the whole frame (H, W) of `size`.
 
     `state` is that of the level's coarse pixels; `scene` has lamps and noise as estimated; `unsound`: something is
     wrong with the capture that the model does not contain; `block_map` solves the blocks.
@@ -188,15 +187,15 @@ def solve(
         numbers.append(np.flatnonzero(mask)[block.sampled] + rows.start * shape[1])
         matrices.append(block.matrices)
     del views
-    posterior_deg = maps["sigma_deg"][window].copy()
-    _regularise(maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray)
+    integrability.project_integrable(
+        maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray
+    )
     lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
     maps["sigma_deg"][window] = error_variance.sigma_deg(
-        posterior_deg, maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share,
-        maps["normals"][window], unsound=unsound,
+        maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window],
+        unsound=unsound,
     )  # fmt: skip
     misfit = error_variance.misfit(maps["residual"][window], lights_used, stated_share)
-    del posterior_deg
     depth = integration.depth(
         maps["normals"][window].transpose(2, 0, 1), masked.mask, masked.ray,
         integration.confidence(surface.pop("variance")), surface.pop("start"),
@@ -242,19 +241,6 @@ def solve(
     )
 
 
-def _regularise(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, ray: Float32Array) -> None:
-    """Smooths uncertain pixels, projects the normals onto integrable ones, and smooths again, all in place.
-
-    Arrays: normals (h, w, 3), σ (h, w) in degrees, variance (h, w) in rad², rays (2, h, w).
-    """
-    regularisation.smooth_uncertain(normals, sigma_deg)
-    lowered = np.radians(sigma_deg)
-    lowered *= lowered
-    np.fmin(variance, lowered, out=variance)
-    integrability.project_integrable(normals, sigma_deg, variance, ray)
-    regularisation.smooth_uncertain(normals, sigma_deg)
-
-
 def _empty_maps(size: tuple[int, int]) -> dict[str, np.ndarray]:
     """Maps (H, W, ...) by name with the values that they have outside of the object."""
     maps: dict[str, np.ndarray] = {name: np.zeros(size, np.float32) for name in ("albedo", "residual", "indirect")}
@@ -265,7 +251,7 @@ def _empty_maps(size: tuple[int, int]) -> dict[str, np.ndarray]:
 
 
 def _integration_inputs(shape: tuple[int, int], *, discontinuous: bool) -> dict[str, np.ndarray]:
-    """Further maps (h, w) of the window that regularisation and integration need, with their values outside of the
+    """Further maps (h, w) of the window that the projection and integration need, with their values outside of the
     object."""
     maps: dict[str, np.ndarray] = {
         "variance": np.zeros(shape, np.float32), "start": np.ones(shape, np.float32)

@@ -23,7 +23,6 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import Float32Array
 from acquisition.models.tuned import tuned
-from acquisition.normals import regularisation
 
 
 @dataclass(frozen=True)
@@ -32,6 +31,8 @@ class IntegrabilitySettings:
 
     circulation_limit: float = tuned(2.5, "σ")
     """Circulation round a cell, in its 1 σ, beyond which it is not noise alone."""
+    unsure_deg: float = tuned(4.0, "deg")
+    """σ from which an error comes from too few lights, is shared by neighbours, and is not lowered."""
     curvature_sigma: float = tuned(0.05, "share")
     """1 σ of the circulation as a share of the slope differences within the cell: pixels are areas, not points."""
 
@@ -55,9 +56,6 @@ def project_integrable(
 ) -> None:
     """Projects unit normals (H, W, 3), view frame, onto integrable ones by least squares, and lowers their σ, in place.
 
-    Where σ is above the regularisation's `unsure_deg` it comes from too few lights, an error that neighbours share, and
-    is not lowered.
-
     `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal; `variance`
     (H, W) in rad² is the part of its square that comes from errors which pixels do not share, and is lowered as well;
     `ray` (2, H, W) are the pixels' rays.
@@ -79,9 +77,7 @@ def project_integrable(
             continue
         left = _project_strip(strip, before, ray[:, start - first : below], pitch)[first:last]
         normals[start:stop] = strip[first:last]
-        removed = np.where(
-            sigma_deg[start:stop] > regularisation.SETTINGS.unsure_deg, 0, (1 - left) * before[first:last]
-        )
+        removed = np.where(sigma_deg[start:stop] > SETTINGS.unsure_deg, 0, (1 - left) * before[first:last])
         sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - removed))
         variance[start:stop] -= removed
 

@@ -13,11 +13,11 @@ from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, final_solve
 from acquisition.normals.alternation import AlternationResult
-from acquisition.normals.changed_images import Changed
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
+from acquisition.normals.session_images import StoredImages
 from acquisition.normals.term_tests import TermScores
 
 
@@ -67,7 +67,7 @@ class Problem:
     corrected: tuple[str, ...] = ()
     factors: FloatArray | float = 1.0
 
-    def reread(self, images: Changed) -> "Problem":
+    def reread(self, images: StoredImages) -> "Problem":
         """The same object in changed images, with their sensor noise."""
         masked = replace(self.masked, images=images)
         count = int(np.count_nonzero(masked.mask))

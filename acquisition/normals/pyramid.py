@@ -13,10 +13,10 @@ from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
 from acquisition.mosaic import Sites
-from acquisition.normals import resampling, silhouette
+from acquisition.normals import resampling, session_images, silhouette
 from acquisition.normals.interreflection import Table
 from acquisition.normals.pixel_solve import Pixels
-from acquisition.normals.session_images import ImageBlock, ImageRows, Images
+from acquisition.normals.session_images import ImageBlock, Images
 
 BLOCK_VALUES = 1 << 22
 """Values of all images in a block; the final solve takes about ninety bytes for each."""
@@ -45,7 +45,7 @@ class MaskedImages:
     def part(self, rows: slice) -> "MaskedImages":
         """The rows of a window as a window of their own."""
         channel = None if self.channel is None else self.channel[rows]
-        return MaskedImages(ImageRows(self.images, rows), self.mask[rows], self.ray[:, rows], channel)
+        return MaskedImages(session_images.part(self.images, rows), self.mask[rows], self.ray[:, rows], channel)
 
     def pixels(self, rows: slice) -> Pixels:
         """Reads the object's pixels in a block of rows."""

@@ -6,7 +6,7 @@ again each time, because reading a file costs less than the memory that would ho
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -105,42 +105,26 @@ class StoredImages:
     merged: bool = False
 
 
-@dataclass(frozen=True)
-class ImageRows:
-    """Some rows of a window (`part`, counted from its first) as `Images`; they are read through the whole window's."""
+def derived(
+    images: Images, read: Callable[[int, int], ImageBlock], shot: FloatArray | None = None,
+    floor: FloatArray | None = None,
+) -> StoredImages:  # fmt: skip
+    """Images with the lights and the window of others, read otherwise, and with another noise (F,) where given."""
+    return StoredImages(
+        read,
+        images.lights,
+        images.rows,
+        images.columns,
+        images.shot if shot is None else shot,
+        images.floor if floor is None else floor,
+    )
 
-    images: Images
-    part: slice
 
-    @property
-    def lights(self) -> tuple[Light, ...]:
-        """The light of each image (F)."""
-        return self.images.lights
-
-    @property
-    def rows(self) -> slice:
-        """The part's rows in the frame."""
-        first = self.images.rows.start
-        return slice(first + self.part.start, first + self.part.stop)
-
-    @property
-    def columns(self) -> slice:
-        """The window's columns in the frame."""
-        return self.images.columns
-
-    @property
-    def shot(self) -> FloatArray:
-        """Shot noise of each image (F,)."""
-        return self.images.shot
-
-    @property
-    def floor(self) -> FloatArray:
-        """Noise floor of each image (F,)."""
-        return self.images.floor
-
-    def read(self, start: int, stop: int, /) -> ImageBlock:
-        """Reads the rows [start, stop), counted from the part's first."""
-        return self.images.read(self.part.start + start, self.part.start + stop)
+def part(images: Images, rows: slice) -> StoredImages:
+    """Some rows of a window, counted from its first, as images of their own; they are read through the whole
+    window's."""
+    inside = derived(images, lambda start, stop: images.read(rows.start + start, rows.start + stop))
+    return replace(inside, rows=slice(images.rows.start + rows.start, images.rows.start + rows.stop))
 
 
 def held_if_small(images: StoredImages) -> ImageStack | StoredImages:

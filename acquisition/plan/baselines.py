@@ -53,7 +53,6 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
         return _user(recipe, reach)
     units = lamp_pose.directions(reach.candidates, reach.center, count)
     rng = np.random.default_rng(recipe.seed)
-    free = np.ones(len(units), dtype=np.bool_)
     if method == "random":
         chosen = [int(index) for index in rng.permutation(len(units))[:count]]
         return _plan(method, chosen, units, reach, ["drawn at random"] * count, [])
@@ -66,7 +65,7 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
     else:
         ideals = [_rings(method, count, recipe.slant_deg, turn) for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS]
         why = f"position in the pattern {method}"
-    options = [lamp_pose.nearest_distinct(ideal, units, free) for ideal in ideals]
+    options = [lamp_pose.nearest_distinct(ideal, units) for ideal in ideals]
     chosen, miss = min(options, key=lambda option: float(np.sum(option[1] ** 2)))
     reasons = [f"{why}, missed by {np.degrees(angle):.0f}°" for angle in miss]
     notes = []

@@ -8,9 +8,8 @@ light of probability above its level as visible, because an error of one pixel's
 together. Multiplying information by probability instead would be optimistic (decision 0027).
 """
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,9 +22,9 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import FrameExposure, Light
 from acquisition.models.recipe import UNPLANNED_FACTOR, Recipe
 from acquisition.models.result import LIT, NormalMap, SolveSettings
-from acquisition.models.shot import Observations, Shot
+from acquisition.models.shot import Observations
 from acquisition.models.tuned import tuned
-from acquisition.plan import criterion_kernels, planned_noise, visibility
+from acquisition.plan import criterion_kernels, exposure_options, planned_noise, visibility
 from acquisition.plan.exposure_options import Exposures
 from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
@@ -88,14 +87,10 @@ class Samples:
 
     def thinned(self, step: int) -> "Samples":
         """Every `step`-th pixel."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        over_first = ("row", "column", "albedo", "sigma", "information", "lit", "indirect")
-        thinned = {
-            name: np.ascontiguousarray(value[::step] if name in over_first else value[:, ::step])
-            for name, value in values.items()
-            if name != "offset_sigma_m"
-        }
-        return Samples(**thinned, offset_sigma_m=self.offset_sigma_m)
+        first = ("row", "column", "albedo", "sigma", "information", "lit", "indirect")
+        thinned = {name: getattr(self, name)[::step] for name in first}
+        thinned |= {name: getattr(self, name)[:, ::step] for name in ("point", "ray_direction", "normal")}
+        return replace(self, **{name: np.ascontiguousarray(value) for name, value in thinned.items()})
 
 
 @dataclass(frozen=True)
@@ -144,6 +139,12 @@ def samples(
         indirect=np.zeros_like(albedo),
         offset_sigma_m=offset_sigma_m,
     )
+
+
+def usable_samples(normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
+    """Sample pixels of all of a normal map's usable ones, with the noise that the planner expects."""
+    sample = samples(normal_map, calibration, usable_pixels(normal_map, calibration))
+    return reweight(sample, normal_map, observations, calibration)
 
 
 def prior_information(albedo: Float32Array) -> FloatArray:
@@ -277,12 +278,6 @@ def _sensor_variance(
     return variance, saturated
 
 
-def _exposures_of(frames: Sequence[Shot]) -> Exposures:
-    """The exposures of a light's frames."""
-    times = Counter(shot.exposure_s for shot in frames)
-    return [FrameExposure(exposure_s=seconds, frames=count) for seconds, count in sorted(times.items())]
-
-
 def _half_vector_cosine(sample: Samples, shading: _Shading) -> Float32Array:
     """Blinn's n·h: cosines (K, P) between the normal and the half vector of lamp and camera."""
     to_camera = -sample.ray_direction / np.sqrt(np.sum(sample.ray_direction**2, axis=0))
@@ -306,7 +301,7 @@ def reweight(
     lamp = photometry.lamps([shot.light for shot in shots if shot.light is not None])
     shading = _shading(sample, lamp, calibration)
     sensor, _ = _sensor_variance(
-        shading.value, [_exposures_of(observations.frames_of(shot)) for shot in shots], calibration
+        shading.value, [exposure_options.of_frames(observations.frames_of(shot)) for shot in shots], calibration
     )
     strength = sample.albedo * shading.strength
     lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
@@ -372,3 +367,31 @@ def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = N
         out.lit,
     )
     return replace(out, lit=out.lit + sample.lit)
+
+
+def without_each(sample: Samples, lights: Candidates, instead: Candidates | None = None) -> Iterator[Posterior]:
+    """Leave-one-out: the posterior without each of `lights`, or with the same one of `instead` in its place."""
+    for one in range(len(lights.row)):
+        others = lights.only(np.delete(np.arange(len(lights.row)), one))
+        yield posterior(sample, others if instead is None else others.joined(instead.only([one])))
+
+
+def scan(
+    sample: Samples, present: Posterior, lights: Candidates, inverse_cap: float, *, slope: bool = False
+) -> FloatArray:
+    """Mean of v / (1 + v · inverse_cap) (K,) with each one of `lights` added to the present posterior; or, for `slope`,
+    the gradient (K,) of the mean v in their design weights."""
+    out = np.empty(len(lights.row))
+    criterion_kernels.scan(
+        present.covariance,
+        present.variance.astype(np.float32),
+        lights.row,
+        lights.visibility,
+        sample.normal,
+        sample.inverse_albedo2,
+        np.array(VISIBILITY_LEVELS, np.float32),
+        inverse_cap,
+        slope,
+        out,
+    )
+    return out

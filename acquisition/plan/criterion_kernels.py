@@ -1,4 +1,4 @@
-"""Compiled inner loops of the planner: covariances, rank-one scan, the relaxation's gradient, shadow-ray marching.
+"""Compiled inner loops of the planner: covariances, rank-one scan, shadow-ray marching.
 
 Symmetric 4 × 4 matrices are held as their ten upper entries, pixels last, in the order 00 01 02 03 11 12 13 22 23 33.
 Kernels compile at import, into numba's cache.
@@ -109,8 +109,8 @@ def posterior(
 
 
 @numba.njit(
-    "void(float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1],"
-    " float32[::1], float32[::1], float32[::1], float64[::1], float64[::1])",
+    "void(float32[:,:,::1], float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1],"
+    " float32[::1], float64, boolean, float64[::1])",
     cache=True,
     parallel=True,
     fastmath=True,
@@ -119,24 +119,23 @@ def posterior(
 def scan(
     covariance: Float32Array,  # (S, 10, P)
     variance: Float32Array,  # (S, P) rad²
-    lit: Float32Array,  # (S, P)
     row: Float32Array,  # (K, 4, P)
     visibility: Float32Array,  # (K, P)
     normal: Float32Array,  # (3, P)
     inverse_albedo2: Float32Array,  # (P,)
     level: Float32Array,  # (S,)
-    loss: Float32Array,  # (4,): weight of capped variance, weight of σ above a threshold, that threshold, 1/cap²
-    out: FloatArray,  # (K,) mean loss with the candidate added
-    deficit: FloatArray,  # (K,) mean number of lights by which pixels then fall short of three
+    inverse_cap: float,  # 1/rad²
+    slope: bool,
+    out: FloatArray,  # (K,)
 ) -> None:
-    """Rank-one (Sherman–Morrison) update: the mean loss with each candidate added in turn."""
+    """Rank-one (Sherman–Morrison) update: the mean capped variance with each candidate added in turn; or, for `slope`,
+    the gradient of the mean variance in each one's design weight, −mean |P C a|²/ρ²."""
     scenarios, pixels = variance.shape
-    zero, one, three = np.float32(0.0), np.float32(1.0), np.float32(3.0)
-    of_variance, of_sigma, threshold, inverse_cap = loss[0], loss[1], loss[2], loss[3]
+    zero, one, capped = np.float32(0.0), np.float32(1.0), np.float32(inverse_cap)
     for k in numba.prange(row.shape[0]):
-        total, lacking = 0.0, 0.0
+        total = 0.0
         for s in range(scenarios):
-            part, few = zero, zero
+            part = zero
             u = level[s]
             for p in range(pixels):
                 a0 = row[k, 0, p]
@@ -154,60 +153,15 @@ def scan(
                 u2 = c02 * a0 + c12 * a1 + covariance[s, 7, p] * a2 + c23 * a3
                 u3 = c03 * a0 + c13 * a1 + c23 * a2 + covariance[s, 9, p] * a3
                 along = normal[0, p] * u0 + normal[1, p] * u1 + normal[2, p] * u2
-                gain = (u0 * u0 + u1 * u1 + u2 * u2 - along * along) * inverse_albedo2[p]
-                gain /= one + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3
                 seen = one if visibility[k, p] > u else zero
-                v = max(variance[s, p] - gain * seen, zero)
-                capped = v / (one + v * inverse_cap)
-                part += of_variance * capped + of_sigma * max(np.sqrt(capped) - threshold, zero)
-                few += max(three - lit[s, p] - seen, zero)
+                gain = (u0 * u0 + u1 * u1 + u2 * u2 - along * along) * inverse_albedo2[p] * seen
+                if slope:
+                    part -= gain
+                else:
+                    v = max(variance[s, p] - gain / (one + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3), zero)
+                    part += v / (one + v * capped)
             total += part
-            lacking += few
         out[k] = total / (scenarios * pixels)
-        deficit[k] = lacking / (scenarios * pixels)
-
-
-@numba.njit(
-    "void(float32[:,:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1], float32[::1],"
-    " float64[::1])",
-    cache=True,
-    parallel=True,
-    fastmath=True,
-    error_model="numpy",
-)
-def gradient(
-    covariance: Float32Array,  # (S, 10, P)
-    row: Float32Array,  # (K, 4, P)
-    visibility: Float32Array,  # (K, P)
-    normal: Float32Array,  # (3, P)
-    inverse_albedo2: Float32Array,  # (P,)
-    level: Float32Array,  # (S,)
-    out: FloatArray,  # (K,)
-) -> None:
-    """Gradient of the mean angular variance in each light's design weight: −mean |P C a|²/ρ²."""
-    scenarios, pixels = covariance.shape[0], covariance.shape[2]
-    zero = np.float32(0.0)
-    for k in numba.prange(row.shape[0]):
-        total = 0.0
-        for s in range(scenarios):
-            part = zero
-            u = level[s]
-            for p in range(pixels):
-                a0 = row[k, 0, p]
-                a1 = row[k, 1, p]
-                a2 = row[k, 2, p]
-                a3 = row[k, 3, p]
-                c01 = covariance[s, 1, p]
-                c02 = covariance[s, 2, p]
-                c12 = covariance[s, 5, p]
-                u0 = covariance[s, 0, p] * a0 + c01 * a1 + c02 * a2 + covariance[s, 3, p] * a3
-                u1 = c01 * a0 + covariance[s, 4, p] * a1 + c12 * a2 + covariance[s, 6, p] * a3
-                u2 = c02 * a0 + c12 * a1 + covariance[s, 7, p] * a2 + covariance[s, 8, p] * a3
-                along = normal[0, p] * u0 + normal[1, p] * u1 + normal[2, p] * u2
-                gain = (u0 * u0 + u1 * u1 + u2 * u2 - along * along) * inverse_albedo2[p]
-                part += gain if visibility[k, p] > u else zero
-            total += part
-        out[k] = -total / (scenarios * pixels)
 
 
 @numba.njit(
@@ -264,4 +218,4 @@ def clearance(
             out[k, p] = least
 
 
-KERNELS = (posterior, scan, gradient, clearance)
+KERNELS = (posterior, scan, clearance)

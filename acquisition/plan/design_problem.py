@@ -54,8 +54,7 @@ class PlanOptions:
 class Problem:
     """Design problem: sample pixels of the search, held-out pixels of the prediction, and the candidate lights."""
 
-    normal_map: NormalMap
-    observations: Observations
+    captured: FloatArray  # (T, 3) unit directions of the lights captured so far
     surface: Surface
     gloss: Gloss
     expected: ExpectedSigma
@@ -83,8 +82,21 @@ class Problem:
     def predicted_deg(self, positions: FloatArray) -> FloatArray:
         """σ (P,) in degrees expected of the held-out pixels after lights at positions (M, 3)."""
         none = criterion.no_candidates(self.holdout_sample)
-        lights = self.holdout_candidates(positions) if len(positions) else none
+        return self.expected_deg(self.holdout_candidates(positions) if len(positions) else none)
+
+    def expected_deg(self, lights: Candidates) -> FloatArray:
+        """σ (P,) in degrees expected of the held-out pixels after lights with these rows at them."""
         return self.expected.sigma_deg(criterion.posterior(self.holdout_sample, lights))
+
+    def without_each_deg(self, lights: Candidates, instead: Candidates | None = None) -> list[FloatArray]:
+        """The same (P,) without each of the lights, or with the same one of `instead` in its place."""
+        left = criterion.without_each(self.holdout_sample, lights, instead)
+        return [self.expected.sigma_deg(posterior) for posterior in left]
+
+    def gains(self, lights: Candidates, instead: Candidates | None = None) -> list[float]:
+        """Leave-one-out gains: for each light the fraction by which the mean σ rises without it, or with `instead`."""
+        with_all = np.mean(self.expected_deg(lights))
+        return [float(np.mean(without) / with_all - 1) for without in self.without_each_deg(lights, instead)]
 
     def design_rows(
         self, sample: Samples, positions: FloatArray, *, cautious: bool, exposures: Sequence[Exposures] | None = None
@@ -95,14 +107,6 @@ class Problem:
             sample, self.lights(positions), self.surface, self.calibration, self.recipe, self.gloss,
             cautious=cautious, exposures=exposures,
         )  # fmt: skip
-
-    @property
-    def captured_directions(self) -> FloatArray:
-        """Unit directions (T, 3) of the lights captured so far."""
-        shots = self.observations.shots
-        lights = [shot.light.position for shot in shots if shot.kind == "light" and shot.light is not None]
-        offsets = np.array(lights).reshape(-1, 3) - self.reach.center
-        return offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
 
     def automatic_seconds(self, positions: FloatArray) -> FloatArray:
         """The automatic exposure time (M,), s, of lights at positions (M, 3), by the search pixels' expected level."""
@@ -143,11 +147,10 @@ def build(
         normal_map, calibration, search_pixels, photometry.SETTINGS.integrated_depth_sigma_m
     )
     holdout_sample = criterion.samples(normal_map, calibration, holdout_pixels)
-    units = lamp_pose.directions(reach.candidates, reach.center, count, surround=not options.listed)
-    kept = np.linspace(0, len(units) - 1, min(len(units), MAX_CANDIDATES)).round().astype(int)
+    positions, units = candidate_positions(reach, count, surround=not options.listed)
+    captured = [shot.light for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     return Problem(
-        normal_map=normal_map,
-        observations=observations,
+        captured=directions(captured, reach),
         surface=visibility.surface(normal_map, calibration),
         gloss=planned_noise.gloss(normal_map),
         expected=expected_sigma.of(
@@ -158,6 +161,20 @@ def build(
         reach=reach,
         search_sample=criterion.reweight(search_sample, normal_map, observations, calibration, cautious=True),
         holdout_sample=criterion.reweight(holdout_sample, normal_map, observations, calibration),
-        positions=reach.candidates[kept],
-        units=units[kept],
+        positions=positions,
+        units=units,
     )
+
+
+def candidate_positions(reach: Reach, count: int, *, surround: bool = True) -> tuple[FloatArray, FloatArray]:
+    """Candidate positions (K, 3) and their unit directions (K, 3), evenly out of those within reach. Raises RigError
+    plan.infeasible where they are fewer than `count` or, where they are to `surround` the object, on one side of it."""
+    units = lamp_pose.directions(reach.candidates, reach.center, count, surround=surround)
+    kept = np.linspace(0, len(units) - 1, min(len(units), MAX_CANDIDATES)).round().astype(int)
+    return reach.candidates[kept], units[kept]
+
+
+def directions(lights: Sequence[Light], reach: Reach) -> FloatArray:
+    """Unit directions (T, 3) of lights from the dome's centre."""
+    offsets = np.array([light.position for light in lights]).reshape(-1, 3) - reach.center
+    return offsets / np.linalg.norm(offsets, axis=1, keepdims=True)

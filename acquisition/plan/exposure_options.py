@@ -1,5 +1,6 @@
 """Exposures that a light may get, within the limits of camera and recipe, and the time that they take."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from acquisition.models.light_plan import FrameExposure
 from acquisition.models.recipe import Exposure
-from acquisition.models.shot import Observations
+from acquisition.models.shot import Observations, Shot
 from acquisition.models.tuned import tuned
 
 Exposures = Sequence[FrameExposure]
@@ -55,11 +56,14 @@ class CaptureTimes:
 
     def so_far(self, observations: Observations) -> float:
         """Time of the images captured so far, s."""
-        frames = [
-            [FrameExposure(exposure_s=one.exposure_s) for one in observations.frames_of(shot)]
-            for shot in observations.shots
-        ]
+        frames = [of_frames(observations.frames_of(shot)) for shot in observations.shots]
         return self.of_pass(frames) if frames else 0.0
+
+
+def of_frames(frames: Sequence[Shot]) -> list[FrameExposure]:
+    """The exposures of one light's frames."""
+    times = Counter(shot.exposure_s for shot in frames)
+    return [FrameExposure(exposure_s=seconds, frames=count) for seconds, count in sorted(times.items())]
 
 
 def options(automatic_s: float, wanted: Exposure, times: CaptureTimes) -> list[list[FrameExposure]]:

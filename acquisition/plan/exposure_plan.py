@@ -20,6 +20,7 @@ import numpy as np
 
 from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import FrameExposure, LightExposure
+from acquisition.models.shot import Observations
 from acquisition.models.tuned import tuned
 from acquisition.plan import criterion, exposure_options
 from acquisition.plan.criterion import Candidates, Samples
@@ -52,7 +53,7 @@ class LightOptions:
 
 
 def choose(
-    problem: Problem, positions: FloatArray, loss: Loss, times: CaptureTimes | None
+    problem: Problem, positions: FloatArray, loss: Loss, times: CaptureTimes | None, observations: Observations
 ) -> list[LightExposure] | None:
     """The exposures of lights at positions (M, 3), each with its time, and with its gain at the held-out pixels.
 
@@ -67,12 +68,12 @@ def choose(
         allowed = exposure_options.options(float(seconds), wanted, times)
         places = np.repeat(position[None], len(allowed), axis=0)
         choices.append(LightOptions(allowed, problem.design_rows(sample, places, cautious=False, exposures=allowed)))
-    chosen = descend(choices, sample, loss, times, times.so_far(problem.observations))
+    chosen = descend(choices, sample, loss, times, times.so_far(observations))
     planned = problem.holdout_candidates(positions, chosen)
     usual = problem.holdout_candidates(positions, [[FrameExposure(exposure_s=float(one))] for one in usual_s])
     return [
         LightExposure(frames=one, seconds=times.of_light(one), gain=gain)
-        for one, gain in zip(chosen, _gains_over(problem, planned, usual), strict=True)
+        for one, gain in zip(chosen, problem.gains(planned, usual), strict=True)
     ]
 
 
@@ -107,14 +108,3 @@ def sentence(exposures: Sequence[LightExposure]) -> str:
         f"{frames} frames of {len(times)} exposure times, {1e3 * times[0]:.3g} to {1e3 * times[-1]:.3g} ms, for "
         f"{len(exposures)} lights: {seconds:.1f} s in all"
     )
-
-
-def _gains_over(problem: Problem, planned: Candidates, usual: Candidates) -> list[float]:
-    """For each light, the fraction by which the mean σ at the held-out pixels rises with its `usual` rows."""
-    sample, every = problem.holdout_sample, np.arange(len(planned.row))
-    with_all = problem.expected.sigma_deg(criterion.posterior(sample, planned))
-    without = (planned.only(np.delete(every, one)).joined(usual.only([int(one)])) for one in every)
-    return [
-        float(np.mean(problem.expected.sigma_deg(criterion.posterior(sample, rows))) / np.mean(with_all) - 1)
-        for rows in without
-    ]

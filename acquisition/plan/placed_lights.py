@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
-from scipy.spatial import KDTree
 
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
@@ -18,15 +16,10 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
-from acquisition.plan import criterion, design_problem, explain, planner
+from acquisition.plan import criterion, design_problem, explain
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.design_problem import PlanOptions, Problem
-
-PICTURE_PIXELS = 4000
-"""Number of sample pixels behind a picture of σ: as many as are distinct in a picture of the size of a gain image."""
-
-BRIGHTEST_PERCENTILE = 98.0
-"""Percentile of σ before the placed lights that a picture shows brightest."""
+from acquisition.plan.explain import Picture
 
 SHOWN_RANGE = 100.0
 """Ratio of the largest σ that a picture tells apart to the smallest. Lights take σ from 15° after a pilot to 1°, and
@@ -40,8 +33,7 @@ class ForecastBasis:
 
     problem: Problem
     shown: Samples  # the pixels behind the picture
-    nearest: npt.NDArray[np.intp]  # (K,) of each of the picture's object pixels, its pixel of `shown`
-    inside: BoolArray  # (h, w) the object in the picture
+    picture: Picture
     before_deg: FloatArray  # (P,) expected σ of the held-out pixels without further lights
     brightest_deg: float
 
@@ -69,19 +61,14 @@ def basis(
 ) -> ForecastBasis:  # fmt: skip
     """Prepares forecasts from the last result. Raises RigError plan.infeasible as `planner.choose` does."""
     problem = design_problem.build(normal_map, observations, recipe, reach, calibration, PlanOptions(region=region), 1)
-    usable = criterion.usable_pixels(normal_map, calibration)
-    kept = np.sort(np.random.default_rng(recipe.seed).permutation(usable)[:PICTURE_PIXELS])
-    shown = criterion.reweight(criterion.samples(normal_map, calibration, kept), normal_map, observations, calibration)
-    pixels, inside = explain.picture_pixels(normal_map.silhouette)
-    _, nearest = KDTree(np.column_stack([shown.row, shown.column])).query(pixels)
+    shown = criterion.usable_samples(normal_map, observations, calibration)
     none = criterion.posterior(shown, criterion.no_candidates(shown))
     return ForecastBasis(
         problem=problem,
         shown=shown,
-        nearest=np.asarray(nearest, np.intp),
-        inside=inside,
+        picture=Picture.of(normal_map.silhouette, shown),
         before_deg=problem.predicted_deg(np.empty((0, 3))),
-        brightest_deg=float(np.percentile(problem.expected.sigma_deg(none), BRIGHTEST_PERCENTILE)),
+        brightest_deg=float(np.percentile(problem.expected.sigma_deg(none), explain.BRIGHTEST_PERCENTILE)),
     )
 
 
@@ -95,19 +82,12 @@ def rows(known: ForecastBasis, position: FloatArray) -> LightRows:
 
 
 def evaluate(known: ForecastBasis, lights: Sequence[LightRows]) -> PlacedForecast:
-    """Expected σ with all of `lights`, and each one's gain: the fraction by which the mean σ rises without it."""
+    """Expected σ with all of `lights`, each one's gain (the fraction by which the mean σ rises without it), and a
+    picture of σ on a logarithmic scale, cropped to the object; dark is certain."""
     problem = known.problem
-    none = LightRows(criterion.no_candidates(problem.holdout_sample), criterion.no_candidates(known.shown))
-    holdout, shown = none.holdout, none.shown
+    holdout, shown = criterion.no_candidates(problem.holdout_sample), criterion.no_candidates(known.shown)
     for light in lights:
         holdout, shown = holdout.joined(light.holdout), shown.joined(light.shown)
-    sigma_deg = problem.expected.sigma_deg(criterion.posterior(problem.holdout_sample, holdout))
     shown_deg = problem.expected.sigma_deg(criterion.posterior(known.shown, shown))
-    return PlacedForecast(sigma_deg, planner.gains(problem, holdout), _picture(known, shown_deg))
-
-
-def _picture(known: ForecastBasis, shown_deg: FloatArray) -> bytes:
-    """σ (P,) of the shown pixels as a colour-mapped PNG on a logarithmic scale, cropped to the object; dark is
-    certain."""
-    share = 1 + np.log(np.maximum(shown_deg[known.nearest] / known.brightest_deg, 1e-9)) / np.log(SHOWN_RANGE)
-    return explain.coloured_png(share, known.inside)
+    share = 1 + np.log(np.maximum(shown_deg / known.brightest_deg, 1e-9)) / np.log(SHOWN_RANGE)
+    return PlacedForecast(problem.expected_deg(holdout), problem.gains(holdout), known.picture.png(share))

@@ -12,7 +12,7 @@ import numpy as np
 
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.light_plan import ForecastPoint, Light, LightPlan
+from acquisition.models.light_plan import ForecastPoint, LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA, NormalMap
 from acquisition.models.route import Reach
@@ -58,7 +58,7 @@ def choose(
     count: int | None = None,
     options: PlanOptions = _DEFAULT_OPTIONS,
 ) -> LightPlan:
-    """A-optimal sequential design: the `count` lights that lower the recipe's loss of the angular variance most.
+    """A-optimal sequential design: the `count` lights that lower the capped angular variance most.
 
     Bayesian: the normal map's information is the prior of the new lights. Exchange over the dome's candidates from many
     starts, completed rings among them (`optimise.search`), and the relaxation's lower bound as certificate. `count`
@@ -70,16 +70,24 @@ def choose(
     problem = design_problem.build(normal_map, observations, recipe, reach, calibration, options, count_to_add)
     before_deg = problem.predicted_deg(np.empty((0, 3)))
     if count_to_add == 0:
-        return _light_plan([], [], [], before_deg, ["all lights of the recipe have been captured"])
+        note = "all lights of the recipe have been captured"
+        return LightPlan(
+            lights=[],
+            method="optimal",
+            reasons=[],
+            notes=[note],
+            predicted_sigma_deg=float(np.mean(before_deg)),
+            predicted_median_deg=float(MEDIAN_ERROR_PER_SIGMA * np.median(before_deg)),
+        )
     candidates = problem.search_candidates(problem.positions)
     loss, sets = _loss_and_patterns(problem, candidates, count_to_add)
     chosen = optimise.search(problem.search_sample, candidates, loss, sets, count_to_add, recipe.seed)
     positions = problem.positions[chosen]
-    exposures = exposure_plan.choose(problem, positions, loss, options.times)
+    exposures = exposure_plan.choose(problem, positions, loss, options.times, observations)
     rings_deg = problem.predicted_deg(problem.positions[sets[0]])
     frames = None if exposures is None else [one.frames for one in exposures]
     planned_rows = problem.holdout_candidates(positions, frames)
-    sigma_deg = problem.expected.sigma_deg(criterion.posterior(problem.holdout_sample, planned_rows))
+    sigma_deg = problem.expected_deg(planned_rows)
     notes = [
         f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights, "
         f"{np.mean(rings_deg):.2f}° with two rings"
@@ -93,17 +101,21 @@ def choose(
     unlit = float(np.mean(np.sum(planned_rows.visibility > 0.5, axis=0) == 0))
     if unlit > 0.02:
         notes.append(f"{unlit:.0%} of the pixels are expected to see none of the new lights")
-    reasons, gains = _gains_and_reasons(problem, planned_rows, positions - reach.center)
-    plan = _light_plan(problem.lights(positions), reasons, gains, sigma_deg, notes)
     if exposures is not None:
-        said = exposure_plan.sentence(exposures)
-        plan = plan.model_copy(update={"exposures": exposures, "notes": [*plan.notes, said]})
+        notes.append(exposure_plan.sentence(exposures))
     within_reach = [further for further in options.forecast_counts if further <= len(problem.positions)]
-    curve = _forecast_curve(problem, candidates, captured, within_reach)
-    plan = plan.model_copy(update={"forecast": curve})
-    if options.certify:
-        plan = plan.model_copy(update=_certificate(problem, candidates, chosen, sets[0]))
-    return plan
+    plan = LightPlan(
+        lights=problem.lights(positions),
+        method="optimal",
+        reasons=_reasons(problem, planned_rows, positions - reach.center),
+        gains=problem.gains(planned_rows),
+        notes=notes,
+        exposures=exposures,
+        forecast=forecast_curve(problem, candidates, within_reach),
+        predicted_sigma_deg=float(np.mean(sigma_deg)),
+        predicted_median_deg=float(MEDIAN_ERROR_PER_SIGMA * np.median(sigma_deg)),
+    )
+    return plan.model_copy(update=_certificate(problem, candidates, chosen, sets[0])) if options.certify else plan
 
 
 def forecast(
@@ -120,32 +132,30 @@ def forecast(
 
     Raises RigError plan.infeasible as `choose` does.
     """
-    captured = sum(shot.kind == "light" for shot in observations.shots)
     options, most = PlanOptions(region=region), max(counts, default=0)
     problem = design_problem.build(normal_map, observations, recipe, reach, calibration, options, most)
-    return _forecast_curve(problem, problem.search_candidates(problem.positions), captured, counts)
+    return forecast_curve(problem, problem.search_candidates(problem.positions), counts)
 
 
-def _forecast_curve(problem: Problem, options: Candidates, captured: int, counts: Sequence[int]) -> list[ForecastPoint]:
-    """Forecast for each of `counts` further lights, by a quick search among the candidates `options`."""
+def forecast_curve(problem: Problem, candidates: Candidates, counts: Sequence[int]) -> list[ForecastPoint]:
+    """Forecast for each of `counts` further lights, by a search for each among the problem's `candidates`."""
     points: list[ForecastPoint] = []
     for count in counts:
         chosen: list[int] = []
         if count:
-            loss, sets = _loss_and_patterns(problem, options, count)
-            seed = problem.recipe.seed
-            chosen = optimise.search(problem.search_sample, options, loss, sets, count, seed, quick=True)
+            loss, sets = _loss_and_patterns(problem, candidates, count)
+            chosen = optimise.search(problem.search_sample, candidates, loss, sets, count, problem.recipe.seed)
         sigma_deg = float(np.mean(problem.predicted_deg(problem.positions[chosen])))
-        points.append(ForecastPoint(added=count, lights=captured + count, sigma_deg=sigma_deg))
+        points.append(ForecastPoint(added=count, lights=len(problem.captured) + count, sigma_deg=sigma_deg))
     return points
 
 
 def _loss_and_patterns(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[list[int]]]:
-    """The recipe's loss, scaled by two rings' posterior of the search pixels, and the two-ring completions of the
+    """The loss of plans, its cap set by two rings' posterior of the search pixels, and the two-ring completions of the
     captured lights, the best balanced first."""
-    sets = two_ring_pattern.completions(problem.captured_directions, problem.units, count)
+    sets = two_ring_pattern.completions(problem.captured, problem.units, count)
     rings = criterion.posterior(problem.search_sample, options.only(sets[0]))
-    return objective.loss(problem.recipe.objective, rings), sets
+    return objective.capped(rings), sets
 
 
 def _certificate(
@@ -176,48 +186,16 @@ def _certificate(
     }
 
 
-def _light_plan(
-    lights: list[Light], reasons: list[str], gains: list[float], sigma_deg: FloatArray, notes: list[str]
-) -> LightPlan:
-    return LightPlan(
-        lights=lights,
-        method="optimal",
-        reasons=reasons,
-        predicted_sigma_deg=float(np.mean(sigma_deg)),
-        predicted_median_deg=float(MEDIAN_ERROR_PER_SIGMA * np.median(sigma_deg)),
-        gains=gains,
-        notes=notes,
-    )
-
-
-def _gains_and_reasons(problem: Problem, lights: Candidates, offsets: FloatArray) -> tuple[list[str], list[float]]:
-    """Leave-one-out gains: for each light a sentence, and the fraction by which mean σ rises without it."""
+def _reasons(problem: Problem, lights: Candidates, offsets: FloatArray) -> list[str]:
+    """For each light a sentence on what it does to σ."""
     directions = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
-    with_all, without_each = _leave_one_out(problem, lights)
+    with_all = problem.expected_deg(lights)
     reasons: list[str] = []
-    for direction, sigma_without in zip(directions, without_each, strict=True):
+    for direction, sigma_without in zip(directions, problem.without_each_deg(lights), strict=True):
         improved = with_all < 0.95 * sigma_without
         effect = "makes all pixels a little more certain"
         if np.any(improved):
             change = f"from {np.median(sigma_without[improved]):.1f}° to {np.median(with_all[improved]):.1f}°"
             effect = f"makes {np.mean(improved):.0%} of the pixels more certain, their median σ falls {change}"
         reasons.append(f"{baselines.describe_direction(direction)}: {effect}")
-    return reasons, _relative_gains(with_all, without_each)
-
-
-def gains(problem: Problem, lights: Candidates) -> list[float]:
-    """For each light, by its rows at the held-out pixels, the fraction by which the mean σ rises without it."""
-    return _relative_gains(*_leave_one_out(problem, lights))
-
-
-def _leave_one_out(problem: Problem, lights: Candidates) -> tuple[FloatArray, list[FloatArray]]:
-    """Expected σ (P,) in degrees of the held-out pixels with all lights, and without each of them."""
-    sample, every = problem.holdout_sample, np.arange(len(lights.row))
-    without = (criterion.posterior(sample, lights.only(np.delete(every, number))) for number in every)
-    return problem.expected.sigma_deg(criterion.posterior(sample, lights)), [
-        problem.expected.sigma_deg(posterior) for posterior in without
-    ]
-
-
-def _relative_gains(with_all: FloatArray, without_each: Sequence[FloatArray]) -> list[float]:
-    return [float(np.mean(without) / np.mean(with_all) - 1) for without in without_each]
+    return reasons

@@ -6,10 +6,10 @@ Sampled evenly over its picture, its normals are those of the hemisphere towards
 results are averaged. Noise, exposures, shadows, and the components of the expected σ are the planner's own. What real
 objects have beside it (creases, gloss, indirect light, cast shadows) makes σ larger, a flat object makes it smaller.
 
-The lights after the pilot are chosen by the planner's quick search, as in the forecast of a plan.
+The lights after the pilot are chosen by the planner's search, as in the forecast of a plan.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,16 +20,14 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import ForecastPoint, Light, PriorForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Reach
-from acquisition.plan import baselines, criterion, objective, optimise, two_ring_pattern, visibility
-from acquisition.plan.criterion import Candidates, Samples
+from acquisition.plan import baselines, criterion, design_problem, planned_noise, planner, visibility
+from acquisition.plan.criterion import Samples
+from acquisition.plan.design_problem import Problem
 from acquisition.plan.expected_sigma import ExpectedSigma
 from acquisition.plan.visibility import Surface
 
 SAMPLE_PIXELS = 450
 """Number of sample pixels: with twice as many σ differs by 3 % at most, and an answer takes twice the time."""
-
-MOST_SEARCHED = 16
-"""Number of lights after the pilot up to which they are searched for; completed rings of more are 2 % from the best."""
 
 SHOWN_LIGHTS = 16
 """Number of images to which a forecast extends at least, so that it shows what more lights would bring."""
@@ -109,22 +107,46 @@ def forecast(
     too few positions for the recipe's lights.
     """
     sample, surface = assumed_sphere(reach.center, radius_m, recipe.seed)
-
-    def rows(lights: Sequence[Light]) -> Candidates:
-        return criterion.candidates(sample, list(lights), surface, calibration, recipe)
-
     counts = _counts(recipe, len(reach.candidates))
-    if recipe.method == "optimal":
-        designs = _planned(recipe, first_lights, reach, counts, sample, rows)
-    else:
-        designs = [rows(_pattern(recipe, first_lights, reach, count)) for count in counts]
-    expected = ExpectedSigma(
-        calibration_rad=lamp_pose.common_direction_sigma_rad(reach.candidates, reach.center, calibration)
+    optimal = recipe.method == "optimal"
+    known = first_lights if optimal else []
+    positions, units = design_problem.candidate_positions(reach, counts[-1] - len(known))
+    problem = Problem(
+        captured=design_problem.directions(known, reach),
+        surface=surface,
+        gloss=planned_noise.DIFFUSE,
+        expected=ExpectedSigma(
+            calibration_rad=lamp_pose.common_direction_sigma_rad(reach.candidates, reach.center, calibration)
+        ),
+        calibration=calibration,
+        recipe=recipe,
+        reach=reach,
+        search_sample=sample,
+        holdout_sample=sample,
+        positions=positions,
+        units=units,
     )
-    points: list[ForecastPoint] = []
-    for count, design in zip(counts, designs, strict=True):
-        sigma_deg = expected.sigma_deg(criterion.posterior(sample, design))
-        points.append(ForecastPoint(added=count, lights=count, sigma_deg=float(np.mean(sigma_deg))))
+    if optimal:
+        piloted = problem.holdout_candidates(np.array([light.position for light in first_lights]))
+        seen = piloted.visibility > 0.5
+        own = piloted.row.astype(np.float64) * seen[:, None]
+        lit = replace(
+            sample,
+            information=sample.information + np.einsum("kap,kbp->pab", own, own),
+            lit=np.count_nonzero(seen, axis=0).astype(np.float32),
+        )
+        problem = replace(problem, search_sample=lit, holdout_sample=lit)
+        candidates = problem.search_candidates(positions)
+        curve = planner.forecast_curve(problem, candidates, [count - len(first_lights) for count in counts])
+    else:
+        patterns = [_pattern(recipe, first_lights, reach, count) for count in counts]
+        places = [np.array([light.position for light in pattern]) for pattern in patterns]
+        sigma_deg = [float(np.mean(problem.predicted_deg(place))) for place in places]
+        curve = [
+            ForecastPoint(added=count, lights=count, sigma_deg=one)
+            for count, one in zip(counts, sigma_deg, strict=True)
+        ]
+    points = [point.model_copy(update={"added": point.lights}) for point in curve]
     return PriorForecast(points=points, assumption=ASSUMPTION.format(diameter_mm=2e3 * radius_m))
 
 
@@ -144,32 +166,3 @@ def _pattern(recipe: Recipe, first_lights: Sequence[Light], reach: Reach, count:
     if count == len(first_lights):
         return first_lights
     return baselines.baseline(recipe.method, count, recipe, reach).lights
-
-
-def _planned(
-    recipe: Recipe, pilot: Sequence[Light], reach: Reach, counts: Sequence[int], sample: Samples,
-    rows: Callable[[Sequence[Light]], Candidates],
-) -> list[Candidates]:  # fmt: skip
-    """Design rows of pilot and planned lights together, for each of `counts` images."""
-    units = lamp_pose.directions(reach.candidates, reach.center, counts[-1] - len(pilot))
-    taken = np.array([light.position for light in pilot]) - reach.center
-    taken /= np.linalg.norm(taken, axis=1, keepdims=True)
-    piloted, options = rows(pilot), rows([lamp_pose.light_at(place, reach.center) for place in reach.candidates])
-    seen = piloted.visibility > 0.5
-    own = piloted.row.astype(np.float64) * seen[:, None]
-    known = replace(
-        sample,
-        information=sample.information + np.einsum("kap,kbp->pab", own, own),
-        lit=np.count_nonzero(seen, axis=0).astype(np.float32),
-    )
-    designs: list[Candidates] = []
-    for added in (count - len(pilot) for count in counts):
-        chosen: list[int] = []
-        if added:
-            sets = two_ring_pattern.completions(taken, units, added)
-            chosen = sets[0]
-            if added <= MOST_SEARCHED:
-                loss = objective.loss(recipe.objective, criterion.posterior(known, options.only(sets[0])))
-                chosen = optimise.search(known, options, loss, sets, added, recipe.seed, quick=True)
-        designs.append(piloted.joined(options.only(chosen)))
-    return designs

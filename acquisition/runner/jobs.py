@@ -127,7 +127,7 @@ def further_lights(
     if not chosen.lights:
         return chosen, []
     gain_maps = explain.gains(normal_map, observations, recipe, chosen.lights, calibration)
-    pictures = [explain.gain_image(gain_maps, light, normal_map.silhouette) for light in range(len(chosen.lights))]
+    pictures = [gain_maps.image(light) for light in range(len(chosen.lights))]
     summary = {
         "levels_per_s": expected_levels(normal_map, chosen.lights, calibration),
         "brightest_gain_deg": gain_maps.brightest_deg,

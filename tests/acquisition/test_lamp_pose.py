@@ -56,27 +56,23 @@ def test_directions_non_finite_position_is_refused() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(1, 8), st.integers(0, 2**31 - 1))
-def test_nearest_distinct_gives_own_free_candidate_and_its_angle(count: int, seed: int) -> None:
+def test_nearest_distinct_gives_own_candidate_and_its_angle(count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     units = rng.normal(size=(40, 3))
     units /= np.linalg.norm(units, axis=1, keepdims=True)
     ideal = units[rng.permutation(40)[:count]] + 0.1 * rng.normal(size=(count, 3))
     ideal /= np.linalg.norm(ideal, axis=1, keepdims=True)
-    free = rng.random(40) < 0.5
-    free[:8] = True
-    chosen, miss = lamp_pose.nearest_distinct(ideal, units, free)
+    chosen, miss = lamp_pose.nearest_distinct(ideal, units)
     assert len(set(chosen)) == count
-    assert free[chosen].all()
     np.testing.assert_allclose(np.cos(miss), np.sum(ideal * units[chosen], axis=1), atol=1e-9)
     # The nearest of all pairs is settled first, so the least miss is the least there is.
-    assert np.isclose(miss.min(), np.arccos(np.clip(np.max(ideal @ units[free].T), -1, 1)), atol=1e-9)
+    assert np.isclose(miss.min(), np.arccos(np.clip(np.max(ideal @ units.T), -1, 1)), atol=1e-9)
 
 
-def test_nearest_distinct_more_ideals_than_free_is_refused() -> None:
-    units = geometry.direction(0.5, np.arange(5.0))
-    free = np.array([True, True, False, False, False])
+def test_nearest_distinct_more_ideals_than_candidates_is_refused() -> None:
+    units = geometry.direction(0.5, np.arange(3.0))
     with pytest.raises(RigError, match=r"3 places .* 2 reachable"):
-        lamp_pose.nearest_distinct(units[:3], units, free)
+        lamp_pose.nearest_distinct(units, units[:2])
 
 
 def test_tool_poses_light_from_tool_round_trips() -> None:

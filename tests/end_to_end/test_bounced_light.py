@@ -41,14 +41,14 @@ def stations() -> tuple[tuple[float, ...], ...]:
     within = reach(CELL, CALIBRATION)
     units = lamp_pose.directions(within.candidates, within.center, 8)
     top = int(np.argmax(units[:, 2]))
-    free = np.arange(len(units)) != top
+    others = np.delete(np.arange(len(units)), top)
     ring, step = np.arange(7) * 2 * np.pi / 7, 2 * np.pi / 7
     turned = [
-        lamp_pose.nearest_distinct(geometry.direction(np.radians(50), turn + ring), units, free)
+        lamp_pose.nearest_distinct(geometry.direction(np.radians(50), turn + ring), units[others])
         for turn in np.arange(24) * step / 24
     ]
     nearest, _ = min(turned, key=lambda one: float(np.sum(one[1] ** 2)))
-    lights = [lamp_pose.light_at(within.candidates[index], within.center) for index in (top, *nearest)]
+    lights = [lamp_pose.light_at(within.candidates[index], within.center) for index in (top, *others[nearest])]
     return tuple(waypoint.joints for waypoint in route(lights, CELL.arm.home, CELL, CALIBRATION).waypoints)
 
 

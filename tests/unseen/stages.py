@@ -23,7 +23,6 @@ from acquisition.normals import (
     model_alternatives,
     model_selection,
     pixel_solve,
-    regularisation,
     residual_noise,
     self_calibration,
     specular,
@@ -118,11 +117,9 @@ def _no_discontinuity(*_: object) -> None:
     """In place of `discontinuity.discontinuous_depth`: the shadows contradict nothing."""
 
 
-def _regularised_sigma(
-    posterior_deg: Float32Array, regularised_deg: Float32Array, *_: object, **__: object
-) -> Float32Array:
+def _regularised_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> Float32Array:
     """In place of `error_variance.sigma_deg`."""
-    return regularised_deg
+    return posterior_deg
 
 
 NO_DISCONTINUITY = Patch(discontinuity, "discontinuous_depth", _no_discontinuity)
@@ -167,11 +164,6 @@ STAGES = (
         "integrability projection",
         "Normals stay as pixels have them; σ is not lowered for it.",
         (Patch(integrability, "project_integrable", _unchanged),),
-    ),
-    Stage(
-        "smoothing of uncertain pixels",
-        "Pixels of large σ stay as they are, before and after the projection.",
-        (Patch(regularisation, "smooth_uncertain", _unchanged),),
     ),
     Stage(
         "Cauchy weights",

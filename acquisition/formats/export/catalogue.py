@@ -24,6 +24,11 @@ class Source:
     images: ImageSet
 
     @property
+    def solved_images(self) -> ImageSet:
+        """The images with their lights' intensities as the solver found them."""
+        return light_files.with_estimated_intensities(self.images, self.normal_map)
+
+    @property
     def points(self) -> Float32Array:
         """The surface (3, H, W), view frame, in the depth's unit: that of an orthographic view is the pixel."""
         return self._points(slice(0, len(self.normal_map.depth)))
@@ -57,40 +62,14 @@ class Source:
         )
 
 
-def _directx(source: Source, path: Path) -> None:
-    map_files.normals_png(path, source.normal_map.normals, source.normal_map.mask, "directx")
-
-
-def _exr(source: Source, path: Path) -> None:
-    exr.write(path, source.normal_map)
-
-
-def _albedo_exr(source: Source, path: Path) -> None:
-    albedo_files.write_exr(path, source.normal_map)
-
-
-def _albedo_png(source: Source, path: Path) -> None:
-    albedo_files.write_png(path, source.normal_map)
-
-
 def _mesh(source: Source, path: Path) -> None:
     normal_map = source.normal_map
     mesh.write(path, source.points, normal_map.normals, normal_map.mask, map_files.depth_unit(normal_map))
 
 
-def _lp(source: Source, path: Path) -> None:
-    light_files.write_lp(path, source.images.names, light_files.directions(source.images, source.centre))
-
-
-def _dome(source: Source, path: Path) -> None:
-    light_files.write_dome(
-        path, light_files.with_estimated_intensities(source.images, source.normal_map), source.centre, source.width_m
-    )
-
-
 def _diligent(source: Source, path: Path) -> None:
     path.mkdir()
-    diligent.write(path, light_files.with_estimated_intensities(source.images, source.normal_map), source.centre)
+    diligent.write(path, source.solved_images, source.centre)
 
 
 def _integration(source: Source, path: Path) -> None:
@@ -104,13 +83,19 @@ def _integration(source: Source, path: Path) -> None:
 
 
 FILES: dict[str, Callable[[Source, Path], None]] = {
-    "normals_directx.png": _directx,
-    "maps.exr": _exr,
-    "albedo.exr": _albedo_exr,
-    "albedo.png": _albedo_png,
+    "normals_directx.png": lambda source, path: map_files.normals_png(
+        path, source.normal_map.normals, source.normal_map.mask, "directx"
+    ),
+    "maps.exr": lambda source, path: exr.write(path, source.normal_map),
+    "albedo.exr": lambda source, path: albedo_files.write_exr(path, source.normal_map),
+    "albedo.png": lambda source, path: albedo_files.write_png(path, source.normal_map),
     "mesh.ply": _mesh,
-    "lights.lp": _lp,
-    "lights.dome": _dome,
+    "lights.lp": lambda source, path: light_files.write_lp(
+        path, source.images.names, light_files.directions(source.images, source.centre)
+    ),
+    "lights.dome": lambda source, path: light_files.write_dome(
+        path, source.solved_images, source.centre, source.width_m
+    ),
 }
 """Exports that are one file."""
 

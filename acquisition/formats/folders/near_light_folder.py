@@ -7,17 +7,16 @@ full scale, so albedo is absolute. `black_level` (stored values, the same for al
 Fields of other names are not used, and a warning says so.
 """
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field
 
 from acquisition.formats.folders import assembly, image_files, masks, text_table
 from acquisition.formats.folders.image_files import Progress
-from acquisition.formats.folders.refusal import refusal, text
+from acquisition.formats.folders.refusal import refusal, value
 from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import Value, Vector3
 from acquisition.normals.image_set import Camera, ImageSet, NearLights
@@ -62,7 +61,7 @@ class _Lights(_ForeignValue):
 def read(folder: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
     """Reads the folder. Raises RigError folder.invalid naming the file, and the field in `lights.json`."""
     path = folder / LIGHTS
-    given = _lights(path)
+    given = value(path, _Lights)
     matrix = np.array(given.camera.K)
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
         raise refusal(path, "camera.K is no camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
@@ -108,15 +107,4 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
 
 def unit(folder: Path) -> Literal["mm", "cm", "m"]:
     """The unit of the folder's positions. Raises RigError folder.invalid as `read` does."""
-    return _lights(folder / LIGHTS).unit
-
-
-def _lights(path: Path) -> _Lights:
-    try:
-        return _Lights.model_validate_json(text(path))
-    except ValidationError as error:
-        worst = error.errors(include_url=False)[0]
-        field = ".".join(str(part) for part in worst["loc"]) or "the file"
-        raise refusal(path, f"{field}: {worst['msg']} ({len(error.errors())} in all): correct it") from error
-    except json.JSONDecodeError as error:
-        raise refusal(path, f"is no JSON: {error}") from error
+    return value(folder / LIGHTS, _Lights).unit

@@ -1,8 +1,14 @@
 """How readers refuse: one sentence that names the file and what to do."""
 
 from pathlib import Path
+from typing import TypeVar
 
+from pydantic import ValidationError
+
+from acquisition.models.base import Value
 from acquisition.models.errors import ErrorCode, RigError
+
+ValueT = TypeVar("ValueT", bound=Value)
 
 
 def refusal(path: Path, detail: str) -> RigError:
@@ -18,3 +24,13 @@ def text(path: Path) -> str:
         raise refusal(path, "is missing: put it there") from error
     except (OSError, UnicodeDecodeError) as error:
         raise refusal(path, f"cannot be read: {error}") from error
+
+
+def value(path: Path, kind: type[ValueT]) -> ValueT:
+    """A value from its JSON file. Raises RigError folder.invalid naming the field that is wrong."""
+    try:
+        return kind.model_validate_json(text(path))
+    except ValidationError as error:
+        worst = error.errors(include_url=False)[0]
+        field = ".".join(str(part) for part in worst["loc"]) or "the file"
+        raise refusal(path, f"{field}: {worst['msg']} ({error.error_count()} in all): correct it") from error

@@ -6,15 +6,13 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
-from pydantic import ValidationError
 
 from acquisition import photometry
-from acquisition.formats.folders.refusal import refusal, text
+from acquisition.formats.folders.refusal import refusal, text, value
 from acquisition.formats.frames import FolderFrames
-from acquisition.models.base import BoolArray, Value
+from acquisition.models.base import BoolArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.light_plan import LightPlan
@@ -23,7 +21,6 @@ from acquisition.models.shot import FrameRef, FrameSource, Observations, Shot
 from acquisition.normals.image_set import Camera, ImageSet, NearLights, StoredValues
 
 RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
-ValueT = TypeVar("ValueT", bound=Value)
 
 
 @dataclass(frozen=True)
@@ -51,11 +48,11 @@ def read(folder: Path) -> SessionCapture:
     results = [int(path.parent.name) for path in folder.glob("results/*/normals.tiff") if path.parent.name.isdigit()]
     return SessionCapture(
         folder=folder,
-        recipe=_value(folder / RECIPE, Recipe),
-        cell=_value(folder / CELL, CellConfig),
-        calibration=_value(folder / CALIBRATION, Calibration),
+        recipe=value(folder / RECIPE, Recipe),
+        cell=value(folder / CELL, CellConfig),
+        calibration=value(folder / CALIBRATION, Calibration),
         shots=shots,
-        plans=tuple(_value(folder / f"passes/{number}/plan.json", LightPlan) for number in range(passes)),
+        plans=tuple(value(folder / f"passes/{number}/plan.json", LightPlan) for number in range(passes)),
         results=tuple(sorted(results)),
     )
 
@@ -113,12 +110,3 @@ def _shots(manifest: Path) -> tuple[Shot, ...]:
         return tuple(Shot.model_validate_json(json.dumps(shot)) for shot in listed)
     except (ValueError, KeyError, TypeError) as error:
         raise refusal(manifest, f"does not list the session's shots: {error}; was the session completed?") from error
-
-
-def _value(path: Path, kind: type[ValueT]) -> ValueT:
-    try:
-        return kind.model_validate_json(text(path))
-    except ValidationError as error:
-        worst = error.errors(include_url=False)[0]
-        field = ".".join(str(part) for part in worst["loc"])
-        raise refusal(path, f"{field}: {worst['msg']}; restore the file") from error

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acquisition import photometry
-from acquisition.normals import error_variance, regularisation
+from acquisition.normals import error_variance
 from acquisition.normals.error_variance import STRIP_ROWS
 
 SHAPE = (2 * STRIP_ROWS + 30, 20)
@@ -24,15 +24,15 @@ def bent(angle_deg: float, row: int = STRIP_ROWS) -> np.ndarray:
 
 
 def sigma(
-    posterior_deg: float = 1.0, regularised_deg: float = 1.0, residual: float = 0.0, lights: int = 8,
+    posterior_deg: float = 1.0, residual: float = 0.0, lights: int = 8,
     *, stated_share: float = 1.0, unsound: bool = False,
 ) -> np.ndarray:  # fmt: skip
     def full(value: float) -> np.ndarray:
         return np.full(SHAPE, value, np.float32)
 
     return error_variance.sigma_deg(
-        full(posterior_deg), full(regularised_deg), full(residual), np.full(SHAPE, lights, np.uint8),
-        full(stated_share), bent(0), unsound=unsound,
+        full(posterior_deg), full(residual), np.full(SHAPE, lights, np.uint8), full(stated_share), bent(0),
+        unsound=unsound,
     )  # fmt: skip
 
 
@@ -57,7 +57,7 @@ def test_sigma_of_pixel_that_images_do_not_tell_of_is_a_random_normals() -> None
     angle = np.linspace(0, np.pi / 2, 10001)
     random = np.degrees(np.sqrt(np.trapezoid(angle**2 * np.sin(2 * angle), angle)))
     assert random == pytest.approx(photometry.RANDOM_NORMAL_SIGMA_DEG, rel=1e-6)
-    assert sigma(1e4, 1e4) == pytest.approx(random, rel=1e-3)
+    assert sigma(1e4) == pytest.approx(random, rel=1e-3)
 
 
 def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
@@ -82,11 +82,6 @@ def test_sigma_component_adds_in_quadrature(change: dict[str, float], added_deg:
     assert sigma(**change) == pytest.approx(bounded(FACTOR + added_deg**2), rel=1e-5)
 
 
-def test_sigma_unsure_pixel_gains_nothing_from_smoothing() -> None:
-    unsure = regularisation.SETTINGS.unsure_deg + 1
-    assert sigma(unsure, 1.0) == pytest.approx(bounded(FACTOR * unsure**2), rel=1e-5)
-
-
 def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
     """One badly fitting pixel at the last row of a strip raises its known neighbours alike; unknown ones stay NaN."""
     residual = np.zeros(SHAPE, np.float32)
@@ -94,7 +89,7 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
     posterior = np.ones(SHAPE, np.float32)
     posterior[STRIP_ROWS, 9:12] = np.nan
     ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
-    result = error_variance.sigma_deg(posterior, ones, residual, lights, ones, bent(0), unsound=False)
+    result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), unsound=False)
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
     excess = (9 * 8) / (6 * 5) - 1
     assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(FACTOR + MISFIT * 8 * excess), rel=1e-4)
@@ -135,4 +130,4 @@ def test_crease_beside_unknown_pixels_is_none() -> None:
 
 def _plain_maps() -> tuple[np.ndarray, ...]:
     ones = np.ones(SHAPE, np.float32)
-    return ones, ones, np.zeros(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8), ones
+    return ones, np.zeros(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8), ones

@@ -9,9 +9,12 @@ from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import LIT, FisherInformation, NormalMap
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.plan import criterion, planned_noise, visibility
+from acquisition.plan import criterion, objective, planned_noise, visibility
 from acquisition.plan.criterion import Candidates, Samples
 from tests.acquisition.scenes import Frames, Scene
+
+CAPPED = objective.Loss(np.radians(objective.SETTINGS.cap_deg) ** -2)
+"""The loss of plans where two rings leave little."""
 
 NO_OBSERVATIONS = Observations(shots=[], darks={}, frames=Frames())
 

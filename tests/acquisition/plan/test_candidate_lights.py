@@ -86,9 +86,9 @@ def test_choose_as_many_as_listed_takes_all(piloted: NormalMap, cushion: scenes.
 
 
 def test_choose_one_of_nine_listed_is_among_the_best(piloted: NormalMap, cushion: scenes.Scene) -> None:
-    """As lists of each of the same lamps alone state it; the search sees other pixels, and cautious noise."""
+    """As lists of each of the same lamps alone state it; the search sees other pixels, cautious noise, and a cap."""
     lamps = listed(9)
-    arguments = (piloted, cases.NO_OBSERVATIONS, Recipe(objective="mean"))
+    arguments = (piloted, cases.NO_OBSERVATIONS, Recipe())
     options = plan.PlanOptions(listed=True, certify=False)
     chosen = plan.choose(*arguments, lamps, cushion.calibration, 1, options)
     alone = [
@@ -97,4 +97,3 @@ def test_choose_one_of_nine_listed_is_among_the_best(piloted: NormalMap, cushion
     ]
     sigma = [one.predicted_sigma_deg or np.inf for one in alone]
     assert (chosen.predicted_sigma_deg or np.inf) <= sorted(sigma)[1]
-    assert (chosen.predicted_sigma_deg or np.inf) < 0.7 * np.median(sigma)

@@ -11,9 +11,10 @@ from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.plan import criterion, visibility
 from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Samples
-from acquisition.plan.objective import CAPPED, SETTINGS
+from acquisition.plan.objective import SETTINGS
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
+from tests.acquisition.plan.cases import CAPPED
 
 
 def variance_by_hand(sample: Samples, lights: Candidates, chosen: list[int]) -> FloatArray:

@@ -23,7 +23,7 @@ def gains() -> Gains:
 
 
 def test_gains_all_lights_are_not_negative(gains: Gains) -> None:
-    assert gains.gain_deg.shape == (len(LIGHTS), len(gains.rows))
+    assert gains.gain_deg.shape == (len(LIGHTS), len(gains.sample.row))
     assert np.min(gains.gain_deg) > -1e-6
     assert np.all(np.max(gains.gain_deg, axis=1) > 0.02)
 
@@ -31,9 +31,9 @@ def test_gains_all_lights_are_not_negative(gains: Gains) -> None:
 @pytest.mark.parametrize("light", range(3))
 def test_gains_grazing_light_is_on_its_own_side(gains: Gains, light: int) -> None:
     place = np.array(LIGHTS[light].position)
-    towards = place - TRUE.points[:, gains.rows, gains.columns].T
+    towards = place - TRUE.points[:, gains.sample.row, gains.sample.column].T
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    cosine = np.einsum("kc,kc->k", TRUE.normals[gains.rows, gains.columns], towards)
+    cosine = np.einsum("kc,kc->k", TRUE.normals[gains.sample.row, gains.sample.column], towards)
     gain = gains.gain_deg[light]
     assert np.max(gain[cosine < -0.15]) < 1e-6
     assert np.mean(gain[cosine > 0.3]) > 0.01
@@ -47,8 +47,7 @@ def test_gains_duplicate_light_is_small(gains: Gains) -> None:
 
 def test_gain_image_shows_object_on_common_scale(gains: Gains) -> None:
     pictures = [
-        cv2.imdecode(np.frombuffer(explain.gain_image(gains, light, TRUE.mask), np.uint8), cv2.IMREAD_COLOR)
-        for light in range(len(LIGHTS))
+        cv2.imdecode(np.frombuffer(gains.image(light), np.uint8), cv2.IMREAD_COLOR) for light in range(len(LIGHTS))
     ]
     rows, columns = np.flatnonzero(TRUE.mask.any(axis=1)), np.flatnonzero(TRUE.mask.any(axis=0))
     for picture in pictures:

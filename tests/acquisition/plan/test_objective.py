@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from acquisition.models.recipe import Objective
 from acquisition.plan import objective
 from acquisition.plan.criterion import Posterior
 
@@ -14,11 +13,10 @@ def of_sigmas(*sigma_deg: float) -> Posterior:
     return Posterior(np.zeros((3, 10, len(sigma_deg)), np.float32), variance, np.full(variance.shape, 4.0))
 
 
-@pytest.mark.parametrize("name", ["capped", "coverage"])
 @pytest.mark.parametrize(
     ("sigma_deg", "cap_deg"),
     [((0.1, 0.3), 3.0), ((0.7, 0.7), 3.0), ((1.0, 1.0), 4.0), ((1.0, 3.0), 8.0)],  # four times the mean, or 3°
 )
-def test_loss_uncertain_two_rings_raises_cap(name: Objective, sigma_deg: tuple[float, float], cap_deg: float) -> None:
-    loss = objective.loss(name, of_sigmas(*sigma_deg))
+def test_loss_uncertain_two_rings_raises_cap(sigma_deg: tuple[float, float], cap_deg: float) -> None:
+    loss = objective.capped(of_sigmas(*sigma_deg))
     assert loss.inverse_cap == pytest.approx(np.radians(cap_deg) ** -2)

@@ -9,8 +9,9 @@ from acquisition import geometry, lamp_pose
 from acquisition.models.base import FloatArray
 from acquisition.plan import optimise, relaxation, two_ring_pattern
 from acquisition.plan.baselines import two_rings
-from acquisition.plan.objective import CAPPED, VARIANCE
+from acquisition.plan.objective import VARIANCE
 from tests.acquisition.plan import cases
+from tests.acquisition.plan.cases import CAPPED
 
 
 def dome_units(count: int, lowest_cosine: float = 0.0) -> FloatArray:
@@ -22,11 +23,10 @@ def rings(units: FloatArray, count: int) -> list[list[int]]:
     return two_ring_pattern.completions(np.empty((0, 3)), units, count)
 
 
-@pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("seed", range(12))
-def test_search_small_design_within_5_percent_of_exhaustive(seed: int, quick: bool) -> None:
+def test_search_small_design_within_5_percent_of_exhaustive(seed: int) -> None:
     sample, options = cases.random_case(seed, pixels=24, lights=11)
-    chosen = optimise.search(sample, options, CAPPED, rings(dome_units(11, 0.3), 3), 3, seed, quick=quick)
+    chosen = optimise.search(sample, options, CAPPED, rings(dome_units(11, 0.3), 3), 3, seed)
     value = optimise.value(sample, options, CAPPED, chosen)
     best = min(optimise.value(sample, options, CAPPED, list(some)) for some in combinations(range(11), 3))
     assert len(set(chosen)) == 3
@@ -79,8 +79,7 @@ def test_search_default_starts_within_1_percent_of_best_of_50(seed: int, count: 
     rng = np.random.default_rng(seed + 1000)
     starts = [[int(index) for index in rng.permutation(len(units))[:count]] for _ in range(50)]
     best = min(
-        optimise.value(sample, options, CAPPED, optimise.exchange(sample, options, CAPPED, start, passes=8))
-        for start in starts
+        optimise.value(sample, options, CAPPED, optimise.exchange(sample, options, CAPPED, start)) for start in starts
     )
     assert optimise.value(sample, options, CAPPED, chosen) <= 1.01 * best
 
@@ -94,4 +93,4 @@ def test_completions_captured_lights_fill_their_positions() -> None:
         for added in two_ring_pattern.completions(captured, units, 5)
     )
     assert best[0] > np.cos(0.15)
-    assert len(lamp_pose.nearest_distinct(pattern, units, np.ones(400, dtype=np.bool_))[0]) == 8
+    assert len(lamp_pose.nearest_distinct(pattern, units)[0]) == 8

@@ -22,7 +22,6 @@ const MATTERS: Record<string, (values: Values) => boolean> = {
   pilot_lights: (values) => values["method"] !== "user",
   target_sigma_deg: (values) => values["method"] === "optimal",
   max_lights: (values) => values["target_sigma_deg"] != null,
-  objective: (values) => values["method"] === "optimal",
   review_plan: (values) => values["method"] === "optimal",
   slant_deg: (values) => values["method"] === "ring",
   user_lights: (values) => values["method"] === "user",

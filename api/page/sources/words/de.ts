@@ -165,7 +165,6 @@ export const de: Record<keyof typeof en, string> = {
   "recipe.planned_lights": "Geplante Lichter",
   "recipe.target_sigma_deg": "Gewünschte Genauigkeit (mittleres σ, Grad)",
   "recipe.max_lights": "Höchstens so viele Lichter",
-  "recipe.objective": "Planungskriterium",
   "recipe.slant_deg": "Neigung des Rings, Grad",
   "recipe.user_lights": "Eigene Lichter: je Zeile x y z, m",
   "recipe.seed": "Startwert des Zufalls",
@@ -200,7 +199,6 @@ export const de: Record<keyof typeof en, string> = {
   "explain.planned_lights": "0: nur die Pilotbilder.",
   "explain.target_sigma_deg": "Lichter kommen hinzu, bis diese Genauigkeit erreicht ist; leer: feste Anzahl.",
   "explain.max_lights": "Bei gewünschter Genauigkeit: spätestens dann ist Schluss, Pilotlichter eingerechnet.",
-  "explain.objective": "Was die geplanten Lichter möglichst klein machen.",
   "explain.slant_deg": "Winkel zwischen Lichtrichtung und Blickachse.",
   "explain.user_lights": "Orte im Kamerasystem: x rechts, y oben, z zur Kamera; mindestens drei.",
   "explain.exposure.plan":

@@ -170,7 +170,6 @@ export const en = {
   "recipe.planned_lights": "Planned lights",
   "recipe.target_sigma_deg": "Accuracy on order (mean σ, degrees)",
   "recipe.max_lights": "At most so many lights",
-  "recipe.objective": "Design criterion",
   "recipe.slant_deg": "Slant of the ring, degrees",
   "recipe.user_lights": "Own lights: x y z on each line, m",
   "recipe.seed": "Seed of random choices",
@@ -205,7 +204,6 @@ export const en = {
   "explain.planned_lights": "0: the pilot images only.",
   "explain.target_sigma_deg": "Lights are added until this accuracy is reached; empty: a fixed number of lights.",
   "explain.max_lights": "With an accuracy on order: the end in any case, pilot included.",
-  "explain.objective": "What the planned lights make as small as possible.",
   "explain.slant_deg": "Angle between the lights' direction and the viewing axis.",
   "explain.user_lights": "Positions in the camera's frame: x right, y up, z towards the camera; at least three.",
   "explain.exposure.plan":
