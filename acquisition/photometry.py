@@ -65,20 +65,18 @@ class SharedSettings:
     weighed by."""
     predicted_highlight_sigma: float = tuned(0.2, "share")
     """1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
-    posterior_factor: float = tuned(1.26, "1")
-    """A and B of a pixel's variance (A + B χ²) σ₀², σ₀² of the posterior and χ² the whitened residuals' squares over
-    their degrees of freedom: `acquisition.normals.error_variance` says where they come from."""
-    misfit_factor: float = tuned(0.135, "1")
-    """B of a pixel's variance (A + B χ²) σ₀², set with A."""
-    few_lights_sigma_deg: float = tuned(4.6, "deg")
+    misfit_factor: float = tuned(0.37, "1")
+    """B of a pixel's variance (1 + B m max(χ² − s, 0)) σ₀², σ₀² of the posterior, m the number of lights, χ² the
+    whitened residuals' squares over their degrees of freedom, s the stated noise's share of them:
+    `acquisition.normals.error_variance` says where it comes from."""
+    few_lights_sigma_deg: float = tuned(6.1, "deg")
     """D, degrees: 1 σ of the normal where no more than PIXEL_UNKNOWNS lights are usable: no residual is left, so that
     χ² says nothing."""
     unsound_sigma_deg: float = tuned(6.0, "deg")
-    """E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over the 30
-    such captures of design seeds that `python -m tests.unseen fit-sigma` reads (deep relief, cavities, machined parts)
-    P(e < σ) is 0.79 and the rms of e/σ 1.1, 2.9 at worst; with 2° 0.68, 1.8 and 4.9; with 8° 0.83, 1.0 and 2.4, and the
-    mean error is forecast 1.7 times too large. The same share as on sound captures, 0.69, would ask for 2.5°, which
-    leaves single captures far outside their σ."""
+    """E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over 30 such
+    captures of design seeds (November 2026, with the components of before) P(e < σ) is 0.79 and the rms of e/σ 1.1,
+    2.9 at worst; with 2° 0.68, 1.8 and 4.9; with 8° 0.83, 1.0 and 2.4, and the mean error is forecast 1.7 times too
+    large."""
 
 
 SETTINGS = SharedSettings()

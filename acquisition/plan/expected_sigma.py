@@ -4,7 +4,7 @@ A result's σ consists of components (`acquisition.normals.error_variance`): the
 χ², the misfit of the pixel's images, and variances that no posterior contains. A plan knows the posterior of its
 design, how many lights will reach each pixel, and the misfit of the images so far:
 
-    σ² = (A + B m (κ − 1)) (v + C²) + D² [fewer than four lights expected] + E² [something is wrong with the capture]
+    σ² = (1 + B m (κ − 1)) (v + C²) + D² [fewer than four lights expected] + E² [something is wrong with the capture]
 
 v is the posterior's variance and m the number of lights that will reach the pixel. κ is χ² of the images so far over
 the whole object, between 1 and `max_misfit`, because few images have few residuals: a pixel's own χ² after a pilot of
@@ -48,7 +48,7 @@ class ExpectedSigma:
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
         """Expected σ (P,) in degrees of pixels with a posterior, mean over its visibility scenarios."""
         tuned_by = photometry.SETTINGS
-        factor = tuned_by.posterior_factor + tuned_by.misfit_factor * posterior.lit * (self.misfit - 1)
+        factor = 1 + tuned_by.misfit_factor * posterior.lit * (self.misfit - 1)
         added = tuned_by.unsound_sigma_deg**2 if self.unsound else 0.0
         few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, tuned_by.few_lights_sigma_deg**2, 0.0)
         # Both tangential directions of a normal, as the posterior's variance counts them.

@@ -28,8 +28,9 @@ from tests.unseen.scenes import Scene
 
 TAIL = 20.0
 """Degrees of freedom of the bivariate t distribution. The constants depend on it: with fewer, the tail explains large
-errors, which the components then need not. On the 267 captures that `error_variance` names, A, B, M and D are 0.48,
-1.29, 0.36 and 9.1° with 20; 0.63, 1.07, 0.25 and 6.9° with 8; 0.77, 0.91, 0.13 and 5.0° with 4 (`--tail 8`)."""
+errors, which the components then need not. On the 190 captures that `error_variance` names, the factor of σ₀², B, M and
+D are 0.94, 0.35, 0.52 and 6.0° with 20; 1.02, 0.24, 0.48 and 4.7° with 8; 1.08, 0.18, 0.42 and 3.9° with 4 (`--tail
+8`)."""
 
 SHARE = 0.69
 """P(e < σ) over the pixels of all captures that the constants are scaled to."""

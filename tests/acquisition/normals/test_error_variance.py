@@ -8,7 +8,7 @@ from acquisition.normals import error_variance
 from acquisition.normals.error_variance import STRIP_ROWS
 
 SHAPE = (2 * STRIP_ROWS + 30, 20)
-FACTOR, MISFIT = photometry.SETTINGS.posterior_factor, photometry.SETTINGS.misfit_factor
+MISFIT = photometry.SETTINGS.misfit_factor
 
 
 def bounded(variance_deg2: float) -> float:
@@ -36,19 +36,19 @@ def sigma(
     )  # fmt: skip
 
 
-def test_sigma_perfect_fit_is_posterior_times_factor() -> None:
-    assert sigma() == pytest.approx(bounded(FACTOR), rel=1e-5)
+def test_sigma_perfect_fit_is_the_posterior() -> None:
+    assert sigma() == pytest.approx(bounded(1), rel=1e-5)
 
 
-def test_sigma_of_model_that_holds_is_posterior_times_factor() -> None:
-    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(bounded(FACTOR), rel=1e-5)
+def test_sigma_of_model_that_holds_is_the_posterior() -> None:
+    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(bounded(1), rel=1e-5)
 
 
 @pytest.mark.parametrize("lights", [6, 20])
 def test_sigma_excess_over_stated_noise_does_not_fall_with_lights(lights: int) -> None:
     """χ² is twice the freedom, of which the stated noise explains half of one: 1.5 for each light."""
     residual = float(np.sqrt(2 * (lights - 3) / lights))
-    expected = bounded(FACTOR + 1.5 * MISFIT * lights)
+    expected = bounded(1 + 1.5 * MISFIT * lights)
     assert sigma(residual=residual, lights=lights, stated_share=0.5) == pytest.approx(expected, rel=1e-5)
 
 
@@ -79,7 +79,7 @@ def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
     ],
 )
 def test_sigma_component_adds_in_quadrature(change: dict[str, float], added_deg: float) -> None:
-    assert sigma(**change) == pytest.approx(bounded(FACTOR + added_deg**2), rel=1e-5)
+    assert sigma(**change) == pytest.approx(bounded(1 + added_deg**2), rel=1e-5)
 
 
 def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
@@ -92,9 +92,9 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
     result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), unsound=False)
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
     excess = (9 * 8) / (6 * 5) - 1
-    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(FACTOR + MISFIT * 8 * excess), rel=1e-4)
-    assert result[STRIP_ROWS - 3, 10] == pytest.approx(bounded(FACTOR), rel=1e-5)
-    assert np.count_nonzero(result > 1.01 * bounded(FACTOR)) == 6
+    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(1 + MISFIT * 8 * excess), rel=1e-4)
+    assert result[STRIP_ROWS - 3, 10] == pytest.approx(bounded(1), rel=1e-5)
+    assert np.count_nonzero(result > 1.01 * bounded(1)) == 6
 
 
 @pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])
@@ -102,9 +102,9 @@ def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None
     result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), unsound=False)
     crease = np.degrees(2 * np.sin(np.radians(45)) / 2)
     tuned = error_variance.SETTINGS
-    raised = bounded(FACTOR + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2))
+    raised = bounded(1 + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2))
     assert result[row - 1 : row + 1] == pytest.approx(raised, rel=1e-4)
-    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(FACTOR), rel=1e-5)
+    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(1), rel=1e-5)
 
 
 @pytest.mark.parametrize("step_deg", [1.0, 10.0, 40.0])

@@ -37,7 +37,7 @@ def test_sigma_of_unlit_pixel_is_a_random_normals() -> None:
 
 
 def test_sigma_rises_with_misfit_of_images_so_far() -> None:
-    factor = photometry.SETTINGS.posterior_factor + photometry.SETTINGS.misfit_factor * 6 * (3 - 1)
+    factor = 1 + photometry.SETTINGS.misfit_factor * 6 * (3 - 1)
     variance = factor * 2.0**2
     assert ExpectedSigma(3.0).sigma_deg(posterior(2.0)) == pytest.approx(bounded(variance))
 
@@ -50,7 +50,7 @@ def test_sigma_rises_with_misfit_of_images_so_far() -> None:
     ],
 )
 def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float, added_deg: float) -> None:
-    plain = photometry.SETTINGS.posterior_factor
+    plain = 1
     assert expected.sigma_deg(posterior(1.0, lit)) == pytest.approx(bounded(plain + added_deg**2))
 
 
