@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from acquisition import photometry
+from acquisition import cast_shadows, photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
 from acquisition.models.tuned import tuned
@@ -240,10 +240,14 @@ def _wall_radiosity(
     )
     if shape[0] == 0:
         return np.zeros((0, interreflection_kernels.LEVELS, count), np.float32)
-    visible = np.empty((len(walls.point), count), np.float32)
-    interreflection_kernels.lamp_visibility(point, walls.point, walls.normal, lamp, affine, visible)
+    sign, depth = np.array([1.0, -1.0, -1.0], np.float32), np.ascontiguousarray(-point[..., 2])
+    clearance, nearest = np.empty((count, len(walls.point)), np.float32), float(np.min(depth))
+    cast_shadows.clearance(
+        depth, affine, np.ascontiguousarray((walls.point * sign).T), np.ascontiguousarray(lamp[:, :3] * sign), nearest,
+        nearest / affine[0], clearance,
+    )  # fmt: skip
     light = photometry.light_vectors(np.ascontiguousarray(walls.point.T), lamp, calibration)
-    irradiance = np.clip(np.einsum("fcn,nc->nf", light, walls.normal), 0, None) * visible
+    irradiance = np.clip(np.einsum("fcn,nc->nf", light, walls.normal), 0, None) * (clearance.T > 0)
     direct = np.ascontiguousarray(walls.albedo[:, None] * irradiance, np.float32)  # einsum may answer by columns
     indirect = np.empty_like(direct)
     interreflection_kernels.gather(
