@@ -35,8 +35,8 @@ REASONS: dict[str, str] = {
         equivalent_session.EXPOSURE error_variance.MIN_LIGHTS pixel_solve.NO_OFFSET_SIGMA_M specular.NO_LOBE
         surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE sensor_estimate.MAX_EXPOSURE_RATIO
         translucency.MIN_LIGHTS
-        session_images.BYTES_PER_VALUE candidate_lights.SAME_POSITION_M criterion.MIN_LIGHTS
-        criterion_kernels.HIDDEN distant.light_intensities.MIN_LIGHTS photometry.OVERDETERMINED
+        cast_shadows.HIDDEN session_images.BYTES_PER_VALUE candidate_lights.SAME_POSITION_M criterion.MIN_LIGHTS
+        distant.light_intensities.MIN_LIGHTS photometry.OVERDETERMINED
         photometry.REDUNDANT prior_forecast.ALBEDO
         prior_forecast.BEHIND_M""",
     "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE",
@@ -113,7 +113,7 @@ STRAYS = (
 """Tuned numbers that are not in settings yet."""
 
 INLINE = {
-    "alternation": 1, "baselines": 2, "criterion": 4, "criterion_kernels": 2, "discontinuity": 1,
+    "alternation": 1, "baselines": 2, "cast_shadows": 2, "criterion": 4, "discontinuity": 1,
     "distant.distant_solve": 1, "distant.light_intensities": 2,
     "distant.lit_mask": 1, "distant.reflectance_fit": 6, "distant.reflectance_kernels": 14,
     "distant.robust_regression": 6, "distant.solvers": 1, "equivalent_session": 1, "exposure_plan": 2,
@@ -153,7 +153,7 @@ def _sentences(text: str) -> tuple[str, str]:
 
 def _modules() -> Iterator[tuple[str, ast.Module]]:
     """Names without their package, and trees, of all modules of solver and planner; nothing is imported."""
-    found = [ACQUISITION / "photometry.py"]
+    found = [ACQUISITION / "photometry.py", ACQUISITION / "cast_shadows.py"]
     found += [path for package in ("normals", "plan") for path in sorted((ACQUISITION / package).rglob("*.py"))]
     for path in found:
         dotted = ".".join(path.relative_to(ACQUISITION).with_suffix("").parts)

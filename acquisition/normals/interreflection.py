@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from acquisition import photometry
+from acquisition import cast_shadows, photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
 from acquisition.models.tuned import tuned
@@ -35,8 +35,6 @@ class InterreflectionSettings:
 
     background_depth_factor: float = tuned(2.0, "1")
     """Depth of the background, in multiples of the object's largest depth, where there is no table."""
-    least_prediction: float = tuned(0.002, "y")
-    """Predicted indirect light, in units of y, below which a measurement in shadow says nothing."""
     detection_threshold: float = tuned(0.35, "1")
     """Measured / predicted light in shadows from which indirect light is detected. Where there is only direct light,
     shadows are black everywhere."""
@@ -45,9 +43,6 @@ class InterreflectionSettings:
     because a shape that is still wrong predicts light where none falls as well."""
     common_mode_sigma: float = tuned(0.2, "share")
     """1 σ of the factor by which a pixel's predicted indirect light is wrong under all lights alike."""
-    scale_bounds: tuple[float, float] = tuned((1.0, 1.1), "1")
-    """Bounds of the prediction's scale: 1 is the visible radiosity, the rest is that of surfaces which the camera does
-    not see; 1.1 is the best single scale on five path-traced objects."""
     attached_cosine: float = tuned(-0.1, "cosine")
     """Cosine to the lamp below which a pixel is in attached shadow."""
     facing_cosine: float = tuned(0.35, "cosine")
@@ -162,13 +157,12 @@ def hardly_lit(received: Float32Array, values: Float32Array, median_albedo: floa
 
 
 def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
-    """Scale of the predicted indirect light (F, N) by a test on shadows in measured `values` (F, N); 0: not detected.
+    """1 where shadows in measured `values` (F, N) show the predicted indirect light (F, N), else 0.
 
-    Shadows decide only whether there is indirect light, weighted by its prediction; the amount stays within
-    `scale_bounds`, because shadows understate it while the shape is still wrong.
+    Shadows, weighted by the prediction, decide only whether there is indirect light: they understate its amount while
+    the shape is still wrong.
     """
-    upper, median = _shadow_ratios(pixels, values, predicted, estimate)
-    return 0.0 if upper < SETTINGS.detection_threshold else float(np.clip(median, *SETTINGS.scale_bounds))
+    return float(_shadow_ratio(pixels, values, predicted, estimate) >= SETTINGS.detection_threshold)
 
 
 def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
@@ -181,24 +175,21 @@ def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
     return (SETTINGS.common_mode_sigma**2 * np.sum(moved * moved, axis=(1, 2))).astype(np.float32)
 
 
-def _shadow_ratios(
-    pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate
-) -> tuple[float, float]:
-    """Weighted `detection_quantile` and median of measured / predicted in shadows; 1 where there are too few."""
+def _shadow_ratio(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
+    """Weighted `detection_quantile` of measured / predicted in shadows; 1 where there are too few."""
     direct = np.einsum("fcn,cn->fn", estimate.light, estimate.g)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
     cast = (direct > SETTINGS.facing_cosine * strength) & (values < SETTINGS.cast_shadow_ratio * direct)
     dark = ((direct < SETTINGS.attached_cosine * strength) | cast) & ~pixels.clipped
     kernel = np.ones((3, 3), np.uint8)
     umbra = np.stack([pixels.take(cv2.erode(pixels.image(mask.astype(np.uint8)), kernel)) > 0 for mask in dark])
-    used = umbra & (predicted > SETTINGS.least_prediction)
+    used = umbra & (predicted > 0)
     if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
-        return 1.0, 1.0
+        return 1.0
     ratio, weight = values[used] / predicted[used], predicted[used]
     order = np.argsort(ratio)
     summed = np.cumsum(weight[order])
-    upper, median = ratio[order][np.searchsorted(summed, summed[-1] * np.array([SETTINGS.detection_quantile, 0.5]))]
-    return float(upper), float(median)
+    return float(ratio[order][np.searchsorted(summed, summed[-1] * SETTINGS.detection_quantile)])
 
 
 def _linear_rays(pixels: Pixels) -> tuple[np.ndarray, np.ndarray]:
@@ -240,10 +231,14 @@ def _wall_radiosity(
     )
     if shape[0] == 0:
         return np.zeros((0, interreflection_kernels.LEVELS, count), np.float32)
-    visible = np.empty((len(walls.point), count), np.float32)
-    interreflection_kernels.lamp_visibility(point, walls.point, walls.normal, lamp, affine, visible)
+    sign, depth = np.array([1.0, -1.0, -1.0], np.float32), np.ascontiguousarray(-point[..., 2])
+    clearance, nearest = np.empty((count, len(walls.point)), np.float32), float(np.min(depth))
+    cast_shadows.clearance(
+        depth, affine, np.ascontiguousarray((walls.point * sign).T), np.ascontiguousarray(lamp[:, :3] * sign), nearest,
+        nearest / affine[0], clearance,
+    )  # fmt: skip
     light = photometry.light_vectors(np.ascontiguousarray(walls.point.T), lamp, calibration)
-    irradiance = np.clip(np.einsum("fcn,nc->nf", light, walls.normal), 0, None) * visible
+    irradiance = np.clip(np.einsum("fcn,nc->nf", light, walls.normal), 0, None) * (clearance.T > 0)
     direct = np.ascontiguousarray(walls.albedo[:, None] * irradiance, np.float32)  # einsum may answer by columns
     indirect = np.empty_like(direct)
     interreflection_kernels.gather(

@@ -1,4 +1,4 @@
-"""Kernels over a height field that the camera sees: horizon gathering of radiosity, wall detection, shadow rays.
+"""Kernels over a height field that the camera sees: horizon gathering of radiosity, wall detection.
 
 In a plane through the viewing ray, outwards from a receiver, each surface that rises above the horizon so far fills the
 angle between, and the cosine-weighted integral over that angle, from α₁ to α₂, is that of (a cos α + b sin α) cos α,
@@ -23,8 +23,6 @@ class RadiosityKernelSettings:
 
     wall_slope: float = tuned(2.5, "slope")
     """Rise over run between neighbouring cells from which there is a wall between them."""
-    shadow_clearance_m: float = tuned(0.0003, "m")
-    """Height, m, above a shadow ray from which the surface occludes it."""
     beyond_image: float = tuned(0.5, "share")
     """Radiosity of the table beyond the image, as a share of that at its border."""
 
@@ -36,7 +34,6 @@ LEVELS = 3
 
 
 WALL_SLOPE = SETTINGS.wall_slope
-SHADOW_CLEARANCE_M = SETTINGS.shadow_clearance_m
 BEYOND_IMAGE = SETTINGS.beyond_image
 
 
@@ -227,43 +224,4 @@ def find_walls(point: Float32Array, inside: BoolArray) -> tuple[np.ndarray, np.n
     return number, cell[:count].copy(), normal[:count].copy(), top[:count].copy()
 
 
-@numba.njit(
-    "void(float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,::1], float64[::1], float32[:,::1])",
-    cache=True,
-    parallel=True,
-    fastmath=True,
-    error_model="numpy",
-)
-def lamp_visibility(
-    point: Float32Array,  # (h, w, 3)
-    receiver: Float32Array,  # (K, 3)
-    normal: Float32Array,  # (K, 3)
-    lamp: Float32Array,  # (F, 6)
-    affine: np.ndarray,  # column and row as factor and offset of the rays
-    out: Float32Array,  # (K, F): 1 where nothing occludes the lamp
-) -> None:
-    """Shadow rays over the height field, about one step a pixel, from receivers to all lamps."""
-    height, width = point.shape[0], point.shape[1]
-    for i in numba.prange(receiver.shape[0]):
-        for f in range(lamp.shape[0]):
-            dx, dy, dz = lamp[f, 0] - receiver[i, 0], lamp[f, 1] - receiver[i, 1], lamp[f, 2] - receiver[i, 2]
-            out[i, f] = 0.0
-            if dx * normal[i, 0] + dy * normal[i, 1] + dz * normal[i, 2] <= 0:
-                continue
-            out[i, f] = 1.0
-            pace = abs(receiver[i, 2] / affine[0]) / (np.sqrt(dx * dx + dy * dy) + 1e-6)
-            for n in range(1, 1024):
-                t = n * pace
-                if t > 0.5:
-                    break
-                x, y, z = receiver[i, 0] + t * dx, receiver[i, 1] + t * dy, receiver[i, 2] + t * dz
-                u = int(np.round(-x / z * affine[0] + affine[1]))
-                v = int(np.round(y / z * affine[2] + affine[3]))
-                if u < 0 or v < 0 or u >= width or v >= height:
-                    break
-                if point[v, u, 2] > z + SHADOW_CLEARANCE_M:
-                    out[i, f] = 0.0
-                    break
-
-
-KERNELS = (_ray_march, gather, find_walls, lamp_visibility)
+KERNELS = (_ray_march, gather, find_walls)

@@ -37,14 +37,8 @@ class ResidualNoiseSettings:
     """Leverage above which a residual has too little of its noise left to be used."""
     min_measurements: int = tuned(300, "measurements")
     """Measurements below which c or σ_d is not estimated."""
-    min_pixel_share: float = tuned(0.1, "share")
-    """Share of the pixels that must have such measurements. On a machined part, whose faces meet light steeply, only
-    edges and penumbrae at the foot of walls are grazing; errors there are not those of lamp directions, and σ of all
-    faces would be too large by them."""
-    intensity_range: tuple[float, float] = tuned((0.001, 0.1), "share")
-    """Bounds of c, a fraction."""
-    direction_range: tuple[float, float] = tuned((0.001, 0.05), "rad")
-    """Bounds of σ_d, rad."""
+    least_sigma: float = tuned(0.001, "share, rad")
+    """Least c and σ_d: no lamp is known better."""
 
 
 SETTINGS = ResidualNoiseSettings()
@@ -79,12 +73,12 @@ def estimate(
         bright, grazing = usable & (cosine > SETTINGS.bright_cosine), usable & (cosine < SETTINGS.grazing_cosine)
         by_intensity, by_direction = y**2, strength**2
         intensity = _median_matched_share(
-            unleveraged, variance - noise.intensity**2 * by_intensity, by_intensity, bright, SETTINGS.intensity_range
+            unleveraged, variance - noise.intensity**2 * by_intensity, by_intensity, bright
         )
         intensity = stated.intensity if intensity is None else intensity
         variance = variance + (intensity**2 - noise.intensity**2) * by_intensity
         direction = _median_matched_share(
-            unleveraged, variance - noise.direction**2 * by_direction, by_direction, grazing, SETTINGS.direction_range
+            unleveraged, variance - noise.direction**2 * by_direction, by_direction, grazing
         )
         noise = replace(noise, intensity=intensity, direction=stated.direction if direction is None else direction)
     return noise
@@ -133,18 +127,15 @@ def _design(solution: Estimate, ray_direction: Float32Array, lamps: Float32Array
     return _Design(np.ascontiguousarray(np.concatenate([bent, slope[:, None]], axis=1)), predicted, strength)
 
 
-def _median_matched_share(
-    squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray, within: tuple[float, float]
-) -> float | None:
+def _median_matched_share(squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray) -> float | None:
     """The q for which the median of squares / (rest + q² by) is a Gaussian's; none where too few measurements count."""
     where = where & (by > 0)  # where nothing is predicted, as of metal between highlights, nothing is told
-    if np.count_nonzero(where) < SETTINGS.min_measurements or np.mean(np.any(where, axis=0)) < SETTINGS.min_pixel_share:
+    if np.count_nonzero(where) < SETTINGS.min_measurements:
         return None
     squares, rest, by = squares[where], rest[where], by[where]
     # squares / (rest + q² by) is above the Gaussian's median where q² is below this.
-    return float(
-        np.clip(np.sqrt(max(float(np.median((squares / GAUSSIAN_MEDIAN_DEVIATION**2 - rest) / by)), 0.0)), *within)
-    )
+    square = float(np.median((squares / GAUSSIAN_MEDIAN_DEVIATION**2 - rest) / by))
+    return max(square, SETTINGS.least_sigma**2) ** 0.5
 
 
 @numba.njit(

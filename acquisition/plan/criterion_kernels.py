@@ -1,4 +1,4 @@
-"""Compiled inner loops of the planner: covariances, rank-one scan, shadow-ray marching.
+"""Compiled inner loops of the planner: covariances and rank-one scan.
 
 Symmetric 4 × 4 matrices are held as their ten upper entries, pixels last, in the order 00 01 02 03 11 12 13 22 23 33.
 Kernels compile at import, into numba's cache.
@@ -11,8 +11,6 @@ from acquisition.models.base import Float32Array, FloatArray
 
 BLOCK = 256
 """Pixels of a block of work of one thread."""
-HIDDEN = -2.0
-"""Slope of clearance at which a ray is certainly in shadow whatever the uncertainty of the shape: the march ends."""
 
 
 @numba.njit(inline="always")
@@ -164,58 +162,4 @@ def scan(
         out[k] = total / (scenarios * pixels)
 
 
-@numba.njit(
-    "void(float32[:,::1], float64, float64, float64, float32[:,::1], float32[:,::1], float64, float64, float32[:,::1])",
-    cache=True,
-    parallel=True,
-    error_model="numpy",
-)
-def clearance(
-    depth: Float32Array,  # (h, w) m on a grid of undistorted rays; far where there is no object
-    ray_x: float,  # ray of the grid's first column
-    ray_y: float,  # and row, OpenCV camera frame
-    pitch: float,  # step of the grid in rays
-    point: Float32Array,  # (3, P) m, OpenCV camera frame
-    lamp: Float32Array,  # (K, 3)
-    nearest: float,  # m, the object's least depth
-    start: float,  # m, where a march begins
-    out: Float32Array,  # (K, P)
-) -> None:
-    """Ray marching over a depth map: least slope of clearance of each light's ray, depth above the surface over lateral
-    distance; for rays certainly in shadow, some slope below HIDDEN."""
-    height, width = depth.shape
-    per_pitch = 1.0 / pitch
-    first_column, first_row = ray_x * per_pitch, ray_y * per_pitch
-    for k in numba.prange(lamp.shape[0]):
-        for p in range(point.shape[1]):
-            x, y, z = point[0, p], point[1, p], point[2, p]
-            dx, dy, dz = lamp[k, 0] - x, lamp[k, 1] - y, lamp[k, 2] - z
-            sideways = np.sqrt(dx * dx + dy * dy)
-            least = 10.0
-            if sideways > 1e-6 and dz < 0.0:
-                step = pitch * z / sideways
-                t = start / sideways
-                while t < 1.0:
-                    pz = z + t * dz
-                    if pz < nearest:
-                        break
-                    scale = per_pitch / pz
-                    column = (x + t * dx) * scale - first_column
-                    row = (y + t * dy) * scale - first_row
-                    if column < 0.0 or row < 0.0 or column >= width - 1 or row >= height - 1:
-                        break
-                    i, j = int(row), int(column)
-                    fi, fj = row - i, column - j
-                    surface = (1 - fi) * ((1 - fj) * depth[i, j] + fj * depth[i, j + 1]) + fi * (
-                        (1 - fj) * depth[i + 1, j] + fj * depth[i + 1, j + 1]
-                    )
-                    least = min(least, (surface - pz) / (t * sideways))
-                    if least < HIDDEN:
-                        break
-                    t += step
-            elif dz >= 0.0:
-                least = -10.0
-            out[k, p] = least
-
-
-KERNELS = (posterior, scan, clearance)
+KERNELS = (posterior, scan)

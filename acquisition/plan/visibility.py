@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from acquisition import photometry
+from acquisition import cast_shadows, photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
-from acquisition.plan import criterion_kernels
 
 MAP_SIZE = 192
 """Samples of the grid along its longer side."""
@@ -37,11 +36,9 @@ class Surface:
         m, view frame."""
         sign = np.array([1.0, -1.0, -1.0], np.float32)
         out = np.empty((len(lamp), point.shape[1]), np.float32)
-        criterion_kernels.clearance(
+        cast_shadows.clearance(
             self.depth,
-            self.ray_x,
-            self.ray_y,
-            self.pitch,
+            np.array([1, -self.ray_x, 1, -self.ray_y]) / self.pitch,
             np.ascontiguousarray(point * sign[:, None]),
             np.ascontiguousarray(lamp[:, :3] * sign),
             self.nearest,
