@@ -42,6 +42,10 @@ class DiscontinuitySettings:
     """Cauchy scale of the slope error, in pixels, beyond which a pair of neighbours counts as discontinuous."""
     prior_weight: float = tuned(0.03, "1")
     """Prior continuity weight of a pair of neighbours where a shadow shows that the surface may be discontinuous."""
+    occluding_contour_cosine: float = tuned(0.8, "cosine")
+    """Cosine to the viewing ray below which a surface may be near its occluding contour."""
+    equation_robust_scale_px: float = tuned(4.0, "px")
+    """Cauchy scale, in pixels, of the residual of a shadow's depth equation."""
     least_share: float = tuned(0.5, "share")
     """Share of the shadows that have to contradict it."""
 
@@ -89,7 +93,7 @@ class _Equations:
         down, across = tip_row - row, tip_column - column
         length = np.hypot(down, across)
         down, across = down / length, across / length
-        least = cosine[row, column]
+        least = np.minimum(cosine[row, column], SETTINGS.occluding_contour_cosine)
         steepest = np.stack([row, column])
         for distance in range(1, int(np.max(length, initial=0))):
             inside = np.flatnonzero(distance < length - 0.5)
@@ -134,13 +138,20 @@ def discontinuous_depth(
     prior = np.where(np.where(slopes.across, right[first], below[first]), SETTINGS.prior_weight, 1.0)
     at_start = np.log(start_m.astype(np.float64))
     solution = at_start
-    for _ in range(rounds):
+    for iteration in range(rounds):
+        residual = (solution[edge] - solution[tip] - equations.step) / slopes.pitch
+        # Before the first solution no equation can be judged.
+        robust = (
+            np.ones_like(residual)
+            if iteration == 0 and rounds > 1
+            else 1 / (1 + (residual / SETTINGS.equation_robust_scale_px) ** 2)
+        )
         continuity = np.maximum(slopes.continuity_weight(solution) * prior, WEIGHT_FLOOR)
         solution = _solve(
             np.concatenate([p, tip]),
             np.concatenate([q, edge]),
             np.concatenate([slopes.step, equations.step]),
-            np.concatenate([slopes.weight * continuity, np.full(len(tip), SETTINGS.equation_weight)]),
+            np.concatenate([slopes.weight * continuity, SETTINGS.equation_weight * robust]),
             at_start,
         )
     continuity = slopes.continuity_weight(solution)
