@@ -130,7 +130,7 @@ def test_solve_exported_folder_gives_same_normals(tmp_path: Path) -> None:
     solving.run(request(small.diligent(tmp_path / "in"), out=first, exports=["diligent"]))
     solving.run(request(first / "diligent", out=second))
     one, two = (tifffile.imread(folder / "normals.tiff") for folder in (first, second))
-    np.testing.assert_allclose(one, two, atol=2e-4)
+    np.testing.assert_allclose(one, two, atol=5e-4)
 
 
 def test_solve_out_replaces_own_result_only(tmp_path: Path) -> None:
