@@ -72,6 +72,10 @@ class SharedSettings:
     few_lights_sigma_deg: float = tuned(6.1, "deg")
     """D, degrees: 1 σ of the normal where no more than PIXEL_UNKNOWNS lights are usable: no residual is left, so that
     χ² says nothing."""
+    many_lights: int = tuned(24, "lights")
+    """Lights from which a highlight is in several images of a pixel, so that it is also solved without the brightest
+    quarter of them, and from which a reflectance can be fitted to each pixel (seven unknowns). Under twenty lights the
+    quarter is worse on parts with walls: 2.3° and 2.7° on `few_light_scenes`' matt part."""
     unsound_sigma_deg: float = tuned(6.0, "deg")
     """E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over 30 such
     captures of design seeds (November 2026, with the components of before) P(e < σ) is 0.79 and the rms of e/σ 1.1,

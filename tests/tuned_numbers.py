@@ -20,7 +20,7 @@ GUARD = 1e-5
 
 REASONS: dict[str, str] = {
     "physics, statistics, standards and formulas": """
-        distant.lit_mask.WITHIN_SIGMA distant.pixel_blocks.LUMA goodness_of_fit.GAUSSIAN_MEDIAN_SQUARE microfacet.F0
+        lit_mask.WITHIN_SIGMA distant.LUMA goodness_of_fit.GAUSSIAN_MEDIAN_SQUARE microfacet.F0
         microfacet.METAL_F0 photon_transfer.CLIP_SIGMA photon_transfer.CLIPPED_GAUSSIAN_VARIANCE
         residual_noise.GAUSSIAN_MEDIAN_DEVIATION pixel_solve_kernels.CAUCHY_MEAN_WEIGHT surface_diffusion.MAX_EIGENVALUE
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
@@ -29,24 +29,23 @@ REASONS: dict[str, str] = {
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENT""",
     "counts of unknowns, marks and definitions": """
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
-        distant.grey_conversion.CLIPPED_VALUE distant.lit_mask.MIN_IMAGES distant.reflectance_fit.LAMBERT_PARAMS
-        distant.reflectance_kernels.BASIS_SIZE distant.reflectance_kernels.DIFFUSE_PARAMS
-        distant.solvers.UNKNOWN_VARIANCE_RAD2 equivalent_session.OBJECT_SIZE_M equivalent_session.DISTANCE_M
+        lit_mask.MIN_IMAGES reflectance_fit.LAMBERT_PARAMS
+        reflectance_kernels.BASIS_SIZE reflectance_kernels.DIFFUSE_PARAMS
+        reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M
+        distant.BRIGHT_ALBEDO reflectance_solve.HIGHLIGHT_SHARE
         equivalent_session.EXPOSURE error_variance.MIN_LIGHTS pixel_solve.NO_OFFSET_SIGMA_M specular.NO_LOBE
         surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE sensor_estimate.MAX_EXPOSURE_RATIO
         translucency.MIN_LIGHTS
         cast_shadows.HIDDEN session_images.BYTES_PER_VALUE candidate_lights.SAME_POSITION_M criterion.MIN_LIGHTS
-        distant.light_intensities.MIN_LIGHTS photometry.OVERDETERMINED
+        photometry.OVERDETERMINED
         photometry.REDUNDANT prior_forecast.ALBEDO
         prior_forecast.BEHIND_M""",
     "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
-        photometry.LOBE_SAMPLES distant.distant_solve.SAMPLE_PIXELS
-        distant.grey_conversion.BLOCK distant.lit_mask.SAMPLE_ROWS
-        distant.pixel_blocks.BLOCK_BYTES distant.reflectance_fit.CHUNK
-        distant.solver_selection.SAMPLE_PIXELS distant.solvers.DIFFUSE_PARAMS_SAMPLE
-        equivalent_session.INFORMATION_PIXELS error_variance.STRIP_ROWS
+        photometry.LOBE_SAMPLES distant.SAMPLE_ROWS
+        lit_mask.SAMPLE_ROWS reflectance_fit.CHUNK
+        reflectance_solve.SAMPLE_PIXELS error_variance.STRIP_ROWS
         error_variance.NEIGHBOUR_ROWS final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS
         integrability.OVERLAP_ROWS integration.STRIP_ROWS interreflection.AZIMUTHS
         interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
@@ -59,14 +58,11 @@ REASONS: dict[str, str] = {
         optimise.RANDOM_START_LIGHTS planner.CERTIFICATE_PIXELS design_problem.SAMPLE_PIXELS
         design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
-        visibility.MAP_SIZE translucency.GRID distant.robust_regression.MAX_TRIPLES
-        distant.solver_selection.FOLDS distant.solver_selection.FOLDS_OF_FEW photon_transfer.BINS
+        visibility.MAP_SIZE translucency.GRID photon_transfer.BINS
         resampling.EXTRAPOLATION_PX""",
     "steps and tolerances of numerical methods": """
-        distant.solvers.RIDGE
-        photometry.UNDISTORTION_ROUNDS distant.light_intensities.ITERATIONS
-        distant.light_intensities.TOLERANCE distant.reflectance_fit.DIFFERENCE_STEP
-        distant.reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
+        photometry.UNDISTORTION_ROUNDS reflectance_fit.DIFFERENCE_STEP
+        reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
         photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE
         residual_noise.ROUNDS alternation.EXTRA_ROUNDS alternation.CONVERGED_DEG
         alternation.INITIAL_DISCONTINUITY_ROUNDS alternation.MAX_SHIFT_STEP_M final_solve.PRELIMINARY_ITERATIONS
@@ -78,7 +74,7 @@ REASONS: dict[str, str] = {
         baselines.PAPER_STARTS registration.ROUNDS registration.ROBUST_ROUNDS
         translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS specular.FIT_ROUNDS term_solve.ROUNDS
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
-        distant.robust_regression.MAX_ITERATIONS distant.reflectance_fit.FINAL_STEP
+        reflectance_fit.FINAL_STEP
         image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP model_alternatives.GLOSS_START
         model_alternatives.METAL_START""",
     "grids of what may be chosen": """
@@ -91,15 +87,14 @@ REASONS: dict[str, str] = {
 
 STRAYS = (
     "colour_channels.MIN_SHARE",
-    "distant.reflectance_fit.DIFFUSE_PARAMS_SIGMA",
-    "distant.reflectance_fit.COARSE_PARAMS",
-    "distant.reflectance_fit.LOWER_BOUNDS",
-    "distant.reflectance_fit.UPPER_BOUNDS",
-    "distant.reflectance_fit.INITIAL_STEP",
-    "distant.reflectance_fit.NEIGHBOUR_DISTANCES_PX",
-    "distant.reflectance_kernels.GGX_ROUGHNESS",
-    "distant.solvers.MIN_GLOSSY_VARIANCE_RAD2",
-    "equivalent_session.DIRECTION_SIGMA_RAD",
+    "reflectance_fit.DIFFUSE_PARAMS_SIGMA",
+    "reflectance_fit.COARSE_PARAMS",
+    "reflectance_fit.LOWER_BOUNDS",
+    "reflectance_fit.UPPER_BOUNDS",
+    "reflectance_fit.INITIAL_STEP",
+    "reflectance_fit.NEIGHBOUR_DISTANCES_PX",
+    "reflectance_kernels.GGX_ROUGHNESS",
+    "reflectance_solve.MIN_VARIANCE_RAD2",
     "integration.HALF_CONFIDENCE_SIGMA",
     "model_alternatives.AXES_GAIN",
     "model_alternatives.AXES_BETTER",
@@ -114,9 +109,7 @@ STRAYS = (
 
 INLINE = {
     "alternation": 1, "baselines": 2, "cast_shadows": 2, "criterion": 4, "discontinuity": 1,
-    "distant.distant_solve": 1, "distant.light_intensities": 2,
-    "distant.lit_mask": 1, "distant.reflectance_fit": 6, "distant.reflectance_kernels": 14,
-    "distant.robust_regression": 6, "distant.solvers": 1, "equivalent_session": 1, "exposure_plan": 2,
+    "distant": 2, "lit_mask": 1, "reflectance_fit": 6, "reflectance_kernels": 14, "exposure_plan": 2,
     "grey_tile": 1, "image_terms": 4,
     "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "photometry": 1,
     "photon_transfer": 3, "pixel_solve": 1, "planner": 2, "prior_forecast": 2, "relaxation": 2, "residual_noise": 2,

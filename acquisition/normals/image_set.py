@@ -59,12 +59,19 @@ class NearLights:
     """Point lights at `positions_m` (F, 3) in the view frame (origin at the camera).
 
     `intensity` (F,) is the value, as a fraction of full scale, that a perfectly white Lambertian surface facing the
-    lamp at `reference_m` would give.
+    lamp at `reference_m` would give, the mean of the channels, and `colour` (F, C) each channel's share of that, mean
+    1; none: white light. `position_sigma_m` is 1 σ of each position per axis; none: unknown.
     """
 
     positions_m: FloatArray
     intensity: FloatArray
     reference_m: float
+    colour: FloatArray | None = None
+    position_sigma_m: float | None = None
+
+    def of_channels(self, count: int) -> FloatArray:
+        """`intensity` of each of `count` channels (F, C)."""
+        return self.intensity[:, None] * (np.ones((1, count)) if self.colour is None else self.colour[:, :count])
 
 
 @dataclass(frozen=True)
@@ -118,7 +125,12 @@ class ImageSet:
         if isinstance(lights, DistantLights):
             kept: DistantLights | NearLights = DistantLights(lights.directions[numbers], lights.intensities[numbers])
         else:
-            kept = replace(lights, positions_m=lights.positions_m[numbers], intensity=lights.intensity[numbers])
+            kept = replace(
+                lights,
+                positions_m=lights.positions_m[numbers],
+                intensity=lights.intensity[numbers],
+                colour=None if lights.colour is None else lights.colour[numbers],
+            )
         names = tuple(self.names[number] for number in numbers)
         return replace(self, names=names, rows=_ChosenRows(self.rows, tuple(numbers)), lights=kept)
 

@@ -136,7 +136,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     coarse = level.coarse
     if {TRANSLUCENT, "gloss", "metal"} & set(problem.corrected) or _worst_image(present.fit) is not None:
         return []
-    if present.out_of_place:
+    if present.out_of_place or not problem.thorough:
         return []
     mask = coarse.image(np.ones(len(coarse.index), np.bool_))
     over = surface_diffusion.graph(mask, coarse.image(coarse.ray), coarse.image(state.depth_m))

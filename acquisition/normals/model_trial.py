@@ -56,7 +56,8 @@ SETTINGS = TrialSettings()
 class Problem:
     """What a descent starts from: images, coarse level, depth at its pixels (N,), nominal scene, 1 σ of the terms that
     are estimated, and of the object's shift in m; the kinds of faults that are already corrected in it, and the factors
-    (F,) that its images were divided by."""
+    (F,) that its images were divided by. `thorough`: alternatives are tried that only a poor fit
+    calls for, and translucency, which broad gloss under many lights resembles."""
 
     masked: MaskedImages
     level: PyramidLevel
@@ -66,6 +67,7 @@ class Problem:
     shift_sigma_m: float = alternation.SETTINGS.shift_sigma_m
     corrected: tuple[str, ...] = ()
     factors: FloatArray | float = 1.0
+    thorough: bool = True
 
     def reread(self, images: StoredImages) -> "Problem":
         """The same object in changed images, with their sensor noise."""
@@ -116,6 +118,11 @@ class Solution:
     @property
     def poor(self) -> bool:
         """Whether the fit is so bad that costly alternatives are worth a trial."""
+        return self.problem.thorough and self.bad
+
+    @property
+    def bad(self) -> bool:
+        """Whether the fit is worse than that of sound captures."""
         return self.fit.probability < SETTINGS.min_probability or self.at_end_of_range
 
 

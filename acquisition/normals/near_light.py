@@ -39,12 +39,12 @@ class FolderDefaults:
 SETTINGS = FolderDefaults()
 
 
-def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
+def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -> NormalMap:
     """Near-light photometric stereo of images with NearLights and a camera.
 
-    A mask that leaves something out is taken as the object's whole silhouette; where it is the whole frame, the object
-    is found in the images. Raises RigError normals.infeasible as `solve_stack` does, and where lights, camera or depth
-    are missing.
+    A mask that is given is taken as the object's whole silhouette; else the object is found in the images. `thorough`
+    as of `Problem`. Raises RigError normals.infeasible as `solve_stack` does, and where lights, camera or depth are
+    missing.
     """
     calibration = calibration_of(images)
     depth = images.rough_depth_m
@@ -59,14 +59,17 @@ def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
         calibration,
         settings,
         initial_depth_m=depth,
-        object_mask=None if np.all(images.mask) else images.mask,
+        thorough=thorough,
+        object_mask=images.mask if images.mask_given else None,
     )
-    normal_map = replace(normal_map, notes=normal_map.notes | {"sensor": noise.note})
+    notes = {"sensor": noise.note} | ({} if images.mask_given else {"mask": "proposed"})
+    normal_map = replace(normal_map, notes=normal_map.notes | notes)
     return normal_map if images.channels == 1 else _with_colours(normal_map, images)
 
 
 def _with_colours(normal_map: NormalMap, images: ImageSet) -> NormalMap:
     """The result with each channel's albedo (H, W, 3), from lit measurements without highlights."""
+    light = _lights(images).of_channels(images.channels)
     colours = np.zeros((images.height, images.width, 3), np.float32)
     for start in range(0, images.height, session_images.BLOCK_ROWS):
         rows = slice(start, min(start + session_images.BLOCK_ROWS, images.height))
@@ -75,7 +78,7 @@ def _with_colours(normal_map: NormalMap, images: ImageSet) -> NormalMap:
         values = np.stack([images.values(index, rows.start, rows.stop) for index in range(images.count)])
         usable = (normal_map.flags[:, rows] & (LIT | HIGHLIGHT)) == LIT
         usable &= np.all(values < images.saturated_from, axis=-1)
-        colours[rows] = normal_map.albedo[rows, :, None] * colour_channels.ratios(values, usable)
+        colours[rows] = normal_map.albedo[rows, :, None] * colour_channels.ratios(values, usable, light)
     colours[~normal_map.mask] = 0
     return replace(normal_map, albedo_rgb=colours, notes=normal_map.notes | {"colour": colour_albedo.CAMERA})
 
@@ -90,7 +93,7 @@ def windowed_images(images: ImageSet) -> ImageStack | StoredImages:
     middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
     return session_images.held_if_small(
         StoredImages(
-            read=_Rows(images, lights.intensity, rows, columns),
+            read=_Rows(images, lights.of_channels(images.channels), rows, columns),
             lights=tuple(_light(place, middle) for place in lights.positions_m),
             rows=rows,
             columns=columns,
@@ -116,28 +119,24 @@ def _quantisation_step(images: ImageSet) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Rows of a window of images, each divided by its light's intensity (F,), colours combined to one value."""
+    """Rows of a window of images, each per unit of its light (F, C), colours combined to one value."""
 
     images: ImageSet
-    intensity: FloatArray
+    light: FloatArray
     rows: slice
     columns: slice
 
     def __call__(self, start: int, stop: int) -> ImageBlock:
-        size = (self.images.count, stop - start, self.columns.stop - self.columns.start)
-        values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
         lines = self.rows.start + start, self.rows.start + stop
+        size = (self.images.count, stop - start, self.columns.stop - self.columns.start, self.images.channels)
+        values = np.empty(size, np.float32)
+        for index in range(self.images.count):
+            values[index] = self.images.values(index, *lines)[:, self.columns].reshape(size[1:])
+        clipped = values >= self.images.saturated_from
         if self.images.channels > 1:
-            blocks = np.stack(
-                [self.images.values(index, *lines)[:, self.columns] for index in range(self.images.count)]
-            )
-            values, clipped = colour_channels.combined(blocks, blocks >= self.images.saturated_from)
-            return ImageBlock(values / self.intensity.astype(np.float32)[:, None, None], clipped)
-        for index, intensity in enumerate(self.intensity):
-            block = self.images.values(index, *lines)[:, self.columns]
-            clipped[index] = block >= self.images.saturated_from
-            values[index] = block * np.float32(1 / intensity)
-        return ImageBlock(values, clipped)
+            return ImageBlock(*colour_channels.combined(values, clipped, self.light))
+        values /= self.light.astype(np.float32)[:, None, None]
+        return ImageBlock(values[..., 0], clipped[..., 0])
 
 
 def calibration_of(images: ImageSet) -> Calibration:
@@ -170,7 +169,7 @@ def calibration_of(images: ImageSet) -> Calibration:
             black_level_dn=0.0,
         ),
         intensity_sigma=SETTINGS.intensity_sigma,
-        lamp_position_sigma_m=SETTINGS.position_sigma_m,
+        lamp_position_sigma_m=lights.position_sigma_m or SETTINGS.position_sigma_m,
         made_at="1970-01-01T00:00:00+00:00",  # unknown, and of no use here
         valid_days=1.0,
     )

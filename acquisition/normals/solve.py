@@ -107,13 +107,14 @@ def solve_stack(
     table_depth_m: Float32Array | None = None,
     object_mask: BoolArray | None = None,
     common_lamp_errors_m: FloatArray | None = None,
+    thorough: bool = True,
     block_map: BlockMap = map,
 ) -> NormalMap:
     """Solves images of any source within their window by near-light photometric stereo.
 
     `object_mask` (H, W) is the object's whole silhouette; none: it is segmented in the images, within `region`.
-    `common_lamp_errors_m` (F, 3, C) as of `lamp_pose.common_errors`. The rest as for `solve`. All (H, W) are of the
-    calibration's size. Raises RigError normals.infeasible as `solve` does.
+    `common_lamp_errors_m` (F, 3, C) as of `lamp_pose.common_errors`; `thorough` as of `Problem`. The rest as for
+    `solve`. All (H, W) are of the calibration's size. Raises RigError normals.infeasible as `solve` does.
     """
     rows, columns = images.rows, images.columns
     size = (calibration.height, calibration.width)
@@ -145,7 +146,7 @@ def solve_stack(
     if factor > 1:
         start = np.full(len(level.coarse.index), np.mean(start), np.float32)
     nominal = Scene(lamps, calibration, noise, settings, common_lamp_errors_m=common_lamp_errors_m)
-    solution, findings = model_selection.select(Problem(masked, level, start, nominal))
+    solution, findings = model_selection.select(Problem(masked, level, start, nominal, thorough=thorough))
     chosen = solution.problem
     unsound = any(not finding.corrected for finding in findings)
     normal_map = final_solve.solve(

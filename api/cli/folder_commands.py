@@ -1,7 +1,6 @@
 """`lightpose solve | plan | replay`: options of the commands on folders of images; they need no cell and no service."""
 
 import json
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -12,22 +11,14 @@ from api.cli.error_exit import explain_errors
 app = typer.Typer()
 
 
-class Solver(StrEnum):
-    """How a folder is solved."""
-
-    AUTO = "auto"
-    LEAST_SQUARES = "ls"
-    WEIGHTED = "weighted"
-    ROBUST = "robust"
-    GLOSSY = "glossy"
-
-
 @app.command("solve")
 def solve_folder(
     folder: Annotated[
         Path, typer.Argument(help="DiLiGenT-style, .lp with images, near light (lights.json), or a session's folder")
     ],
-    solver: Annotated[Solver, typer.Option(help="auto chooses by the residuals and says why")] = Solver.AUTO,
+    solver: Annotated[
+        str, typer.Option(help="auto, or ls: plain least squares of directions, to compare with")
+    ] = "auto",
     near: Annotated[bool, typer.Option("--near", help="Require the near-light model")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for maps and report, written atomically")] = None,
     exports: Annotated[
@@ -50,7 +41,7 @@ def solve_folder(
     from api.cli import solving
 
     outcome = explain_errors(
-        lambda: solving.run(solving.solve_request(folder, solver.value, near, out, sphere, exports or [], keep_steps))
+        lambda: solving.run(solving.solve_request(folder, solver, near, out, sphere, exports or [], keep_steps))
     )
     if as_json:
         print(json.dumps(outcome), flush=True)

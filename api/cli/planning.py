@@ -104,9 +104,8 @@ class Capture:
             return EquivalentSession(normal_map, observations, calibration)
         images = self.images.only(pilot)
         check(images)
-        if isinstance(images.lights, NearLights):
-            return equivalent_session.of_near(images, near_light.solve(images, SolveSettings()))
-        return equivalent_session.of_distant(images, distant.solve(images))
+        near = images if isinstance(images.lights, NearLights) else distant.from_afar(images)
+        return equivalent_session.of_near(near, near_light.solve(near, SolveSettings()))
 
 
 @dataclass(frozen=True)

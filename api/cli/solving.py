@@ -34,6 +34,7 @@ from acquisition.runner.session_solve import solve_in_cell
 
 SUMMARY = "summary.json"
 WRITERS = 2
+GONE_SOLVERS = ("weighted", "thresholded", "robust", "glossy")
 SAME_DEG = 0.01
 """Two normal maps whose normals differ by less everywhere are the same."""
 
@@ -76,6 +77,11 @@ def solve_request(
     if unknown:
         raise RigError(
             ErrorCode.REQUEST_INVALID, f"--export {', '.join(sorted(unknown))}: choose of {', '.join(known)}, all"
+        )
+    if solver in GONE_SOLVERS:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"--solver {solver} is gone: auto finds shadows, gloss and unequal lamps by itself; leave the option out",
         )
     if solver not in get_args(distant.Solver):
         raise RigError(ErrorCode.REQUEST_INVALID, f"--solver {solver}: choose of {', '.join(get_args(distant.Solver))}")
@@ -216,32 +222,21 @@ def _settings_of(manifest: Path) -> SolveSettings:
 
 
 def _settings(request: SolveRequest) -> SolveSettings:
-    """Settings of the near-light solver: it is one, and only robust weighting and shadow detection can be switched off.
-
-    Raises RigError request.invalid for a solver of distant light.
-    """
-    match request.solver:
-        case "thresholded":
-            raise RigError(
-                ErrorCode.REQUEST_INVALID, "--solver thresholded is for many distant lights: ask for auto or robust"
-            )
-        case "ls":
-            return SolveSettings(robust=False, shadow_threshold=0.0, keep_steps=request.keep_steps)
-        case "weighted":
-            return SolveSettings(robust=False, keep_steps=request.keep_steps)
-        case _:
-            return SolveSettings(keep_steps=request.keep_steps)
+    """Settings of the solver of near light; `ls` switches its robust weights and its shadow test off."""
+    if request.solver == "ls":
+        return SolveSettings(robust=False, shadow_threshold=0.0, keep_steps=request.keep_steps)
+    return SolveSettings(keep_steps=request.keep_steps)
 
 
 def _solver_and_reason(normal_map: NormalMap, requested: str) -> tuple[str, str]:
-    """Name of the solver used, and why: from its notes, or the near-light model's share of indirect light and gloss."""
-    if "solver" in normal_map.notes:
-        return str(normal_map.notes["solver"]), str(normal_map.notes.get("why", ""))
-    indirect, lobe = normal_map.notes.get("interreflection", {}), normal_map.notes.get("lobe", {})
-    why = f"near light; share of indirect light {indirect.get('share', 0):.1%}, gloss {lobe.get('strength', 0):.2f}"
-    if requested == "glossy":
-        why += "; glossy was asked for: near light has one solver, which looks for gloss in any case"
-    return ("near" if requested in {"auto", "glossy"} else requested), why
+    """Name of the solver used, and why: from its notes, or the model's share of indirect light and gloss."""
+    notes = normal_map.notes
+    if "why" in notes:
+        return str(notes["solver"]), str(notes["why"])
+    indirect, lobe = notes.get("interreflection", {}), notes.get("lobe", {})
+    light = "distant" if "solver" in notes else "near"
+    why = f"{light} light; share of indirect light {indirect.get('share', 0):.1%}, gloss {lobe.get('strength', 0):.2f}"
+    return (light if requested == "auto" else requested), why
 
 
 # ------------------------------------------------------------------------------------------------------------- writing

@@ -52,7 +52,7 @@ def record_size(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
         benchmark.extra_info["times the copying"] = round(benchmark.stats["min"] / copied, 2)
 
 
-@pytest.mark.parametrize("solver", ["ls", "weighted"])
+@pytest.mark.parametrize("solver", ["ls", "auto"])
 def test_solve_twelve_megapixels_time_and_memory(
     benchmark: BenchmarkFixture, stack: np.ndarray, solver: distant.Solver
 ) -> None:
@@ -63,7 +63,7 @@ def test_solve_twelve_megapixels_time_and_memory(
         lights=DistantLights(directions(), np.ones((COUNT, 1))), mask=np.ones((HEIGHT, WIDTH), np.bool_),
     )  # fmt: skip
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    benchmark.pedantic(distant.solve, args=(images, solver), kwargs={"with_depth": False}, rounds=1)
+    benchmark.pedantic(distant.solve, args=(images, solver), rounds=1)
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     benchmark.extra_info["growth of the peak memory in GB"] = round(grown / 1e6, 2)
     record_size(benchmark, stack)

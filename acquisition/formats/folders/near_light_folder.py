@@ -89,14 +89,13 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
     object_mask = masks.solving(folder, stored.height, stored.width)
     if object_mask is None:
         warnings.append(f"There is no {masks.MASK}: the object is looked for in the images.")
-    mask = np.ones((stored.height, stored.width), np.bool_) if object_mask is None else object_mask
     lights = NearLights(
         np.array([light.position for light in given.lights]) @ VIEW_FROM_CAMERA[:3, :3].T * METRES[given.unit],
         np.array([light.intensity for light in given.lights]),
         given.reference_mm / 1000,
     )
     names = [light.file for light in given.lights]
-    images = assembly.image_set(folder, names, paths, stored, lights, mask, kind="near light", warnings=warnings)
+    images = assembly.image_set(folder, names, paths, stored, lights, object_mask, kind="near light", warnings=warnings)
     return replace(
         images,
         saturated_from=images.saturated_from - given.black_level / stored.full_scale,

@@ -69,7 +69,7 @@ def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]
     if highlights > 5 * MIN_REPORTED_SHARE:
         warnings.append(
             f"{_percent(highlights)} of the pixels show a highlight in some image: the surface is glossy there; "
-            "solver `glossy` fits the gloss, and more lights leave more images without it."
+            "more lights leave more images without it."
         )
     if normal_map.indirect is not None:
         strong = float(np.mean(normal_map.indirect[normal_map.mask] > 0.2)) if np.any(normal_map.mask) else 0.0

@@ -8,6 +8,7 @@ from acquisition.normals import colour_channels
 ALBEDO = np.array([0.8, 0.3, 0.1])
 PIXELS = 60
 WELL_E = 4000.0
+WHITE = np.ones((8, 3))
 
 
 def _measured(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -44,7 +45,7 @@ def _of_one_value(lights: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def test_combined_channels_lose_nothing_against_the_joint_fit() -> None:
     lights, values, normals = _measured(1)
-    one, clipped = colour_channels.combined(values.astype(np.float32), np.zeros(values.shape, bool))
+    one, clipped = colour_channels.combined(values.astype(np.float32), np.zeros(values.shape, bool), WHITE)
     assert not clipped.any()
     joint = np.array([_joint(lights, values[:, pixel]) for pixel in range(PIXELS)])
     ours = np.array([_of_one_value(lights, one[:, pixel].astype(float)) for pixel in range(PIXELS)])
@@ -60,7 +61,7 @@ def test_combined_without_a_clipped_channel_is_unbiased() -> None:
     clipped[0, :, 0] = True  # red, which has two thirds of the light
     wrong = values.copy()
     wrong[0, :, 0] = 0.5 * values[0, :, 0]
-    found, gone = colour_channels.combined(wrong.astype(np.float32), clipped)
+    found, gone = colour_channels.combined(wrong.astype(np.float32), clipped, WHITE)
     assert not gone.any()
     expected = values.mean(axis=-1)
     np.testing.assert_allclose(found[1:], expected[1:], rtol=1e-5)
@@ -74,14 +75,29 @@ def test_combined_of_wholly_clipped_measurements_says_so() -> None:
     clipped = np.zeros(values.shape, bool)
     clipped[2] = True
     clipped[3, :, :2] = True  # blue alone is left, a twelfth of the light
-    _, gone = colour_channels.combined(values.astype(np.float32), clipped)
+    _, gone = colour_channels.combined(values.astype(np.float32), clipped, WHITE)
     assert gone[2:4].all()
     assert not np.delete(gone, [2, 3], axis=0).any()
 
 
 def test_ratios_are_those_of_the_albedos() -> None:
     _, values, _ = _measured(4)
-    found = colour_channels.ratios(values.astype(np.float32), np.ones(values.shape[:2], bool))
+    found = colour_channels.ratios(values.astype(np.float32), np.ones(values.shape[:2], bool), WHITE)
     np.testing.assert_allclose(found.mean(axis=0), ALBEDO / ALBEDO.mean(), rtol=0.02)
-    none = colour_channels.ratios(values.astype(np.float32), np.zeros(values.shape[:2], bool))
+    none = colour_channels.ratios(values.astype(np.float32), np.zeros(values.shape[:2], bool), WHITE)
     np.testing.assert_array_equal(none, 1)
+
+
+def test_combined_and_ratios_under_coloured_light_are_those_of_white() -> None:
+    _, values, _ = _measured(5)
+    light = np.random.default_rng(5).uniform(0.2, 1.5, (8, 3))
+    clipped = np.zeros(values.shape, bool)
+    white, _ = colour_channels.combined(values.astype(np.float32), clipped, WHITE)
+    lit = (values * light[:, None]).astype(np.float32)
+    found, _ = colour_channels.combined(lit, clipped, light)
+    # Weighted by other counts of photons, of which each value has some 1600.
+    assert np.sqrt(np.mean((found / white - 1) ** 2)) < 0.02
+    ratio = colour_channels.ratios(lit, ~clipped.any(axis=-1), light)
+    np.testing.assert_allclose(
+        ratio, colour_channels.ratios(values.astype(np.float32), ~clipped.any(axis=-1), WHITE), rtol=0.05
+    )

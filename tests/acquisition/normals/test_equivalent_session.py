@@ -11,6 +11,7 @@ from acquisition.formats import folders
 from acquisition.models.errors import RigError
 from acquisition.models.result import SolveSettings
 from acquisition.normals import distant, equivalent_session, near_light
+from acquisition.normals.equivalent_session import EquivalentSession
 from acquisition.normals.image_set import DistantLights, ImageSet, NearLights
 from acquisition.plan import criterion, visibility
 from tests.acquisition.formats.folders import small
@@ -39,8 +40,13 @@ def test_only_keeps_images_with_their_lights(diligent: ImageSet, tmp_path: Path)
             np.testing.assert_array_equal(some.lights.intensities, images.lights.intensities[[4, 1]])
 
 
+def of_distant(images: ImageSet) -> EquivalentSession:
+    far = distant.from_afar(images)
+    return equivalent_session.of_near(far, near_light.solve(far, SolveSettings()))
+
+
 def test_of_distant_lights_shine_from_their_directions(diligent: ImageSet) -> None:
-    session = equivalent_session.of_distant(diligent, distant.solve(diligent))
+    session = of_distant(diligent)
     assert isinstance(diligent.lights, DistantLights)
     units = diligent.lights.directions / np.linalg.norm(diligent.lights.directions, axis=1, keepdims=True)
     for shot, unit in zip(session.observations.shots, units, strict=True):
@@ -52,12 +58,11 @@ def test_of_distant_lights_shine_from_their_directions(diligent: ImageSet) -> No
 
 def test_of_distant_ball_keeps_shape_and_shadows(diligent: ImageSet) -> None:
     """The points are a ball of the stated size, convex: its shadows are attached ones, none cast."""
-    solved = distant.solve(diligent)
-    session = equivalent_session.of_distant(diligent, solved)
+    session = of_distant(diligent)
     usable = criterion.usable_pixels(session.normal_map, session.calibration)
-    assert len(usable) > 0.7 * np.count_nonzero(solved.mask)
+    assert len(usable) > 0.7 * np.count_nonzero(session.normal_map.mask)
     sample = criterion.samples(session.normal_map, session.calibration, usable)
-    radius_m = equivalent_session.OBJECT_SIZE_M / 2
+    radius_m = distant.OBJECT_SIZE_M / 2
     top = sample.point[2].max()
     np.testing.assert_allclose(sample.point[:2], radius_m * sample.normal[:2], atol=0.1 * radius_m)
     np.testing.assert_allclose(sample.point[2] - top, radius_m * (sample.normal[2] - 1), atol=0.15 * radius_m)
@@ -68,15 +73,11 @@ def test_of_distant_ball_keeps_shape_and_shadows(diligent: ImageSet) -> None:
 
 
 def test_of_distant_information_grows_with_images(diligent: ImageSet) -> None:
-    few, many = (
-        equivalent_session.of_distant(images, distant.solve(images))
-        for images in (diligent.only([1, 2, 3, 4]), diligent)
-    )
+    few, many = (of_distant(images) for images in (diligent.only([1, 2, 3, 4]), diligent))
     before, after = (
         np.median(np.trace(one.normal_map.information.matrices[:, :3, :3], axis1=1, axis2=2)) for one in (few, many)
     )
-    assert after == pytest.approx(1.5 * before, rel=0.25)
-    np.testing.assert_array_equal(few.normal_map.information.matrices[:, 3], 0)
+    assert after > 1.2 * before
 
 
 def test_of_near_shots_stand_where_the_lamps_stand(tmp_path: Path) -> None:
@@ -94,10 +95,12 @@ def test_of_near_shots_stand_where_the_lamps_stand(tmp_path: Path) -> None:
 
 def test_equivalent_session_of_the_other_kind_is_refused(diligent: ImageSet, tmp_path: Path) -> None:
     near = folders.read(small.near(tmp_path / "near"), tmp_path)
-    solved = distant.solve(diligent)
+    session = of_distant(diligent)
     with pytest.raises(RigError, match="positions"):
-        equivalent_session.of_near(diligent, solved)
-    with pytest.raises(RigError, match="distant"):
-        equivalent_session.of_distant(near, solved)
+        equivalent_session.of_near(diligent, session.normal_map)
+    with pytest.raises(RigError, match="near"):
+        distant.from_afar(near)
+    nothing = replace(session.normal_map, mask=np.zeros_like(session.normal_map.mask))
+    far = distant.from_afar(diligent)
     with pytest.raises(RigError, match="no pixel"):
-        equivalent_session.of_distant(diligent, replace(solved, mask=np.zeros_like(solved.mask)))
+        equivalent_session.of_near(far, nothing)

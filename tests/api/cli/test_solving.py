@@ -37,16 +37,16 @@ def test_solve_json_prints_one_object_as_last_line(tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     sphere = f"{small.SIZE / 2},{small.SIZE / 2},{small.RADIUS}"
     done = subprocess.run(
-        [sys.executable, "-m", "api.cli", "solve", str(folder), "--solver", "weighted", "--out", str(tmp_path / "out"),
+        [sys.executable, "-m", "api.cli", "solve", str(folder), "--out", str(tmp_path / "out"),
          "--sphere", sphere, "--json"],
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     outcome = json.loads(done.stdout.splitlines()[-1])
-    assert outcome["mean_deg"] < 0.1
-    assert outcome["median_deg"] <= outcome["p95_deg"] < 0.5
+    assert outcome["mean_deg"] < 0.8
+    assert outcome["median_deg"] <= outcome["p95_deg"] < 3
     assert outcome["pixels"] == np.count_nonzero(small.sphere()[1])
-    assert outcome["solver"] == "weighted"
+    assert outcome["solver"] == "distant"
     assert outcome["seconds"] > 0
     assert outcome["sigma_ratio"] > 0
     written = {path.name for path in (tmp_path / "out").iterdir()}
@@ -104,24 +104,19 @@ def test_solve_near_light_least_squares_gives_normals(tmp_path: Path) -> None:
     assert np.ptp(depth[depth > 0]) == pytest.approx(0.035, abs=0.01)
 
 
-def test_solve_glossy_near_light_uses_the_near_light_solver(tmp_path: Path) -> None:
-    folder, out = small.near(tmp_path / "in"), tmp_path / "out"
-    outcome = solving.run(request(folder, solver="glossy", near=True, out=out))
-    assert outcome["solver"] == "near"
-    assert "glossy was asked for" in outcome["why"]
-    assert "glossy was asked for" in (out / "report.html").read_text(encoding="utf-8")
-    with pytest.raises(RigError) as refused:
-        solving.run(request(folder, solver="thresholded", near=True))
+@pytest.mark.parametrize("solver", solving.GONE_SOLVERS)
+def test_solve_solver_of_earlier_releases_is_refused(solver: str, tmp_path: Path) -> None:
+    with pytest.raises(RigError, match="auto finds") as refused:
+        request(tmp_path, solver=solver)
     assert refused.value.code is ErrorCode.REQUEST_INVALID
 
 
-@pytest.mark.parametrize("solver", ["weighted", "near"])
-def test_solve_keep_steps_allows_depth_discontinuities(solver: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("light", ["distant", "near"])
+def test_solve_keep_steps_allows_depth_discontinuities(light: str, tmp_path: Path) -> None:
     """The normals are the same, the depth is not."""
-    make = small.diligent if solver == "weighted" else small.near
-    folder, asked = make(tmp_path / "in"), "auto" if solver == "near" else solver
+    folder = (small.diligent if light == "distant" else small.near)(tmp_path / "in")
     for name, keep in (("smooth", False), ("kept", True)):
-        solving.run(request(folder, solver=asked, out=tmp_path / name, keep_steps=keep))
+        solving.run(request(folder, out=tmp_path / name, keep_steps=keep))
     normals, depth = (
         [tifffile.imread(tmp_path / name / f"{what}.tiff") for name in ("smooth", "kept")]
         for what in ("normals", "depth")
@@ -132,17 +127,17 @@ def test_solve_keep_steps_allows_depth_discontinuities(solver: str, tmp_path: Pa
 
 def test_solve_exported_folder_gives_same_normals(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
-    solving.run(request(small.diligent(tmp_path / "in"), solver="weighted", out=first, exports=["diligent"]))
-    solving.run(request(first / "diligent", solver="weighted", out=second))
+    solving.run(request(small.diligent(tmp_path / "in"), out=first, exports=["diligent"]))
+    solving.run(request(first / "diligent", out=second))
     one, two = (tifffile.imread(folder / "normals.tiff") for folder in (first, second))
-    np.testing.assert_allclose(one, two, atol=1e-5)
+    np.testing.assert_allclose(one, two, atol=5e-4)
 
 
 def test_solve_out_replaces_own_result_only(tmp_path: Path) -> None:
     folder, out = small.diligent(tmp_path / "in"), tmp_path / "out"
     solving.run(request(folder, solver="ls", out=out))
-    assert solving.run(request(folder, solver="weighted", out=out))["out"] == str(out)
-    assert json.loads((out / solving.SUMMARY).read_text())["solver"] == "weighted"
+    assert solving.run(request(folder, out=out))["out"] == str(out)
+    assert json.loads((out / solving.SUMMARY).read_text())["solver"] == "distant"
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letters.txt").write_text("kept")
     for target in (tmp_path / "mine", folder):
@@ -181,8 +176,7 @@ def test_solve_bad_folder_writes_nothing(broken: str, tmp_path: Path) -> None:
         ({"exports": ["mesh.stl"], "out": Path("x")}, "mesh.ply"),
         ({"exports": ["mesh.ply"]}, "--out"),
         ({"near": True}, "lights.json"),
-        ({"solver": "magic"}, "weighted"),
-        ({"solver": "glossy"}, "12 lights"),
+        ({"solver": "magic"}, "auto, ls"),
     ],
 )
 def test_solve_request_impossible_option_is_refused(more: dict[str, object], said: str, tmp_path: Path) -> None:

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.normals import distant
-from acquisition.normals.distant import lit_mask
+from acquisition.normals import distant, lit_mask
 from acquisition.normals.image_set import ImageSet
 from tests.acquisition.normals.distant import few_light_scenes
 from tests.acquisition.normals.distant.few_light_scenes import Scene
@@ -60,13 +59,13 @@ def test_background_noise_cut_at_black_is_estimated(rabbit: Scene) -> None:
 
 
 def test_solve_without_mask_leaves_black_unsolved(rabbit: Scene) -> None:
-    result = distant.solve(unmasked(rabbit), "weighted", with_depth=False)
+    result = distant.solve(unmasked(rabbit))
     assert result.notes["mask"] == "proposed"
     assert np.count_nonzero(result.mask & ~rabbit.mask) < 0.01 * np.count_nonzero(rabbit.mask)
     assert overlap(result.silhouette, rabbit.mask) > 0.97
 
 
 def test_solve_with_mask_keeps_it(rabbit: Scene) -> None:
-    result = distant.solve(rabbit.image_set(), "weighted", with_depth=False)
+    result = distant.solve(rabbit.image_set())
     assert "mask" not in result.notes
     assert np.array_equal(result.silhouette, rabbit.mask)

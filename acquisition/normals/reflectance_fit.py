@@ -1,4 +1,4 @@
-"""BRDF fit for glossy objects under many distant lights: GGX lobes per pixel, diffuse falloff shared by the object.
+"""BRDF fit under many distant lights: GGX lobes per pixel, diffuse falloff shared by the object.
 
 In one pixel, the diffuse falloff with the angle of incidence and a tilt of the normal are not separable, but all pixels
 of an object share one falloff at different normals. So its parameters (κ, ω, γ of `reflectance_kernels.basis`) are
@@ -14,7 +14,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
-from acquisition.normals.distant import reflectance_kernels, robust_regression
+from acquisition.normals import reflectance_kernels
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,11 @@ class ReflectanceFitSettings:
     """Weights are 1/(y + noise_floor), y in units of the pixel's median: between constant and proportional noise."""
     start_ring_rad: float = tuned(0.12, "rad")
     """Radius (rad) of the ring of starts round the initial normal."""
+    position_thresholds: tuple[float, float] = tuned((0.25, 0.7), "rank")
+    """Ranks, as shares of the lights, between which measurements count at the start (Shi et al., TPAMI 2014);
+    asymmetric, because highlights reach further down than shadows reach up."""
+    min_spread: float = tuned(3e-3, "of the median")
+    """Least spread of the residuals, as a share of the median of the pixel's values."""
     min_start_separation_rad: float = tuned(0.1, "rad")
     """Least angle (rad) between a pixel's normal and a neighbour's that is worth another fit."""
 
@@ -85,13 +90,13 @@ def light_table(directions: FloatArray) -> FloatArray:
 
 def initial_normals(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> Float32Array:
     """Initial normals (N, 3): least squares over the position thresholds (Shi et al., TPAMI 2014)."""
-    scaled_normals, statistics = np.empty((len(values), 3), np.float32), np.empty((len(values), 2), np.float32)
-    robust_regression.solve(
-        values, (~clipped).astype(np.float32), directions, np.empty((0, 3), np.int64), np.empty((0, 3, 3)),
-        np.array([*robust_regression.SETTINGS.position_thresholds, 0.0, 0.0]), scaled_normals, statistics,
-    )  # fmt: skip
-    scaled_normals[:, 2] = np.maximum(scaled_normals[:, 2], 0.03 * np.linalg.norm(scaled_normals, axis=1) + 1e-9)
-    return scaled_normals / np.linalg.norm(scaled_normals, axis=1, keepdims=True)
+    low, high = (int(rank * len(directions)) for rank in SETTINGS.position_thresholds)
+    ordered = np.sort(values, axis=1)
+    middle = ((values >= ordered[:, low, None]) & (values < ordered[:, high, None]) & ~clipped).astype(np.float64)
+    matrix = np.einsum("nf,fa,fb->nab", middle, directions, directions, optimize=True) + 1e-6 * np.eye(3)
+    scaled = np.linalg.solve(matrix, ((middle * values) @ directions)[..., None])[..., 0]
+    scaled[:, 2] = np.maximum(scaled[:, 2], 0.03 * np.linalg.norm(scaled, axis=1) + 1e-9)
+    return (scaled / np.linalg.norm(scaled, axis=1, keepdims=True)).astype(np.float32)
 
 
 def fit(
@@ -115,7 +120,7 @@ def fit(
     statistics = np.empty((count, 3), np.float32)
     reflectance_kernels.fit(
         y, weights, table, diffuse_params, reflectance_kernels.GGX_ROUGHNESS,
-        np.array([photometry.CAUCHY_SCALE, robust_regression.MIN_SPREAD, iterations, ring_rad]),
+        np.array([photometry.CAUCHY_SCALE, SETTINGS.min_spread, iterations, ring_rad]),
         np.ascontiguousarray(initial, dtype=np.float32), normals, strengths, statistics,
     )  # fmt: skip
     return ReflectanceFits(
@@ -236,7 +241,7 @@ def _diffuse_params_variance(
     weights = np.where(usable(y, clipped), 1.0 / (np.maximum(y, 0) + SETTINGS.noise_floor), 0.0)
     lobes = strengths[:, :, None] * _basis(fits.normals, table, diffuse_params)  # (N, K, F); zero where not used
     predicted = lobes.sum(axis=1)
-    squared = (photometry.CAUCHY_SCALE * np.maximum(fits.spread, robust_regression.MIN_SPREAD)[:, None]) ** 2
+    squared = (photometry.CAUCHY_SCALE * np.maximum(fits.spread, SETTINGS.min_spread)[:, None]) ** 2
     weight = weights / (1 + (y - predicted) ** 2 * weights / squared)
 
     def moved(change: FloatArray) -> FloatArray:

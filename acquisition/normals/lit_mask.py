@@ -12,8 +12,8 @@ import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.tuned import tuned
-from acquisition.normals.distant import pixel_blocks
 from acquisition.normals.image_set import ImageSet
+from acquisition.normals.session_images import BLOCK_ROWS
 
 MIN_IMAGES = 3
 """Images in which a pixel must be lit: the least that give a normal."""
@@ -58,10 +58,9 @@ def propose(images: ImageSet) -> BoolArray:
     """
     backgrounds = [background(images, number) for number in range(images.count)]
     lit = np.zeros((images.height, images.width), np.bool_)
-    step = pixel_blocks.rows_at_once(images)
     rank = images.count - min(MIN_IMAGES, images.count)
-    for start in range(0, images.height, step):
-        stop = min(start + step, images.height)
+    for start in range(0, images.height, BLOCK_ROWS):
+        stop = min(start + BLOCK_ROWS, images.height)
         above = np.empty((images.count, stop - start, images.width), np.float32)
         for number, dark in enumerate(backgrounds):
             above[number] = (_grey(images, number, start, stop) - dark.level) / dark.noise

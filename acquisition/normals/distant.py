@@ -1,0 +1,206 @@
+"""Photometric stereo under distant lights: the limit of near light, and plain least squares to compare with.
+
+Camera and lamps stand so far away (`CAMERA_M`, a thousand times the object's size) that directions and irradiance are
+the same all over the object, while depth still casts shadows; `near_light` solves that like any other images. An object
+of unknown scale counts as `OBJECT_SIZE_M` wide and its brightest parts as nearly white, on which only priors depend.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import LIT, SATURATED, FisherInformation, NormalMap, SolveSettings
+from acquisition.models.tuned import tuned
+from acquisition.normals import integration, lit_mask, memory_mapped, near_light, reflectance_solve, session_images
+from acquisition.normals.image_set import Camera, DistantLights, ImageSet, NearLights, check
+
+Solver = Literal["auto", "ls"]
+
+
+@dataclass(frozen=True)
+class DistantSettings:
+    """What is assumed of folders with directions of lights."""
+
+    direction_sigma_rad: float = tuned(0.0025, "rad")
+    """1 σ of a light's direction, that of near light's default: 1 mm at 0.4 m."""
+    max_noise_ratio: float = tuned(2.0, "ratio")
+    """Noise that residuals show over what the lights' stated σ explain, above which no model fits: 4 and 5 on lacquer
+    and glaze, whose normals err by 8° in a fit that looks sound, 1.4 on rough plaster (0.7°), 0.4 on plastic and satin
+    (`gloss_scenes`, balls)."""
+
+
+SETTINGS = DistantSettings()
+
+OBJECT_SIZE_M = 0.1
+"""Size that the longer side of an object of unknown scale counts as; shadows do not depend on it."""
+
+CAMERA_M, LAMPS_M = 100.0, 90.0
+"""Distances of camera and lamps that stand for infinity: irradiance varies by 0.2 % over the object and directions by
+0.03° at its edges, and single precision still resolves 8 µm of depth. No lamp is where the camera is."""
+
+BRIGHT_ALBEDO = 0.8
+"""Albedo that the brightest percent of the object counts as: images do not tell the light's absolute strength."""
+
+SAMPLE_ROWS = 48
+"""Rows of each image that its brightness is taken from."""
+
+LUMA = np.array([0.2989, 0.5870, 0.1140])
+"""Weights of R, G, B: luma of ITU-R BT.601, as the field's plain least squares mixes colours."""
+
+
+def solve(images: ImageSet, solver: Solver = "auto", *, keep_steps: bool = False) -> NormalMap:
+    """Solves an image set with DistantLights for normals, albedo, σ and depth; without a mask, where it is lit.
+
+    `auto` is the near-light solver, and where many lights show that no model of it fits, `reflectance_solve`; `ls` is
+    plain least squares of all measurements (Woodham 1980), a baseline. Albedo is the brightness of a surface that faces
+    a light of intensity 1, in fractions of full scale; depth is in pixels, its mean 0 over each connected part
+    (`notes["depth_unit"]`). `keep_steps` lets depth jump where normals disagree with their neighbours, see
+    `integration.depth`. Raises RigError normals.infeasible as `image_set.check` and `solve_stack` do.
+    """
+    check(images)
+    notes = {"solver": solver, "depth_unit": "pixel"}
+    if not images.mask_given:
+        images = replace(images, mask=lit_mask.propose(images), mask_given=True)
+        notes["mask"] = "proposed"
+    if solver == "ls":
+        solved = _least_squares_map(images)
+    else:
+        far = from_afar(images)
+        white = np.float32(_white(images))
+        many = images.count >= photometry.SETTINGS.many_lights
+        solved = near_light.solve(far, SolveSettings(keep_steps=keep_steps), thorough=not many)
+        if many and _unexplained(solved):
+            solved = reflectance_solve.solve(near_light.windowed_images(far), _units(_distant(images)), solved)
+        colour = None if solved.albedo_rgb is None else solved.albedo_rgb * white
+        solved = replace(solved, albedo=solved.albedo * white, albedo_rgb=colour)
+    variance = np.square(np.radians(np.nan_to_num(solved.sigma_deg, nan=90.0)))
+    depth = integration.orthographic_depth(
+        solved.normals.transpose(2, 0, 1), solved.mask, integration.confidence(variance), keep_steps=keep_steps
+    )
+    return replace(solved, depth=depth, notes=solved.notes | notes)
+
+
+def _unexplained(solved: NormalMap) -> bool:
+    """Whether no model of the whole object fits: by a finding, or by residuals beyond what lights' errors explain."""
+    return (
+        any(not finding.corrected for finding in solved.findings)
+        or solved.noise["direction"] > SETTINGS.max_noise_ratio * SETTINGS.direction_sigma_rad
+        or solved.noise["intensity"] > SETTINGS.max_noise_ratio * near_light.SETTINGS.intensity_sigma
+    )
+
+
+def from_afar(images: ImageSet) -> ImageSet:
+    """The same images as of near light: a camera and lamps at CAMERA_M and LAMPS_M from the object. Raises RigError
+    normals.infeasible where the lights are no directions."""
+    lights = _distant(images)
+    rows, columns = (np.flatnonzero(np.any(images.mask, axis=axis)) for axis in (1, 0))
+    height, width = (part[-1] - part[0] + 1 for part in (rows, columns))
+    focal = CAMERA_M * max(height, width) / OBJECT_SIZE_M
+    middle = columns[0] + (width - 1) / 2, rows[0] + (height - 1) / 2
+    strength = lights.intensities.mean(axis=1)
+    return replace(
+        images,
+        lights=NearLights(
+            positions_m=LAMPS_M * _units(lights) - np.array([0.0, 0.0, CAMERA_M]),
+            intensity=strength * _white(images),
+            reference_m=LAMPS_M,
+            colour=lights.intensities / strength[:, None],
+            position_sigma_m=SETTINGS.direction_sigma_rad * LAMPS_M,
+        ),
+        camera=Camera(np.array([[focal, 0.0, middle[0]], [0.0, focal, middle[1]], [0.0, 0.0, 1.0]])),
+        rough_depth_m=CAMERA_M,
+    )
+
+
+def _distant(images: ImageSet) -> DistantLights:
+    if not isinstance(images.lights, DistantLights):
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "these lights are near: solve them as near lights")
+    return images.lights
+
+
+def _units(lights: DistantLights) -> FloatArray:
+    """Unit directions (F, 3)."""
+    return lights.directions / np.linalg.norm(lights.directions, axis=1, keepdims=True)
+
+
+def _white(images: ImageSet) -> float:
+    """Value of a white surface that faces a light of intensity 1: the median image's brightest percent has
+    BRIGHT_ALBEDO."""
+    rows = np.flatnonzero(np.any(images.mask, axis=1))
+    rows = rows[np.linspace(0, len(rows) - 1, min(SAMPLE_ROWS, len(rows))).astype(int)]
+    strength = _distant(images).intensities.mean(axis=1)
+    bright: list[float] = []
+    for number in range(images.count):
+        values = [images.values(number, int(row), int(row) + 1)[0][images.mask[row]] for row in rows]
+        bright.append(float(np.quantile(np.concatenate(values), 0.99)) / float(strength[number]))
+    return max(float(np.median(bright)), 1e-6) / BRIGHT_ALBEDO
+
+
+def least_squares(values: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lambertian least squares (Woodham 1980): albedo × normal (3, N) of values (F, N) under unit directions (F, 3);
+    the mean square residual (N,) and the variance (N,), rad², of the normals over both tangential directions."""
+    scaled = np.linalg.pinv(directions) @ values
+    squared = np.sum((values - directions @ scaled) ** 2, axis=0)
+    inverse = np.linalg.inv(directions.T @ directions)
+    power = np.maximum(np.sum(scaled**2, axis=0), 1e-12)
+    leverage = np.trace(inverse) - np.einsum("an,ab,bn->n", scaled, inverse, scaled) / power
+    count = len(directions)
+    spread = squared / max(count - photometry.PIXEL_UNKNOWNS, 1)
+    variance = spread * leverage / power
+    if count <= photometry.PIXEL_UNKNOWNS:  # no residual is left that would tell
+        variance = np.full_like(variance, np.radians(photometry.SETTINGS.few_lights_sigma_deg) ** 2)
+    return scaled, squared / count, variance
+
+
+def _least_squares_map(images: ImageSet) -> NormalMap:
+    """`least_squares` of all pixels of the mask, by blocks of rows; colours are mixed by LUMA."""
+    lights, size = _distant(images), (images.height, images.width)
+    maps: dict[str, Float32Array] = {name: np.zeros(size, np.float32) for name in ("albedo", "residual")}
+    maps |= {"normals": np.zeros((*size, 3), np.float32), "sigma_deg": np.full(size, np.nan, np.float32)}
+    if images.channels == 3:
+        maps["albedo_rgb"] = np.zeros((*size, 3), np.float32)
+    flags, solved = memory_mapped.zeros((images.count, *size)), np.zeros(size, np.bool_)
+    for start in range(0, images.height, session_images.BLOCK_ROWS):
+        rows = slice(start, min(start + session_images.BLOCK_ROWS, images.height))
+        inside = images.mask[rows]
+        values, clipped = _block(images, rows, inside)
+        scaled_values = values / lights.intensities[:, None, : images.channels]
+        grey = scaled_values @ LUMA if images.channels == 3 else scaled_values[..., 0]
+        scaled, squared, variance = least_squares(grey, _units(lights))
+        albedo = np.linalg.norm(scaled, axis=0)
+        maps["normals"][rows][inside] = (scaled / np.maximum(albedo, 1e-12)).T
+        maps["albedo"][rows][inside], maps["residual"][rows][inside] = albedo, np.sqrt(squared)
+        maps["sigma_deg"][rows][inside] = np.sqrt(photometry.bounded_variance(np.degrees(1) ** 2 * variance))
+        if images.channels == 3:
+            ratio = scaled_values.sum(axis=0) / np.maximum(grey.sum(axis=0), 1e-12)[:, None]
+            maps["albedo_rgb"][rows][inside] = albedo[:, None] * ratio
+        solved[rows][inside] = albedo > 0
+        part = flags[:, rows]
+        part[:, inside] = np.where(clipped, SATURATED, LIT)
+        memory_mapped.release(flags)
+    return NormalMap(
+        normals=maps["normals"],
+        albedo=maps["albedo"],
+        sigma_deg=maps["sigma_deg"],
+        residual=maps["residual"],
+        albedo_rgb=maps.get("albedo_rgb"),
+        depth=np.zeros(size, np.float32),
+        mask=solved,
+        silhouette=images.mask,
+        flags=flags,
+        intensity_factors=np.ones(images.count),
+        information=FisherInformation(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 4, 4))),
+        doubtful=np.zeros(size, np.bool_),
+        notes={"why": "as asked: least squares of all measurements, shadows and highlights included"},
+    )
+
+
+def _block(images: ImageSet, rows: slice, inside: BoolArray) -> tuple[Float32Array, BoolArray]:
+    """Fractions of full scale (F, N, C) at the pixels inside, and where any channel is clipped (F, N)."""
+    stack = [images.values(number, rows.start, rows.stop)[inside] for number in range(images.count)]
+    values = np.stack(stack).reshape(images.count, -1, images.channels)
+    return values, np.any(values >= images.saturated_from, axis=2)
