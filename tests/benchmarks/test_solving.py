@@ -96,13 +96,13 @@ def test_solve_command_megapixel_twenty_lights_time_and_memory(
 ) -> None:
     """Starts, reads PNG files, solves and writes all maps and the report in at most 5 s."""
     images = folder(tmp_path / "images", (1000, 1000), 20, colour=colour, suffix=".png")
-    solve(images, tmp_path / "before", "weighted")
+    solve(images, tmp_path / "before", "auto")
     outs = (tmp_path / str(number) for number in range(3))
-    peak = benchmark.pedantic(lambda: solve(images, next(outs), "weighted"), rounds=3)
+    peak = benchmark.pedantic(lambda: solve(images, next(outs), "auto"), rounds=3)
     benchmark.extra_info["peak memory in GB"] = round(peak, 2)
 
 
-@pytest.mark.parametrize("solver", ["ls", "weighted"])
+@pytest.mark.parametrize("solver", ["ls", "auto"])
 def test_solve_command_twelve_megapixels_memory(benchmark: BenchmarkFixture, tmp_path: Path, solver: str) -> None:
     """At most 1.19 GB, which is 1 GB beside the stack: with depth, all maps and the report."""
     images = folder(tmp_path / "images", (3000, 4000), 8, colour=False, suffix=".tiff")

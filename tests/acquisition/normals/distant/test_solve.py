@@ -134,7 +134,7 @@ def test_solve_purely_specular_surface_recovers_normals() -> None:
     squared = np.einsum("hwc,fc->fhw", normals, half) ** 2
     facing = np.maximum(np.einsum("hwc,fc->fhw", normals, directions), 0)
     images = image_set(0.5 * (0.25 / (1 - 0.75 * squared)) ** 2 * (facing > 0), directions, mask)
-    result = distant.solve(images, "glossy")
+    result = distant.solve(images)
     assert np.array_equal(result.mask, mask)
     assert np.median(errors(result.normals, normals, mask)) < 1.5
 
@@ -217,7 +217,7 @@ def test_solve_glossy_scenes_sigma_is_calibrated() -> None:
     shares: list[tuple[float, float]] = []
     for number, (shape, material) in enumerate(GLOSSY):
         true = gloss_scenes.scene(shape, material, size=128 if number % 2 else 64, seed=number + 10, bounces=24)
-        result = distant.solve(true.image_set(), "glossy")
+        result = distant.solve(true.image_set())
         ratio = true.errors_deg(result.normals) / result.sigma_deg[true.mask]
         shares.append((float(np.mean(ratio < 1)), float(np.mean(ratio < 2))))
         print(f"\n{true.name}: P(e < σ), P(e < 2σ)", *shares[-1])
