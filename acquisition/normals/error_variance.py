@@ -113,7 +113,8 @@ def components(
     known = np.isfinite(posterior_deg)
     base = np.where(known, posterior_deg, 0) ** 2
     squares, freedom = _squares(residual, np.where(known, lights, 0))
-    excess = np.maximum(_summed(np.subtract(squares, stated_share * freedom, dtype=np.float32)) / np.maximum(_summed(freedom), 1), 0)
+    unexplained = np.subtract(squares, stated_share * freedom, dtype=np.float32)
+    excess = np.maximum(_summed(unexplained) / np.maximum(_summed(freedom), 1), 0)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
     return np.stack([base, lights * excess * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
 
