@@ -37,8 +37,10 @@ class ResidualNoiseSettings:
     """Leverage above which a residual has too little of its noise left to be used."""
     min_measurements: int = tuned(300, "measurements")
     """Measurements below which c or σ_d is not estimated."""
-    least_sigma: float = tuned(0.001, "share, rad")
-    """Least c and σ_d: no lamp is known better."""
+    intensity_range: tuple[float, float] = tuned((0.001, 0.1), "share")
+    """Bounds of c, a fraction."""
+    direction_range: tuple[float, float] = tuned((0.001, 0.05), "rad")
+    """Bounds of σ_d, rad."""
 
 
 SETTINGS = ResidualNoiseSettings()
@@ -73,12 +75,12 @@ def estimate(
         bright, grazing = usable & (cosine > SETTINGS.bright_cosine), usable & (cosine < SETTINGS.grazing_cosine)
         by_intensity, by_direction = y**2, strength**2
         intensity = _median_matched_share(
-            unleveraged, variance - noise.intensity**2 * by_intensity, by_intensity, bright
+            unleveraged, variance - noise.intensity**2 * by_intensity, by_intensity, bright, SETTINGS.intensity_range
         )
         intensity = stated.intensity if intensity is None else intensity
         variance = variance + (intensity**2 - noise.intensity**2) * by_intensity
         direction = _median_matched_share(
-            unleveraged, variance - noise.direction**2 * by_direction, by_direction, grazing
+            unleveraged, variance - noise.direction**2 * by_direction, by_direction, grazing, SETTINGS.direction_range
         )
         noise = replace(noise, intensity=intensity, direction=stated.direction if direction is None else direction)
     return noise
@@ -127,15 +129,18 @@ def _design(solution: Estimate, ray_direction: Float32Array, lamps: Float32Array
     return _Design(np.ascontiguousarray(np.concatenate([bent, slope[:, None]], axis=1)), predicted, strength)
 
 
-def _median_matched_share(squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray) -> float | None:
+def _median_matched_share(
+    squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray, within: tuple[float, float]
+) -> float | None:
     """The q for which the median of squares / (rest + q² by) is a Gaussian's; none where too few measurements count."""
     where = where & (by > 0)  # where nothing is predicted, as of metal between highlights, nothing is told
     if np.count_nonzero(where) < SETTINGS.min_measurements:
         return None
     squares, rest, by = squares[where], rest[where], by[where]
     # squares / (rest + q² by) is above the Gaussian's median where q² is below this.
-    square = float(np.median((squares / GAUSSIAN_MEDIAN_DEVIATION**2 - rest) / by))
-    return max(square, SETTINGS.least_sigma**2) ** 0.5
+    return float(
+        np.clip(np.sqrt(max(float(np.median((squares / GAUSSIAN_MEDIAN_DEVIATION**2 - rest) / by)), 0.0)), *within)
+    )
 
 
 @numba.njit(
