@@ -42,6 +42,8 @@ class DiscontinuitySettings:
     """Cauchy scale of the slope error, in pixels, beyond which a pair of neighbours counts as discontinuous."""
     prior_weight: float = tuned(0.03, "1")
     """Prior continuity weight of a pair of neighbours where a shadow shows that the surface may be discontinuous."""
+    occluding_contour_cosine: float = tuned(0.8, "cosine")
+    """Cosine to the viewing ray below which a surface may be near its occluding contour."""
     least_share: float = tuned(0.5, "share")
     """Share of the shadows that have to contradict it."""
 
@@ -89,7 +91,7 @@ class _Equations:
         down, across = tip_row - row, tip_column - column
         length = np.hypot(down, across)
         down, across = down / length, across / length
-        least = cosine[row, column]
+        least = np.minimum(cosine[row, column], SETTINGS.occluding_contour_cosine)
         steepest = np.stack([row, column])
         for distance in range(1, int(np.max(length, initial=0))):
             inside = np.flatnonzero(distance < length - 0.5)

@@ -37,6 +37,10 @@ class ResidualNoiseSettings:
     """Leverage above which a residual has too little of its noise left to be used."""
     min_measurements: int = tuned(300, "measurements")
     """Measurements below which c or σ_d is not estimated."""
+    min_pixel_share: float = tuned(0.1, "share")
+    """Share of the pixels that must have such measurements. On a machined part, whose faces meet light steeply, only
+    edges and penumbrae at the foot of walls are grazing; errors there are not those of lamp directions, and σ of all
+    faces would be too large by them."""
     intensity_range: tuple[float, float] = tuned((0.001, 0.1), "share")
     """Bounds of c, a fraction."""
     direction_range: tuple[float, float] = tuned((0.001, 0.05), "rad")
@@ -134,7 +138,7 @@ def _median_matched_share(
 ) -> float | None:
     """The q for which the median of squares / (rest + q² by) is a Gaussian's; none where too few measurements count."""
     where = where & (by > 0)  # where nothing is predicted, as of metal between highlights, nothing is told
-    if np.count_nonzero(where) < SETTINGS.min_measurements:
+    if np.count_nonzero(where) < SETTINGS.min_measurements or np.mean(np.any(where, axis=0)) < SETTINGS.min_pixel_share:
         return None
     squares, rest, by = squares[where], rest[where], by[where]
     # squares / (rest + q² by) is above the Gaussian's median where q² is below this.
