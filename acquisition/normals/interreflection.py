@@ -35,6 +35,8 @@ class InterreflectionSettings:
 
     background_depth_factor: float = tuned(2.0, "1")
     """Depth of the background, in multiples of the object's largest depth, where there is no table."""
+    least_prediction: float = tuned(0.002, "y")
+    """Predicted indirect light, in units of y, below which a measurement in shadow says nothing."""
     detection_threshold: float = tuned(0.35, "1")
     """Measured / predicted light in shadows from which indirect light is detected. Where there is only direct light,
     shadows are black everywhere."""
@@ -183,7 +185,7 @@ def _shadow_ratio(pixels: Pixels, values: Float32Array, predicted: Float32Array,
     dark = ((direct < SETTINGS.attached_cosine * strength) | cast) & ~pixels.clipped
     kernel = np.ones((3, 3), np.uint8)
     umbra = np.stack([pixels.take(cv2.erode(pixels.image(mask.astype(np.uint8)), kernel)) > 0 for mask in dark])
-    used = umbra & (predicted > 0)
+    used = umbra & (predicted > SETTINGS.least_prediction)
     if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
         return 1.0
     ratio, weight = values[used] / predicted[used], predicted[used]

@@ -42,8 +42,10 @@ class ResidualNoiseSettings:
     edges and penumbrae at the foot of walls are grazing; errors there are not those of lamp directions, and σ of all
     faces would be too large by them: on design seed 62 σ_d is 0.068 in place of 0.005 rad, P(e < σ) 0.96 in place of
     0.68, and the error 1.05 times as large (eight lights; 1.17 times under twenty)."""
-    least_sigma: float = tuned(0.001, "share, rad")
-    """Least c and σ_d: no lamp is known better."""
+    intensity_range: tuple[float, float] = tuned((0.001, 0.1), "share")
+    """Bounds of c, a fraction."""
+    direction_range: tuple[float, float] = tuned((0.001, 0.05), "rad")
+    """Bounds of σ_d, rad."""
 
 
 SETTINGS = ResidualNoiseSettings()
@@ -78,12 +80,12 @@ def estimate(
         bright, grazing = usable & (cosine > SETTINGS.bright_cosine), usable & (cosine < SETTINGS.grazing_cosine)
         by_intensity, by_direction = y**2, strength**2
         intensity = _median_matched_share(
-            unleveraged, variance - noise.intensity**2 * by_intensity, by_intensity, bright
+            unleveraged, variance - noise.intensity**2 * by_intensity, by_intensity, bright, SETTINGS.intensity_range
         )
         intensity = stated.intensity if intensity is None else intensity
         variance = variance + (intensity**2 - noise.intensity**2) * by_intensity
         direction = _median_matched_share(
-            unleveraged, variance - noise.direction**2 * by_direction, by_direction, grazing
+            unleveraged, variance - noise.direction**2 * by_direction, by_direction, grazing, SETTINGS.direction_range
         )
         noise = replace(noise, intensity=intensity, direction=stated.direction if direction is None else direction)
     return noise
@@ -132,15 +134,18 @@ def _design(solution: Estimate, ray_direction: Float32Array, lamps: Float32Array
     return _Design(np.ascontiguousarray(np.concatenate([bent, slope[:, None]], axis=1)), predicted, strength)
 
 
-def _median_matched_share(squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray) -> float | None:
+def _median_matched_share(
+    squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray, within: tuple[float, float]
+) -> float | None:
     """The q for which the median of squares / (rest + q² by) is a Gaussian's; none where too few measurements count."""
     where = where & (by > 0)  # where nothing is predicted, as of metal between highlights, nothing is told
     if np.count_nonzero(where) < SETTINGS.min_measurements or np.mean(np.any(where, axis=0)) < SETTINGS.min_pixel_share:
         return None
     squares, rest, by = squares[where], rest[where], by[where]
     # squares / (rest + q² by) is above the Gaussian's median where q² is below this.
-    square = float(np.median((squares / GAUSSIAN_MEDIAN_DEVIATION**2 - rest) / by))
-    return max(square, SETTINGS.least_sigma**2) ** 0.5
+    return float(
+        np.clip(np.sqrt(max(float(np.median((squares / GAUSSIAN_MEDIAN_DEVIATION**2 - rest) / by)), 0.0)), *within)
+    )
 
 
 @numba.njit(
