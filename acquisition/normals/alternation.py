@@ -165,7 +165,8 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
         )  # fmt: skip
         previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
-        dark = _hardly_lit(indirect, measured - highlight, estimate, nominal.terms)
+        received = indirect.irradiance if indirect is not None and indirect.significant else None
+        dark = hardly_lit(received, measured - highlight, estimate, nominal.terms, float(np.median(estimate.albedo)))
         variance = np.where(dark, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
         shadows = None
         if discontinuous:
@@ -282,15 +283,15 @@ def _indirect_light(
     return predicted(1)
 
 
-def _hardly_lit(
-    indirect: _IndirectLight | None, diffuse: Float32Array, estimate: Estimate, terms: ImageTerms | None
-) -> BoolArray:
-    """`interreflection.hardly_lit` by the irradiance of the round before; none in the first, and none of metal, which
-    has no diffuse light."""
-    if indirect is None or not indirect.significant or (terms is not None and terms.metal > 0):
-        return np.zeros(diffuse.shape[1], np.bool_)
-    diffuse = diffuse - estimate.nondiffuse_value
-    return interreflection.hardly_lit(indirect.irradiance, diffuse, float(np.median(estimate.albedo)))
+def hardly_lit(
+    received: Float32Array | None, values: Float32Array, estimate: Estimate, terms: ImageTerms | None,
+    median_albedo: float,
+) -> BoolArray:  # fmt: skip
+    """`interreflection.hardly_lit` (N,) by the diffuse part of values (F, N) without the lobe's highlights; none where
+    no irradiance is `received` (F, N), and none of metal, which has no diffuse light."""
+    if received is None or (terms is not None and terms.metal > 0):
+        return np.zeros(values.shape[1], np.bool_)
+    return interreflection.hardly_lit(received, values - estimate.nondiffuse_value, median_albedo)
 
 
 def _shared_normal_variance(

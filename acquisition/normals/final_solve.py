@@ -253,10 +253,8 @@ def _empty_maps(size: tuple[int, int]) -> dict[str, np.ndarray]:
 def _integration_inputs(shape: tuple[int, int], *, discontinuous: bool) -> dict[str, np.ndarray]:
     """Further maps (h, w) of the window that the projection and integration need, with their values outside of the
     object."""
-    maps: dict[str, np.ndarray] = {
-        "variance": np.zeros(shape, np.float32), "start": np.ones(shape, np.float32)
-    }  # fmt: skip
-    maps |= {"lights": np.zeros(shape, np.uint8), "stated_share": np.ones(shape, np.float32)}
+    maps: dict[str, np.ndarray] = {name: np.ones(shape, np.float32) for name in ("start", "stated_share")}
+    maps |= {"variance": np.zeros(shape, np.float32), "lights": np.zeros(shape, np.uint8)}
     return maps | ({"continuity_weight": np.ones(shape, np.float32)} if discontinuous else {})
 
 
@@ -375,10 +373,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     extra = np.zeros_like(measured) if extra is None else extra
     if estimate.terms is not None:
         extra = extra + estimate.terms.highlight_variance
-    hardly_lit = np.zeros(measured.shape[1], np.bool_)
-    if state.indirect_irradiance is not None and (scene.terms is None or scene.terms.metal == 0):
-        diffuse = diffuse - estimate.nondiffuse_value
-        hardly_lit = interreflection.hardly_lit(state.indirect_irradiance, diffuse, state.median_albedo)
+    hardly_lit = alternation.hardly_lit(state.indirect_irradiance, diffuse, estimate, scene.terms, state.median_albedo)
     return PixelSolution(estimate, measured, values, pixels.plus_extra(extra), indirect, hardly_lit)
 
 

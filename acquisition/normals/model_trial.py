@@ -56,8 +56,8 @@ SETTINGS = TrialSettings()
 class Problem:
     """What a descent starts from: images, coarse level, depth at its pixels (N,), nominal scene, 1 σ of the terms that
     are estimated, and of the object's shift in m; the kinds of faults that are already corrected in it, and the factors
-    (F,) that its images were divided by. `thorough`: alternatives are tried that only a poor fit
-    calls for, and translucency, which broad gloss under many lights resembles."""
+    (F,) that its images were divided by. `thorough`: alternatives are tried that only a poor fit calls for, and
+    translucency, which broad gloss under many lights resembles."""
 
     masked: MaskedImages
     level: PyramidLevel
@@ -118,12 +118,8 @@ class Solution:
     @property
     def poor(self) -> bool:
         """Whether the fit is so bad that costly alternatives are worth a trial."""
-        return self.problem.thorough and self.bad
-
-    @property
-    def bad(self) -> bool:
-        """Whether the fit is worse than that of sound captures."""
-        return self.fit.probability < SETTINGS.min_probability or self.at_end_of_range
+        bad = self.fit.probability < SETTINGS.min_probability or self.at_end_of_range
+        return self.problem.thorough and bad
 
 
 @dataclass(frozen=True)

@@ -40,8 +40,8 @@ class ResidualNoiseSettings:
     min_pixel_share: float = tuned(0.1, "share")
     """Share of the pixels that must have such measurements. On a machined part, whose faces meet light steeply, only
     edges and penumbrae at the foot of walls are grazing; errors there are not those of lamp directions, and σ of all
-    faces would be too large by them: on design seed 62 σ_d is 0.068 in place of 0.005 rad, P(e < σ) 0.96 in place of
-    0.68, and the error 1.05 times as large (eight lights; 1.17 times under twenty)."""
+    faces would be too large by them: on design seed 62 under eight lights σ_d is 0.068 in place of 0.005 rad, and
+    P(e < σ) 0.96 in place of 0.69; errors are alike."""
     intensity_range: tuple[float, float] = tuned((0.001, 0.1), "share")
     """Bounds of c, a fraction."""
     direction_range: tuple[float, float] = tuned((0.001, 0.05), "rad")

@@ -163,12 +163,11 @@ def solve(
     strength = np.maximum(np.sqrt(np.sum(problem.light * problem.light, axis=1)), np.float32(1e-9))
     ratio = np.where(classified.usable, problem.values / strength, -np.inf)
     count = np.count_nonzero(classified.usable, axis=0)
-    many = len(ratio) >= photometry.SETTINGS.many_lights
-    for most in (1, int(SETTINGS.highlight_share * len(ratio))) if many else (1,):
-        least = np.max(ratio, axis=0)
-        if most > 1:  # that share of each pixel's usable measurements
-            rank = np.maximum(1, (SETTINGS.highlight_share * count).astype(int))
-            least = np.take_along_axis(np.sort(ratio, axis=0), len(ratio) - rank[None], axis=0)[0]
+    left_out_from = [np.max(ratio, axis=0)]
+    if len(ratio) >= photometry.SETTINGS.many_lights:
+        rank = np.maximum(1, (SETTINGS.highlight_share * count).astype(int))
+        left_out_from.append(np.take_along_axis(np.sort(ratio, axis=0), len(ratio) - rank[None], axis=0)[0])
+    for least in left_out_from:
         removed = classified.usable & (ratio >= least)
         others = classify(clipped | removed)
         left = np.count_nonzero(others.usable, axis=0)

@@ -47,10 +47,10 @@ class ExpectedSigma:
 
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
         """Expected σ (P,) in degrees of pixels with a posterior, mean over its visibility scenarios."""
-        tuned_by = photometry.SETTINGS
-        factor = 1 + tuned_by.misfit_factor * posterior.lit * (self.misfit - 1)
-        added = tuned_by.unsound_sigma_deg**2 if self.unsound else 0.0
-        few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, tuned_by.few_lights_sigma_deg**2, 0.0)
+        settings = photometry.SETTINGS
+        factor = 1 + settings.misfit_factor * posterior.lit * (self.misfit - 1)
+        added = settings.unsound_sigma_deg**2 if self.unsound else 0.0
+        few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, settings.few_lights_sigma_deg**2, 0.0)
         # Both tangential directions of a normal, as the posterior's variance counts them.
         shared = 2 * self.calibration_rad**2
         variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + few + added

@@ -1,4 +1,5 @@
-"""Pixels that hardly any lamp reaches, in vessels seen from above: they are found, and their σ says that."""
+"""Pixels that hardly any lamp reaches, in vessels seen from above: they are found, and their σ says that; dark paint is
+not taken for them."""
 
 import numpy as np
 import pytest
@@ -36,3 +37,18 @@ def test_solve_pixels_in_all_shadows_are_doubtful_and_of_large_sigma(seed: int) 
     assert np.mean(solved.doubtful[lit]) < 0.1
     assert np.median(solved.sigma_deg[dark]) > 0.8 * photometry.RANDOM_NORMAL_SIGMA_DEG
     assert np.median(scene.truth.error_deg(solved.normals)[dark]) > 10  # or else a large σ would be wrong
+
+
+@pytest.mark.parametrize("family", ["blob", "knot"])
+def test_solve_dark_parts_of_bright_object_are_not_doubtful(family: str) -> None:
+    """Two fifths of the pixels have a fifth of the others' albedo, and all lamps reach most of them."""
+    scene = scenes.scene(family, 63, "lambert", PIXELS)
+    positions = patterns.fixed("two-rings", scene, 8, 0, 1)
+
+    solved = run.solve(scene, capture(scene, positions))
+
+    assert solved.doubtful is not None
+    lit = scene.truth.within_78_deg & solved.mask & (lamps_that_reach(scene, positions) >= 3)
+    dark = lit & (solved.albedo < 0.3 * np.median(solved.albedo[solved.mask]))
+    assert np.mean(dark[lit]) > 0.2
+    assert np.mean(solved.doubtful[dark]) < 0.1

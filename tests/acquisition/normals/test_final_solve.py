@@ -204,3 +204,23 @@ def test_solve_integrability_lowers_median_error(cushion: scenes.Scene, monkeypa
     monkeypatch.setattr(integrability, "ITERATIONS", 0)
     single = median_deg()
     assert projected < 0.95 * single
+
+
+def test_solve_noise_beyond_what_is_stated_is_a_misfit(cushion: scenes.Scene) -> None:
+    """Estimated noise whitens residuals of a wrong model to 1; against the stated one they stand out, and raise σ."""
+    stack = images(cushion)
+    all_pixels = slice(0, SIZE)
+    masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
+    gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+    scene = model(cushion.calibration, stack)
+    estimated = replace(scene, noise=replace(scene.noise, intensity=0.1, direction=0.05))
+    state = refined(gathered, estimated.noise, NO_LOBE, 0.0)
+
+    def solved(stated: photometry.Noise) -> NormalMap:
+        size = (SIZE, SIZE)
+        return final_solve.solve(masked, gathered, state, replace(estimated, stated_noise=stated), size)
+
+    as_estimated, less = solved(estimated.noise), solved(scene.noise)
+    np.testing.assert_array_equal(less.normals, as_estimated.normals)
+    assert less.noise["misfit"] > as_estimated.noise["misfit"]
+    assert np.nanmean(less.sigma_deg) > 1.05 * np.nanmean(as_estimated.sigma_deg)
