@@ -5,7 +5,8 @@ predicted, a pixel that mixes two surfaces. What tells is how badly the pixel's 
 changes from pixel to pixel:
 
     σ² = 1 / (1/v + 1/V²),
-    v = (1 + B m max(χ² − s, 0)) σ₀² + M² max(Δ² − Δ₀², 0) + D² [fewer than four lights] + E² [something remains wrong]
+    v = (1 + B m max(χ² − s, 0)) σ₀² + M² max(Δ² − Δ₀², 0) + L² λ² + D² [fewer than four lights] + E² [something remains
+    wrong]
 
 V = 49° is 1 σ of a normal of which no image tells anything (`photometry.bounded_variance`): without it pixels in
 cavities that are hardly lit and fit badly have σ up to 480°, and 2–9 % of the pixels make up half of the mean σ.
@@ -20,19 +21,12 @@ either side of them, over both directions. Curvature goes on beyond the neighbou
 mixes two surfaces fits its images as well as any: its normal is a mean of theirs, and nothing but the neighbours tells
 that it is on neither. A crease of angle 2Δ anywhere in a pixel leaves an rms of 2Δ/√12 there and less in the next one.
 
-Left out are the weight of a depth discontinuity, which adds 0.003 to the mean log likelihood beside M; the turn by the
-integrability projection and predicted indirect light, which add up to 0.05 on the captures that they are fitted to and
-0.01–0.02 on others, where rms e/σ stays as it is; and what was tried before M was found and not beside it: a sandwich
-estimate, the albedo's local contrast, slant and gloss (scratch fits on design seeds, November 2026).
+λ is the detail at the pixel: the angle between its normal and the mean of its four neighbours'. A surface with much of
+it at the scale of pixels has more below that scale, where a pixel's normal is a mean that its lights weigh differently;
+and light that spreads below the surface, or a lens out of focus, has smoothed what was there without a trace in the
+residuals. Errors follow λ over two orders of magnitude, from smooth sheets to fine relief.
 
-The constants maximise the likelihood of the errors under Rayleigh's law with a heavy tail (bivariate t, 20 degrees of
-freedom) over captures without uncorrected findings of design seeds, then all are multiplied so that P(e < σ) is 0.69
-over them. `python -m tests.unseen fit-sigma` does this, and prints them and how much less likely the errors are without
-each component: 0.35 in the mean log likelihood without the misfit's, 0.15 without the crease's, 0.014 without that of
-few lights. Of 190 captures (seeds 40–43 and 60–63, two rings of 6, 8 and 20 lights, November 2026) the factor of σ₀²
-itself comes out as 0.94, of the 96 of seeds 60–63 as 0.98: it is taken as 1, and the others divided by it. They depend
-on the tail that is assumed (`tests.unseen.sigma_fit.TAIL`). How they do on captures that they were not fitted to stands
-in `tests/unseen/reports.md`.
+LEFT_OUT text follows.
 
 B, D and E are `photometry`'s, because a plan's forecast takes them into account as well.
 """
@@ -55,6 +49,8 @@ class ErrorVarianceSettings:
     """M: 1 σ of the normal at a crease, as a share of Δ, half of its angle."""
     min_crease_deg: float = tuned(12.0, "deg")
     """Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell."""
+    detail_share: float = tuned(0.41, "share")
+    """L: 1 σ of the normal as a share of λ, the angle to the mean of its neighbours' normals."""
     max_square: float = tuned(100.0, "σ²")
     """Largest mean square of a pixel's residuals that counts."""
 
@@ -68,11 +64,14 @@ WEIGHTS = np.array(
         1.0,
         photometry.SETTINGS.misfit_factor,
         SETTINGS.crease_share**2,
+        SETTINGS.detail_share**2,
         photometry.SETTINGS.few_lights_sigma_deg**2,
     ],
     np.float32,
 )
-"""1, B, M², D² of `components`."""
+"""1, B, M², L², D² of `components`."""
+
+FOUR_NEIGHBOURS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], np.float32)
 
 STRIP_ROWS, NEIGHBOUR_ROWS = 256, 2
 """Rows that are evaluated at once, and rows beyond them that they look at."""
@@ -104,7 +103,7 @@ def components(
     posterior_deg: Float32Array, residual: Float32Array, lights: np.ndarray, stated_share: Float32Array,
     normals: Float32Array,
 ) -> Float32Array:  # fmt: skip
-    """What 1, B, M² and D² of the module's docstring multiply (4, H, W): deg², and 0 or 1.
+    """What 1, B, M², L² and D² of the module's docstring multiply (5, H, W): deg², and 0 or 1.
 
     `posterior_deg` (H, W) is σ after the integrability projection, NaN where there is no normal; `residual` the rms of
     whitened residuals, `lights` how many measurements each pixel rests on, `stated_share` the share of the stated noise
@@ -116,7 +115,8 @@ def components(
     unexplained = np.subtract(squares, stated_share * freedom, dtype=np.float32)
     excess = np.maximum(_summed(unexplained) / np.maximum(_summed(freedom), 1), 0)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
-    return np.stack([base, lights * excess * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
+    detail = detail_deg2(normals, known)
+    return np.stack([base, lights * excess * base, crease, detail, lights < MIN_LIGHTS]).astype(np.float32)
 
 
 def misfit(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
@@ -145,6 +145,15 @@ def crease_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
         sides = beyond[0, 1:-1] + beyond[1, 1:-1]
         np.swapaxes(out, 0, axis)[1:-1] += (np.maximum(across - sides, 0) / 2) ** 2
     return np.float32(np.degrees(1) ** 2) * out
+
+
+def detail_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
+    """λ² (H, W), deg², of normals (H, W, 3): to the mean of those of the four neighbours that are known; else 0."""
+    around = cv2.filter2D(normals * known[..., None], -1, FOUR_NEIGHBOURS, borderType=cv2.BORDER_CONSTANT)
+    length = np.linalg.norm(around, axis=-1)
+    cosine = np.sum(normals * around, axis=-1) / np.maximum(length, np.float32(1e-6))
+    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    return np.where(known & (length > 0), angle**2, 0).astype(np.float32)
 
 
 def _summed(values: Float32Array) -> Float32Array:

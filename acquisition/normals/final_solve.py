@@ -5,8 +5,7 @@ Blocks of rows are solved one after another and put into maps of the whole frame
 by which of them are in shadow, once for each time that light is subtracted, so a block solved with as many rows around
 it comes out as all rows together would. So blocks may be solved anywhere (`BlockMap`), by default here in turn. A pixel
 with fewer than two usable lights gets no normal; one with two gets one that the prior decides along one direction, and
-a σ that says so. At the end uncertain pixels are smoothed towards their neighbours, the normals are made those of an
-integrable surface, and pixels that are still uncertain are smoothed again, since their neighbours are surer by then.
+a σ that says so. At the end the normals are made those of an integrable surface.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -29,10 +29,14 @@ from acquisition.normals.model_trial import Alternative, Solution
 from acquisition.normals.surface_diffusion import SurfaceGraph
 from acquisition.normals.term_tests import TermScore
 
-AXES_GAIN, AXES_BETTER = 0.25, 0.8
-"""Gain of outwardness (cosine) from which other axes are tried: 0.28–1.4 of mirrored ones, 0 of sound captures; and
-misfit after over before, up to which they are accepted: 0.06–0.35 of mirrored ones. A dish whose visible rim slopes
-inwards gains outwardness when it is taken for a dome, but near light and shadows do not fit that."""
+LEAST_OUTWARDNESS, AXES_BETTER = -0.125, 0.8
+"""Outwardness below which the opposite axes are tried: −0.03 and more of sound captures; and misfit after over before,
+up to which other axes are accepted: 0.2–0.7 of mirrored ones. A dish whose visible rim slopes inwards points outwards
+when it is taken for a dome, but near light and shadows do not fit that."""
+
+SCALED_WORSE = 1.05
+"""Misfit of images with scaled intensities over that before, up to which they are accepted: the descent before has put
+most of the factors right already, so that noise decides which of the two fits better."""
 
 MIN_SWAP_IMAGES, SWAP_SHARE = 5, 0.5
 """Images from which lamps are tested for a swap, four being explained by any; and least-squares residual after over
@@ -95,15 +99,20 @@ SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(
 
 
 def other_axes(present: Solution) -> list[Alternative]:
-    """Axes of the lamps mirrored or exchanged, where the outline's normals would point outwards then."""
-    coarse, nominal = present.problem.level.coarse, present.problem.nominal
-    axes, gain = light_tests.best_axes(present.state.normals, light_tests.outline(coarse))
-    if gain <= AXES_GAIN:
-        return []
+    """Axes of the lamps mirrored, exchanged or turned, where the normals are closer to those of a surface then, or
+    opposite, where the normals of the outline point inwards."""
+    coarse, nominal, normals = present.problem.level.coarse, present.problem.nominal, present.state.normals
+    trials = light_tests.integrable_axes(coarse, normals)
+    if light_tests.STATED_AXES in trials:
+        outwards = light_tests.outwardness(normals, light_tests.outline(coarse))
+        trials = () if outwards is None or outwards >= LEAST_OUTWARDNESS else trials[1:]
     names = {(1, 0): "x", (-1, 0): "−x", (0, 1): "y", (0, -1): "−y"}
-    message = f"the lamps' axes are mirrored or exchanged: {names[axes[0]]}, {names[axes[1]]} are taken for their x, y"
-    problem = present.problem.relit(light_tests.transformed(nominal.lamps, axes))
-    return [Alternative("axes of the lamps", message, problem, AXES_BETTER)]
+    found: list[Alternative] = []
+    for axes in trials:
+        message = f"the lamps' axes are mirrored or turned: {names[axes[0]]}, {names[axes[1]]} are taken for their x, y"
+        problem = present.problem.relit(light_tests.transformed(nominal.lamps, axes))
+        found.append(Alternative("axes of the lamps", message, problem, AXES_BETTER))
+    return found
 
 
 def swapped_lamps(present: Solution) -> list[Alternative]:
@@ -270,7 +279,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
     scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
-    return [Alternative("intensities", message, scaled, 1.0, float(factors[far][0]))]
+    return [Alternative("intensities", message, scaled, SCALED_WORSE, float(factors[far][0]))]
 
 
 def held_shift(present: Solution) -> list[Alternative]:

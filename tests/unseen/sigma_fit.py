@@ -38,7 +38,7 @@ SHARE = 0.69
 PIXELS = 800
 """Pixels of each capture."""
 
-NAMES = ("posterior A", "misfit B", "crease M²", "few lights D²")
+NAMES = ("posterior A", "misfit B", "crease M²", "detail L²", "few lights D²")
 CREASES_DEG = (8.0, 12.0, 16.0, 20.0, 24.0)
 """Δ₀ that are compared."""
 
@@ -48,7 +48,7 @@ CHANGE = 2
 
 @dataclass(frozen=True)
 class Errors:
-    """A sample of one capture's pixels: errors e (N,), degrees, components (4, N), the third of them Δ²; the σ that the
+    """A sample of one capture's pixels: errors e (N,), degrees, components (5, N), the third of them Δ²; the σ that the
     solve gave (N,)."""
 
     family: str
@@ -60,7 +60,7 @@ class Errors:
     sigma_deg: FloatArray
 
     def regressors(self, crease_deg: float) -> FloatArray:
-        """The components (4, N) for Δ₀."""
+        """The components (5, N) for Δ₀."""
         out = self.components.copy()
         out[CHANGE] = np.maximum(out[CHANGE] - crease_deg**2, 0)
         return out
@@ -80,7 +80,7 @@ def read(folder: Path) -> list[Errors]:
 def fit(
     captures: Sequence[Errors], crease_deg: float, without: int | None = None, *, tail: float = TAIL
 ) -> tuple[FloatArray, float]:
-    """Weights (4,) of greatest likelihood over captures without findings, and the mean negative log likelihood; one of
+    """Weights (5,) of greatest likelihood over captures without findings, and the mean negative log likelihood; one of
     the weights held near zero on demand."""
     data = [(one.regressors(crease_deg), one.error_deg**2) for one in captures]
     bounds = [(-12.0, -12.0 if number == without else 6.0) for number in range(len(NAMES))]
@@ -134,7 +134,7 @@ def summary(captures: Sequence[Errors], tail: float = TAIL) -> str:
     weights = fits[best][0]
     lines.append(
         f"best Δ₀ {best:.0f}°: A {weights[0]:.2f}, B {weights[1]:.2f}, M {weights[2] ** 0.5:.2f}, "
-        f"D {weights[3] ** 0.5:.1f}°"
+        f"L {weights[3] ** 0.5:.2f}, D {weights[4] ** 0.5:.1f}°"
     )
     for number, name in enumerate(NAMES):
         value = fit(sound, best, number, tail=tail)[1]

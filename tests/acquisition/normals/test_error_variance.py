@@ -102,8 +102,12 @@ def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None
     result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), unsound=False)
     crease = np.degrees(2 * np.sin(np.radians(45)) / 2)
     tuned = error_variance.SETTINGS
-    raised = bounded(1 + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2))
-    assert result[row - 1 : row + 1] == pytest.approx(raised, rel=1e-4)
+    # A normal and the mean of four neighbours, one of which is 90° away, lie atan(1/3) apart.
+    detail = np.degrees(np.arctan(1 / 3))
+    raised = bounded(
+        1 + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2) + tuned.detail_share**2 * detail**2
+    )
+    assert result[row - 1 : row + 1, 1:-1] == pytest.approx(raised, rel=1e-4)
     assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(1), rel=1e-5)
 
 
@@ -131,3 +135,20 @@ def test_crease_beside_unknown_pixels_is_none() -> None:
 def _plain_maps() -> tuple[np.ndarray, ...]:
     ones = np.ones(SHAPE, np.float32)
     return ones, np.zeros(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8), ones
+
+
+def test_detail_of_one_tilted_normal_is_its_angle_and_a_part_of_it_beside() -> None:
+    normals = bent(0)
+    angle = np.radians(8.0)
+    normals[20, 10] = 0, np.sin(angle), np.cos(angle)
+    detail = error_variance.detail_deg2(normals, np.ones(SHAPE, bool))
+    assert np.sqrt(detail[20, 10]) == pytest.approx(8.0, rel=1e-3)
+    beside = np.degrees(np.arctan2(np.sin(angle), 3 + np.cos(angle)))
+    assert np.sqrt(detail[[19, 21, 20, 20], [10, 10, 9, 11]]) == pytest.approx(beside, rel=1e-3)
+    assert np.count_nonzero(detail > 0.01) == 5
+
+
+def test_detail_beside_unknown_pixels_is_that_of_the_known() -> None:
+    known = np.ones(SHAPE, bool)
+    known[STRIP_ROWS:] = False
+    assert error_variance.detail_deg2(bent(90), known) == pytest.approx(0, abs=1e-3)

@@ -21,22 +21,38 @@ def ball() -> tuple[Pixels, np.ndarray]:
     return Pixels((SIZE, SIZE), index, np.zeros((2, len(index)), np.float32), nothing, nothing > 0), normals
 
 
-@pytest.mark.parametrize("axes", light_tests.ALL_AXES)
-def test_best_axes_of_transformed_ball_are_the_inverse(axes: light_tests.Axes) -> None:
+ALL_AXES = [axes for pair in light_tests.OPPOSITE_AXES for axes in pair]
+
+
+@pytest.mark.parametrize("axes", ALL_AXES)
+def test_integrable_axes_of_transformed_saddle_contain_the_inverse(axes: light_tests.Axes) -> None:
+    row, column = np.mgrid[:SIZE, :SIZE]
+    x, y = (column / SIZE - 0.5).ravel(), -(row / SIZE - 0.5).ravel()
+    slopes = np.array(axes, np.float32) @ np.stack([x + 2 * y, 2 * x - 0.5 * y])
+    normals = np.stack([-slopes[0], -slopes[1], np.ones(SIZE**2)]).astype(np.float32)
+    normals /= np.linalg.norm(normals, axis=0)
+    nothing = np.zeros((1, SIZE**2), np.float32)
+    pixels = Pixels((SIZE, SIZE), np.arange(SIZE**2), np.zeros((2, SIZE**2), np.float32), nothing, nothing > 0)
+    found = light_tests.integrable_axes(pixels, normals)
+    inverse = np.linalg.inv(np.array(axes))
+    assert any(np.array_equal(one, inverse) for one in found)
+    assert np.array_equal(np.array(found[0]), -np.array(found[1]))
+
+
+def test_outwardness_of_ball_is_near_one_and_negative_turned_over() -> None:
     pixels, normals = ball()
-    wrong = normals.copy()
-    wrong[:2] = np.array(axes, np.float32) @ normals[:2]
-    best, gain = light_tests.best_axes(wrong, light_tests.outline(pixels))
-    assert np.array_equal(np.array(best) @ np.array(axes), np.eye(2))
-    assert gain > 0.5 or axes == light_tests.STATED_AXES
-    assert light_tests.outwardness(wrong, light_tests.outline(pixels), best) > 0.85
+    turned_over = normals * np.array([-1, -1, 1], np.float32)[:, None]
+    rim = light_tests.outline(pixels)
+    outwards, inwards = light_tests.outwardness(normals, rim), light_tests.outwardness(turned_over, rim)
+    assert outwards is not None and inwards is not None
+    assert outwards > 0.85
+    assert inwards == pytest.approx(-outwards)
 
 
-def test_best_axes_without_outline_are_the_stated_ones() -> None:
+def test_outwardness_of_short_outline_is_unknown() -> None:
     pixels, normals = ball()
     few = pixels.subset(np.arange(20))
-    axes, gain = light_tests.best_axes(-normals[:, :20], light_tests.outline(few))
-    assert (axes, gain) == (light_tests.STATED_AXES, 0.0)
+    assert light_tests.outwardness(normals[:, :20], light_tests.outline(few)) is None
 
 
 def test_transformed_lamps_turn_places_and_optical_axes() -> None:
