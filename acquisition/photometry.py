@@ -33,7 +33,7 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration, LampLobe, SensorModel
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import FrameExposure, Light
-from acquisition.models.result import NormalMap
+from acquisition.models.result import ModelFinding, NormalMap
 from acquisition.models.tuned import tuned
 
 
@@ -65,25 +65,28 @@ class SharedSettings:
     weighed by."""
     predicted_highlight_sigma: float = tuned(0.2, "share")
     """1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
-    misfit_factor: float = tuned(0.37, "1")
+    misfit_factor: float = tuned(0.20, "1")
     """B of a pixel's variance (1 + B m max(χ² − s, 0)) σ₀², σ₀² of the posterior, m the number of lights, χ² the
     whitened residuals' squares over their degrees of freedom, s the stated noise's share of them:
     `acquisition.normals.error_variance` says where it comes from."""
-    few_lights_sigma_deg: float = tuned(6.1, "deg")
-    """D, degrees: 1 σ of the normal where no more than PIXEL_UNKNOWNS lights are usable: no residual is left, so that
-    χ² says nothing."""
+    unchecked_sigma_deg: float = tuned(5.0, "deg")
+    """D, degrees: 1 σ of a normal that no residual checks: fewer than four lights are usable, or the surface is metal,
+    of which a pixel has little but its highlights. Over ten captures that were solved as metal (design seeds 4, 14, 44,
+    64, eight lights) rms e/σ is 2.2 without, 1.5 with 4° and 1.3 with 6° (scratch evaluation, November 2026)."""
     many_lights: int = tuned(24, "lights")
     """Lights from which a highlight is in several images of a pixel, so that it is also solved without the brightest
     quarter of them, and from which a reflectance can be fitted to each pixel (seven unknowns). Under twenty lights the
     quarter is worse on parts with walls: 2.3° and 2.7° on `few_light_scenes`' matt part."""
-    unsound_sigma_deg: float = tuned(6.0, "deg")
-    """E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over 30 such
-    captures of design seeds (November 2026, with the components of before) P(e < σ) is 0.79 and the rms of e/σ 1.1,
-    2.9 at worst; with 2° 0.68, 1.8 and 4.9; with 8° 0.83, 1.0 and 2.4, and the mean error is forecast 1.7 times too
-    large."""
+    unsound_sigma_deg: float = tuned(27.0, "deg")
+    """E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. The
+    likeliest for 26 captures of design seeds, whose mean errors are 2–47°: P(e < σ) is 0.69 with it, 0.58 with 6° and
+    0.73 with 40°; P(e < 2σ) 0.89, 0.73 and 0.96 (scratch evaluation, November 2026)."""
 
 
 SETTINGS = SharedSettings()
+
+METAL = "metal"
+"""Kind of the finding that a surface is metal."""
 
 PIXEL_UNKNOWNS = 3
 """Unknowns of a pixel that its residuals pay for; the depth offset hardly takes part."""
@@ -144,6 +147,13 @@ def bounded_variance(variance_deg2: FloatArray) -> FloatArray:
     """
     random = RANDOM_NORMAL_SIGMA_DEG**2
     return variance_deg2 * random / (variance_deg2 + random)
+
+
+def capture_sigma_deg(findings: Sequence[ModelFinding]) -> float:
+    """1 σ, degrees, of all normals of a capture by what was found of it: uncorrected findings, or metal."""
+    if any(not finding.corrected for finding in findings):
+        return SETTINGS.unsound_sigma_deg
+    return SETTINGS.unchecked_sigma_deg if any(finding.kind == METAL for finding in findings) else 0.0
 
 
 def rays(calibration: Calibration, rows: slice, columns: slice) -> Float32Array:

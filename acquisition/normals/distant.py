@@ -152,7 +152,7 @@ def least_squares(values: FloatArray, directions: FloatArray) -> tuple[FloatArra
     spread = squared / max(count - photometry.PIXEL_UNKNOWNS, 1)
     variance = spread * leverage / power
     if count <= photometry.PIXEL_UNKNOWNS:  # no residual is left that would tell
-        variance = np.full_like(variance, np.radians(photometry.SETTINGS.few_lights_sigma_deg) ** 2)
+        variance = np.full_like(variance, np.radians(photometry.SETTINGS.unchecked_sigma_deg) ** 2)
     return scaled, squared / count, variance
 
 

@@ -186,7 +186,10 @@ TERMS = {
     "roughness": ("rough surface", "the surface is rough: it is solved with Oren and Nayar's reflectance, roughness"),
     "ambient": ("ambient light", "light from elsewhere falls on the object: it is estimated and subtracted"),
     "offset": ("stray light", "a black level or stray light is in the images: it is estimated and subtracted"),
-    "metal": ("metal", "the surface has no diffuse light: it is solved as metal, less surely, of roughness α"),
+    photometry.METAL: (
+        photometry.METAL,
+        "the surface has no diffuse light: it is solved as metal, less surely, of roughness α",
+    ),
     "gloss": ("gloss", "the surface is glossy: it is solved as a dielectric with microfacets, of roughness α"),
 }
 """Kind and sentence of the finding for each of `ImageTerms`."""

@@ -148,10 +148,10 @@ def solve_stack(
     nominal = Scene(lamps, calibration, noise, settings, common_lamp_errors_m=common_lamp_errors_m)
     solution, findings = model_selection.select(Problem(masked, level, start, nominal, thorough=thorough))
     chosen = solution.problem
-    unsound = any(not finding.corrected for finding in findings)
     normal_map = final_solve.solve(
-        chosen.masked, chosen.level, solution.state, solution.scene, size, unsound=unsound, block_map=block_map
-    )
+        chosen.masked, chosen.level, solution.state, solution.scene, size,
+        capture_sigma_deg=photometry.capture_sigma_deg(findings), block_map=block_map,
+    )  # fmt: skip
     return replace(
         colour_albedo.of_sites(normal_map, calibration),
         intensity_factors=normal_map.intensity_factors * chosen.factors,

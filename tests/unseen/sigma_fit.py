@@ -3,7 +3,7 @@
 Each capture gives the components of a sample of its pixels beside their errors. Under Rayleigh's law with a heavy tail
 (bivariate t of TAIL degrees of freedom) the weights maximise the likelihood over all captures without uncorrected
 findings, each capture counting alike; then they are scaled to a stated P(e < σ), because σ is read by its level, not
-by its tail. Captures with uncorrected findings have one further constant, found by the same share.
+by its tail. Captures with uncorrected findings have one further constant, the likeliest.
 """
 
 import json
@@ -28,9 +28,9 @@ from tests.unseen.scenes import Scene
 
 TAIL = 20.0
 """Degrees of freedom of the bivariate t distribution. The constants depend on it: with fewer, the tail explains large
-errors, which the components then need not. On the 190 captures that `error_variance` names, the factor of σ₀², B, M and
-D are 0.94, 0.35, 0.52 and 6.0° with 20; 1.02, 0.24, 0.48 and 4.7° with 8; 1.08, 0.18, 0.42 and 3.9° with 4 (`--tail
-8`)."""
+errors, which the components then need not. On the 169 captures that `error_variance` names, A, B, M, L and D are 0.74,
+0.19, 0.59, 0.41 and 4.9° with 20; 0.89, 0.17, 0.54, 0.31 and 4.1° with 8; 1.01, 0.14, 0.46, 0.23 and 3.5° with 4
+(`--tail 8`)."""
 
 SHARE = 0.69
 """P(e < σ) over the pixels of all captures that the constants are scaled to."""
@@ -39,6 +39,8 @@ PIXELS = 800
 """Pixels of each capture."""
 
 NAMES = ("posterior A", "misfit B", "crease M²", "detail L²", "few lights D²")
+"""The posterior's is A = 1 − 5/4 L² where the others are right to scale."""
+
 CREASES_DEG = (8.0, 12.0, 16.0, 20.0, 24.0)
 """Δ₀ that are compared."""
 
@@ -90,9 +92,9 @@ def fit(
         for parts, square in data:
             by_images = weights @ parts + 1e-4
             variance = photometry.bounded_variance(by_images)
-            q = square / (tail * variance)
-            value += float(np.mean(np.log(variance) + (tail + 2) / 2 * np.log1p(q)))
+            value += _negative_log_likelihood(variance, square, tail)
             # ∂ ln(variance)/∂(by_images) = variance/by_images²
+            q = square / (tail * variance)
             change = (1 - (tail + 2) / 2 * q / (1 + q)) * variance / by_images**2
             slope += weights * np.mean(change * parts, axis=1)
         return value / len(data), slope / len(data)
@@ -107,19 +109,25 @@ def fit(
     return weights * np.quantile(ratio, SHARE), float(found.fun)
 
 
-def unsound_sigma_deg(captures: Sequence[Errors], weights: FloatArray, crease_deg: float) -> float:
-    """E, degrees, of captures with uncorrected findings: P(e < σ) is SHARE on their average."""
-    trials = np.arange(0.0, 60.0, 0.5)
-    shares = [
-        np.mean(
-            [
-                np.mean(one.error_deg**2 < photometry.bounded_variance(weights @ one.regressors(crease_deg) + trial**2))
-                for one in captures
-            ]
+def unsound_sigma_deg(
+    captures: Sequence[Errors], weights: FloatArray, crease_deg: float, *, tail: float = TAIL
+) -> float:
+    """E, degrees, of captures with uncorrected findings: the likeliest of half degrees up to 90°."""
+    trials = np.arange(0.0, 90.0, 0.5)
+    level = tail * ((1 - SHARE) ** (-2 / tail) - 1)  # σ² that SHARE of the errors stays below, over that of one axis
+
+    def value(trial: float) -> float:
+        by_images = [weights @ one.regressors(crease_deg) + trial**2 for one in captures]
+        return float(
+            np.mean(
+                [
+                    _negative_log_likelihood(photometry.bounded_variance(variance) / level, one.error_deg**2, tail)
+                    for variance, one in zip(by_images, captures, strict=True)
+                ]
+            )
         )
-        for trial in trials
-    ]
-    return float(trials[np.searchsorted(shares, SHARE)])
+
+    return float(min(trials, key=value))
 
 
 def summary(captures: Sequence[Errors], tail: float = TAIL) -> str:
@@ -140,8 +148,13 @@ def summary(captures: Sequence[Errors], tail: float = TAIL) -> str:
         value = fit(sound, best, number, tail=tail)[1]
         lines.append(f"without {name}: −log likelihood {value - fits[best][1]:+.4f}")
     if unsound := [one for one in captures if one.unsound]:
-        lines.append(f"E {unsound_sigma_deg(unsound, weights, best):.1f}°")
+        lines.append(f"E {unsound_sigma_deg(unsound, weights, best, tail=tail):.1f}°")
     return "\n".join([*lines, "", *_cells(captures)])
+
+
+def _negative_log_likelihood(variance: FloatArray, square: FloatArray, tail: float) -> float:
+    """Mean over pixels with a variance (N,) along each axis and squared errors (N,), deg²."""
+    return float(np.mean(np.log(variance) + (tail + 2) / 2 * np.log1p(square / (tail * variance))))
 
 
 def _cells(captures: Sequence[Errors]) -> Iterator[str]:
@@ -181,11 +194,11 @@ def _solve(scene: Scene, count: int) -> dict[str, np.ndarray]:
     """Solves two rings of `count` lights, the azimuth by the seed, and samples graded pixels."""
     recorded: list[FloatArray] = []
 
-    def record(*maps: np.ndarray, unsound: bool) -> np.ndarray:
+    def record(*maps: np.ndarray, capture_deg: float) -> np.ndarray:
         parts = error_variance.components(*maps)
         parts[CHANGE] = error_variance.crease_deg2(maps[-1], np.isfinite(maps[0]))
         recorded.append(parts)
-        return original(*maps, unsound=unsound)
+        return original(*maps, capture_deg=capture_deg)
 
     original = error_variance.sigma_deg
     captured = capture(scene, fixed("two-rings", scene, count, scene.seed % 4, 4))

@@ -9,6 +9,8 @@ from acquisition.normals.error_variance import STRIP_ROWS
 
 SHAPE = (2 * STRIP_ROWS + 30, 20)
 MISFIT = photometry.SETTINGS.misfit_factor
+SMOOTH = 1 - 5 / 4 * error_variance.SETTINGS.detail_share**2
+"""Variance of a posterior of 1 where neighbours' normals are alike, which noise alone would not leave so."""
 
 
 def bounded(variance_deg2: float) -> float:
@@ -25,30 +27,30 @@ def bent(angle_deg: float, row: int = STRIP_ROWS) -> np.ndarray:
 
 def sigma(
     posterior_deg: float = 1.0, residual: float = 0.0, lights: int = 8,
-    *, stated_share: float = 1.0, unsound: bool = False,
+    *, stated_share: float = 1.0, capture_deg: float = 0.0,
 ) -> np.ndarray:  # fmt: skip
     def full(value: float) -> np.ndarray:
         return np.full(SHAPE, value, np.float32)
 
     return error_variance.sigma_deg(
         full(posterior_deg), full(residual), np.full(SHAPE, lights, np.uint8), full(stated_share), bent(0),
-        unsound=unsound,
+        capture_deg=capture_deg,
     )  # fmt: skip
 
 
 def test_sigma_perfect_fit_is_the_posterior() -> None:
-    assert sigma() == pytest.approx(bounded(1), rel=1e-5)
+    assert sigma() == pytest.approx(bounded(SMOOTH), rel=1e-5)
 
 
 def test_sigma_of_model_that_holds_is_the_posterior() -> None:
-    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(bounded(1), rel=1e-5)
+    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(bounded(SMOOTH), rel=1e-5)
 
 
 @pytest.mark.parametrize("lights", [6, 20])
 def test_sigma_excess_over_stated_noise_does_not_fall_with_lights(lights: int) -> None:
     """χ² is twice the freedom, of which the stated noise explains half of one: 1.5 for each light."""
     residual = float(np.sqrt(2 * (lights - 3) / lights))
-    expected = bounded(1 + 1.5 * MISFIT * lights)
+    expected = bounded(SMOOTH + 1.5 * MISFIT * lights)
     assert sigma(residual=residual, lights=lights, stated_share=0.5) == pytest.approx(expected, rel=1e-5)
 
 
@@ -74,12 +76,12 @@ def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
 @pytest.mark.parametrize(
     ("change", "added_deg"),
     [
-        ({"lights": 3}, photometry.SETTINGS.few_lights_sigma_deg),
-        ({"unsound": True}, photometry.SETTINGS.unsound_sigma_deg),
+        ({"lights": 3}, photometry.SETTINGS.unchecked_sigma_deg),
+        ({"capture_deg": 7.0}, 7.0),
     ],
 )
 def test_sigma_component_adds_in_quadrature(change: dict[str, float], added_deg: float) -> None:
-    assert sigma(**change) == pytest.approx(bounded(1 + added_deg**2), rel=1e-5)
+    assert sigma(**change) == pytest.approx(bounded(SMOOTH + added_deg**2), rel=1e-5)
 
 
 def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
@@ -89,26 +91,26 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
     posterior = np.ones(SHAPE, np.float32)
     posterior[STRIP_ROWS, 9:12] = np.nan
     ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
-    result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), unsound=False)
+    result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), capture_deg=0.0)
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
     excess = (9 * 8) / (6 * 5) - 1
-    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(1 + MISFIT * 8 * excess), rel=1e-4)
-    assert result[STRIP_ROWS - 3, 10] == pytest.approx(bounded(1), rel=1e-5)
-    assert np.count_nonzero(result > 1.01 * bounded(1)) == 6
+    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(SMOOTH + MISFIT * 8 * excess), rel=1e-4)
+    assert result[STRIP_ROWS - 3, 10] == pytest.approx(bounded(SMOOTH), rel=1e-5)
+    assert np.count_nonzero(result > 1.01 * bounded(SMOOTH)) == 6
 
 
 @pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])
 def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None:
-    result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), unsound=False)
+    result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), capture_deg=0.0)
     crease = np.degrees(2 * np.sin(np.radians(45)) / 2)
     tuned = error_variance.SETTINGS
     # A normal and the mean of four neighbours, one of which is 90° away, lie atan(1/3) apart.
     detail = np.degrees(np.arctan(1 / 3))
     raised = bounded(
-        1 + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2) + tuned.detail_share**2 * detail**2
+        SMOOTH + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2) + tuned.detail_share**2 * detail**2
     )
     assert result[row - 1 : row + 1, 1:-1] == pytest.approx(raised, rel=1e-4)
-    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(1), rel=1e-5)
+    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(SMOOTH), rel=1e-5)
 
 
 @pytest.mark.parametrize("step_deg", [1.0, 10.0, 40.0])

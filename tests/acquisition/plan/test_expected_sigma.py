@@ -45,8 +45,8 @@ def test_sigma_rises_with_misfit_of_images_so_far() -> None:
 @pytest.mark.parametrize(
     ("expected", "lit", "added_deg"),
     [
-        (ExpectedSigma(), 3.0, photometry.SETTINGS.few_lights_sigma_deg),
-        (ExpectedSigma(unsound=True), 4.0, photometry.SETTINGS.unsound_sigma_deg),
+        (ExpectedSigma(), 3.0, photometry.SETTINGS.unchecked_sigma_deg),
+        (ExpectedSigma(capture_deg=7.0), 4.0, 7.0),
     ],
 )
 def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float, added_deg: float) -> None:
@@ -61,5 +61,11 @@ def test_of_normal_map_reads_misfit_and_findings() -> None:
     assert stated == [1.0, 3.0, SETTINGS.max_misfit]
     assert expected_sigma.of(known) == ExpectedSigma()
     corrected, left = (ModelFinding(kind="lamps", message="-", corrected=one) for one in (True, False))
-    assert not expected_sigma.of(replace(known, findings=(corrected,))).unsound
-    assert expected_sigma.of(replace(known, findings=(corrected, left))).unsound
+    metal = ModelFinding(kind=photometry.METAL, message="-", corrected=True)
+    settings = photometry.SETTINGS
+    for findings, added in (
+        ((corrected,), 0.0),
+        ((corrected, metal), settings.unchecked_sigma_deg),
+        ((metal, left), settings.unsound_sigma_deg),
+    ):
+        assert expected_sigma.of(replace(known, findings=findings)).capture_deg == added
