@@ -10,8 +10,9 @@ v is the posterior's variance and m the number of lights that will reach the pix
 the whole object, between 1 and `max_misfit`, because few images have few residuals: a pixel's own χ² after a pilot of
 four says next to nothing, and where half of the pixels are lit by three lights it does not exist. What raises it
 (shadow edges, steps, indirect light, lobes of the lamps) is shared by images, so that its part does not fall with their
-number. C is what the calibration leaves uncertain of all lamps alike, and E what is wrong with the capture (`photometry.
-capture_sigma_deg`). Creases and detail are left out: those in a pilot's normals are its noise. As in a result, σ stays below that of a normal of which nothing is known.
+number. C is what the calibration leaves uncertain of all lamps alike, E what is wrong with the capture
+(`photometry.capture_sigma_deg`). Creases and detail are left out: those in a pilot's normals are its noise. As in a
+result, σ stays below that of a normal of which nothing is known.
 """
 
 from dataclasses import dataclass

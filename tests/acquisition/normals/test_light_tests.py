@@ -44,7 +44,8 @@ def test_outwardness_of_ball_is_near_one_and_negative_turned_over() -> None:
     turned_over = normals * np.array([-1, -1, 1], np.float32)[:, None]
     rim = light_tests.outline(pixels)
     outwards, inwards = light_tests.outwardness(normals, rim), light_tests.outwardness(turned_over, rim)
-    assert outwards is not None and inwards is not None
+    assert outwards is not None
+    assert inwards is not None
     assert outwards > 0.85
     assert inwards == pytest.approx(-outwards)
 
