@@ -163,10 +163,10 @@ def crease_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
 def detail_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
     """λ² (H, W), deg², of normals (H, W, 3): to the mean of those of the four neighbours that are known; else 0."""
     around = cv2.filter2D(normals * known[..., None], -1, FOUR_NEIGHBOURS, borderType=cv2.BORDER_CONSTANT)
-    length = np.linalg.norm(around, axis=-1)
-    cosine = np.sum(normals * around, axis=-1) / np.maximum(length, np.float32(1e-6))
-    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-    return np.where(known & (length > 0), angle**2, 0).astype(np.float32)
+    length = np.linalg.norm(around, axis=-1, keepdims=True)
+    chord = np.linalg.norm(normals - around / np.maximum(length, np.float32(1e-6)), axis=-1)
+    angle = np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1)))
+    return np.where(known & (length[..., 0] > 0), angle**2, 0).astype(np.float32)
 
 
 def _summed(values: Float32Array) -> Float32Array:
