@@ -117,12 +117,27 @@ def transitions() -> str:
     return "\n".join([*lines, "```"])
 
 
+def _moved(number: dict[str, Any]) -> tuple[str, str]:
+    """How error and rms e/σ change where a number is halved and doubled, each ± its standard error; or why not."""
+    why = number.get("not measured", "")
+    shown = [f"not measured{why and ': '}{why}"] * 2
+    for column, change in enumerate(("halved", "doubled")):
+        if change in number:
+            figures = [f"{value:.3f} ± {error:.3f}" for value, error in number[change].values()]
+            shown[column] = f"error {figures[0]}, rms {figures[1]}"
+    return shown[0], shown[1]
+
+
 def tuned_numbers() -> str:
-    """Every tuned number of solver and planner, by module, and how the error moves where that was measured."""
+    """Every tuned number of solver and planner, by module, and how error and rms e/σ move where that was measured."""
     from tests.tuned_numbers import settings
 
     measured = json.loads((ROOT / "docs" / "reference" / "sensitivity.json").read_text(encoding="utf-8"))
-    lines: list[str] = []
+    captures = ", ".join(measured["captures"])
+    lines = [
+        f"Halved and doubled: `python -m tests.unseen sensitivity --write`, {measured['date']}, solver of commit "
+        f"{' and '.join(measured['commits'])}; geometric means over the captures {captures}."
+    ]
     module = ""
     for one in settings():
         if one.module != module:
@@ -134,8 +149,7 @@ def tuned_numbers() -> str:
                 "| number | value | unit | meaning | source or reason | halved | doubled |",
             ]
             lines.append("|---|---|---|---|---|---|---|")
-        moved = measured.get(f"{module}.{one.name}", {})
-        halved, doubled = (moved.get(key, "not measured") for key in ("halved", "doubled"))
+        halved, doubled = _moved(measured["numbers"].get(one.key, {}))
         meaning, source = (text.replace("|", "\\|") for text in (one.meaning, one.source or "none is recorded"))
         lines.append(f"| `{one.name}` | {one.value} | {one.unit} | {meaning} | {source} | {halved} | {doubled} |")
     return "\n".join(lines).strip()

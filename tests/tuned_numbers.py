@@ -131,6 +131,11 @@ class Number:
     text: str
 
     @property
+    def key(self) -> str:
+        """Module and name."""
+        return f"{self.module}.{self.name}"
+
+    @property
     def meaning(self) -> str:
         """The docstring's first sentence."""
         return _sentences(self.text)[0]
@@ -146,13 +151,17 @@ def _sentences(text: str) -> tuple[str, str]:
     return first + dot.strip(), rest
 
 
-def _modules() -> Iterator[tuple[str, ast.Module]]:
-    """Names without their package, and trees, of all modules of solver and planner; nothing is imported."""
+def paths() -> dict[str, Path]:
+    """Files of all modules of solver and planner by their names without package."""
     found = [ACQUISITION / "photometry.py", ACQUISITION / "cast_shadows.py"]
     found += [path for package in ("normals", "plan") for path in sorted((ACQUISITION / package).rglob("*.py"))]
-    for path in found:
-        dotted = ".".join(path.relative_to(ACQUISITION).with_suffix("").parts)
-        name = dotted.partition(".")[2] or dotted
+    dotted = {".".join(path.relative_to(ACQUISITION).with_suffix("").parts): path for path in found}
+    return {name.partition(".")[2] or name: path for name, path in dotted.items()}
+
+
+def _modules() -> Iterator[tuple[str, ast.Module]]:
+    """Names without their package, and trees, of all modules of solver and planner; nothing is imported."""
+    for name, path in paths().items():
         yield name, ast.parse(path.read_text(encoding="utf-8"))
 
 

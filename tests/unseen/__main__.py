@@ -1,4 +1,4 @@
-"""The bench on unseen shapes: `python -m tests.unseen run|table|fit-sigma|ablate|dome|guard|mosaic`.
+"""The bench on unseen shapes: `python -m tests.unseen run|table|fit-sigma|ablate|sensitivity|dome|guard|mosaic`.
 
     python -m tests.unseen run --families all --seeds 0:6 --lights 6,8,12,20 \
         --patterns two-rings,planned,ring-35,drbohlav,random,oracle --azimuths 4 --jobs 2 --out build/unseen/run.jsonl
@@ -6,6 +6,7 @@
     python -m tests.unseen table build/unseen/run.jsonl [--against OTHER.jsonl | --trials]
     python -m tests.unseen fit-sigma --families all --seeds 0:10 --lights 6,8,12,20 --jobs 2 --out build/unseen/sigma
     python -m tests.unseen ablate --families all --seeds 0:4 --lights 8 --write docs/explanation/ablation.md
+    python -m tests.unseen sensitivity --numbers all --write
     python -m tests.unseen dome --families all --seeds 0:2 --choices 200
     python -m tests.unseen guard --out build/guard [--against FOLDER OF ANOTHER CHECKOUT]
     python -m tests.unseen mosaic --families all --seeds 0:2 --lights 10
@@ -27,7 +28,7 @@ from pathlib import Path
 import cv2
 
 from hardware_sim import families
-from tests.unseen import ablation, dome, faults, guard, mosaic, reports, run, sigma_fit, tables
+from tests.unseen import ablation, dome, faults, guard, mosaic, reports, run, sensitivity, sigma_fit, tables
 from tests.unseen.patterns import PATTERNS
 from tests.unseen.scenes import GRADINGS, PIXELS
 
@@ -70,10 +71,16 @@ def main(arguments: list[str] | None = None) -> int:
     sites = commands.add_parser("mosaic", help="a mosaic sensor against a monochrome one of the same noise")
     _add_scenes(sites, out=Path("build/unseen/mosaic.jsonl"))
     sites.add_argument("--lights", default="10", help="numbers of images")
+    moved = commands.add_parser("sensitivity", help="halve and double each tuned number of the solver")
+    moved.add_argument("--numbers", default="all", help="all, or modules and module.name, by commas")
+    moved.add_argument("--captures", default=sensitivity.CAPTURES, help="family:seed, by commas")
+    moved.add_argument("--lights", type=int, default=8)
+    moved.add_argument("--out", type=Path, default=Path("build/unseen/sensitivity.jsonl"))
+    moved.add_argument("--write", action="store_true", help="the figures of the page of tuned numbers, written anew")
     asked = parser.parse_args(arguments)
     command = " ".join(sys.argv[1:] if arguments is None else arguments)
     cv2.setNumThreads(1)
-    if asked.command in (others := {"table": _tables, "guard": _guard}):
+    if asked.command in (others := {"table": _tables, "guard": _guard, "sensitivity": _sensitivity}):
         return others[asked.command](asked)
     names = families.NAMES if asked.families == "all" else tuple(asked.families.split(","))
     if unknown := set(names) - set(families.NAMES):
@@ -140,6 +147,16 @@ def _guard(asked: argparse.Namespace) -> int:
     if asked.against is None:
         return 0
     return 0 if guard.compare(asked.out, asked.against, names, asked.within_deg, asked.within_share) else 1
+
+
+def _sensitivity(asked: argparse.Namespace) -> int:
+    numbers = sensitivity.named(asked.numbers)
+    captures = [(family, int(seed)) for family, seed in (one.split(":") for one in asked.captures.split(","))]
+    added = sensitivity.solve(captures, asked.lights, numbers, asked.out)
+    print(f"{added} solves -> {asked.out}")
+    if asked.write:
+        sensitivity.write(run.read(asked.out), numbers)
+    return 0
 
 
 def _dome(asked: argparse.Namespace, names: tuple[str, ...], command: str) -> int:

@@ -1,0 +1,190 @@
+"""What halving and doubling each tuned number does to error and σ: the same captures solved with one number changed.
+
+A number is changed by putting another value into its module's frozen `SETTINGS`. Captures whose unchanged solve does
+not read the number are not solved again: nothing changes there. One JSON line for each solve names number and factor;
+a run goes on where an earlier one with the same file stopped.
+"""
+
+import importlib
+import itertools
+import json
+import math
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass, replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from acquisition.models.result import NormalMap
+from tests import tuned_numbers
+from tests.tuned_numbers import Number
+from tests.unseen import reports, run, stages
+from tests.unseen.captures import Capture
+from tests.unseen.run import IDENTITY, Line, Plan, SceneRun
+from tests.unseen.scenes import Scene
+from tests.unseen.stages import Patch, Stage
+
+FACTORS = {"halved": 0.5, "doubled": 2.0}
+CHANGED = (*IDENTITY, "number", "change")
+"""Keys that name one solve and what is changed."""
+
+CAPTURES = "turned:40,relief:40,machined:45,vessel:41,cluster:21,blob:42,knot:22,sheet:21"
+"""One capture of each family, solved in a few seconds each: Lambertian, rough, glossy and translucent ones."""
+
+RATIOS = ("share", "cosine", "probability", "quantile", "of the peak", "of the images")
+"""Units of numbers that cannot exceed 1."""
+
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "sensitivity.json"
+KEYS = {"error": "within_78_deg.mean", "rms": "rms"}
+
+
+def named(names: str) -> list[Number]:
+    """The tuned numbers of solver and shared photometry, or of the named modules, or single ones as `module.name`."""
+    found = tuned_numbers.settings()
+    if names == "all":
+        return [one for one in found if not _module(one).__name__.startswith("acquisition.plan.")]
+    asked = set(names.split(","))
+    chosen = [one for one in found if asked & {one.module, one.key}]
+    if missing := asked - {one.module for one in chosen} - {one.key for one in chosen}:
+        raise ValueError(f"there is no tuned number {', '.join(sorted(missing))}")
+    return chosen
+
+
+def scaled(value: Any, factor: float, unit: str) -> Any:
+    """A setting times a factor: members of tuples and dataclasses each, integers by at least one, ratios up to 1."""
+    if isinstance(value, tuple):
+        return tuple(scaled(member, factor, unit) for member in value)
+    if is_dataclass(value):
+        return replace(value, **{one.name: scaled(getattr(value, one.name), factor, unit) for one in fields(value)})  # type: ignore[type-var]
+    if isinstance(value, int):
+        return max(0, min(round(value * factor), value - 1)) if factor < 1 else max(round(value * factor), value + 1)
+    bounded = unit in RATIOS and value <= 1
+    return min(value * factor, 1.0) if bounded else value * factor
+
+
+def solve(captures: Sequence[tuple[str, int]], lights: int, numbers: Sequence[Number], out: Path) -> int:
+    """Solves what is not in the file yet, unchanged and then with each number halved and doubled; how many solves.
+
+    Numbers that modules read while they are imported are left out: their uses would not see another value.
+    """
+    plans = [Plan((family,), (seed,), (lights,), ("two-rings",), 1, out) for family, seed in captures]
+    drawn = [SceneRun(run.drawn(one, one.families[0], one.seeds[0]), one) for one in plans]
+    wanted = [line for one in plans for line in one.of_scene(one.families[0], one.seeds[0])]
+    known, commit, added = run.read(out), reports.commit(), 0
+
+    def add(of_scene: SceneRun, line: Line, stage: Stage | None) -> None:
+        nonlocal added
+        if run.done([line], CHANGED) <= run.done(known, CHANGED):
+            return
+        with reading() as read:
+            solved = of_scene.solved(line, partial(solve_with, stage))
+        solved |= {"commit": commit} | ({"read": sorted(read)} if stage is None else {})
+        run.append(out, solved)
+        known.append(solved)
+        added += 1
+
+    for of_scene, line in zip(drawn, wanted, strict=True):
+        add(of_scene, line | {"number": None, "change": None}, None)
+    at_import = tuned_numbers.set_at_import()
+    for number, (change, factor) in itertools.product(numbers, FACTORS.items()):
+        if number.key not in at_import:
+            stage = Stage(number.key, change, (changed(number, factor),))
+            for of_scene, line in zip(drawn, wanted, strict=True):
+                if number.key in read_by(known, line):
+                    add(of_scene, line | {"number": number.key, "change": change}, stage)
+    return added
+
+
+def solve_with(stage: Stage | None, scene: Scene, captured: Capture) -> NormalMap:
+    """The product's normal map with a number changed."""
+    if stage is None:
+        return run.solve(scene, captured)
+    with stages.off(stage):
+        return run.solve(scene, captured)
+
+
+def changed(number: Number, factor: float) -> Patch:
+    """The settings of a number's module with the number times a factor."""
+    module = _module(number)
+    value = scaled(getattr(module.SETTINGS, number.name), factor, number.unit)
+    return Patch(module, "SETTINGS", replace(module.SETTINGS, **{number.name: value}))
+
+
+class _Recorder:
+    """Settings that note which of their fields are read."""
+
+    def __init__(self, settings: object, module: str, read: set[str]) -> None:
+        self.__dict__.update(_settings=settings, _module=module, _read=read)
+
+    def __getattr__(self, name: str) -> object:
+        self._read.add(f"{self._module}.{name}")
+        return getattr(self._settings, name)
+
+
+@contextmanager
+def reading() -> Generator[set[str]]:
+    """The numbers, `module.name`, that are read while the context lasts, kernels' compiled ones not among them."""
+    read: set[str] = set()
+    modules = {one.module: _module(one) for one in tuned_numbers.settings()}
+    patches = [Patch(module, "SETTINGS", _Recorder(module.SETTINGS, name, read)) for name, module in modules.items()]
+    with stages.off(Stage("", "", tuple(patches))):
+        yield read
+
+
+def read_by(lines: Iterable[Line], capture: Line) -> list[str]:
+    """The numbers that a capture's unchanged solve read."""
+    same = run.done([capture])
+    return next((line["read"] for line in lines if "read" in line and run.done([line]) == same), [])  # type: ignore[return-value]
+
+
+def moved(lines: Sequence[Line], numbers: Sequence[Number]) -> dict[str, Any]:
+    """What the page of tuned numbers shows: the change of error and rms e/σ by each number, or why there is none."""
+    good = [line for line in lines if "error" not in line]
+    base = [line for line in good if line["number"] is None]
+    at_import = tuned_numbers.set_at_import()
+    shown: dict[str, dict[str, Any]] = {}
+    for number in numbers:
+        touched = [line for line in base if number.key in line["read"]]  # type: ignore[operator]
+        if number.key in at_import:
+            shown[number.key] = {"not measured": "compiled into a kernel"}
+        elif not touched:
+            shown[number.key] = {"not measured": "no capture reads it"}
+        else:
+            shown[number.key] = {"captures": len(touched)} | {
+                change: figures for change in FACTORS if (figures := _ratios(good, base, number.key, change))
+            }
+    return {
+        "date": datetime.now(UTC).strftime("%Y-%m-%d"),
+        "commits": sorted({str(line["commit"]) for line in lines}),
+        "captures": [f"{line['family']} {line['seed']}, {line['material']}" for line in base],
+        "numbers": shown,
+    }
+
+
+def _ratios(lines: Sequence[Line], base: Sequence[Line], number: str, change: str) -> dict[str, list[float]]:
+    """Geometric mean over captures of each figure over that of the unchanged solve, and its standard error; nothing
+    where a capture that reads the number is not solved."""
+    solved = {run.done([line]): line for line in lines if (line["number"], line["change"]) == (number, change)}
+    pairs = [(solved.get(run.done([one])), one) for one in base]
+    if any(line is None and number in one["read"] for line, one in pairs):  # type: ignore[operator]
+        return {}
+    out: dict[str, list[float]] = {}
+    for name, key in KEYS.items():
+        logs = [math.log(float(str((line or one)[key])) / float(str(one[key]))) for line, one in pairs]
+        out[name] = [round(math.exp(np.mean(logs)), 4), round(float(np.std(logs, ddof=1) / math.sqrt(len(logs))), 4)]
+    return out
+
+
+def write(lines: Sequence[Line], numbers: Sequence[Number]) -> None:
+    """Writes what the page of tuned numbers is generated from."""
+    PAGE.write_text(json.dumps(moved(lines, numbers), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _module(number: Number) -> ModuleType:
+    relative = tuned_numbers.paths()[number.module].relative_to(tuned_numbers.ACQUISITION.parent).with_suffix("")
+    return importlib.import_module(".".join(relative.parts))
