@@ -110,10 +110,6 @@ class Candidates:
             np.ascontiguousarray(self.row[:, :, ::step]), np.ascontiguousarray(self.visibility[:, ::step])
         )
 
-    def joined(self, others: "Candidates") -> "Candidates":
-        """Concatenation of these candidates and others."""
-        return Candidates(np.concatenate([self.row, others.row]), np.concatenate([self.visibility, others.visibility]))
-
 
 def samples(
     normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray,
@@ -139,12 +135,6 @@ def samples(
         indirect=np.zeros_like(albedo),
         offset_sigma_m=offset_sigma_m,
     )
-
-
-def usable_samples(normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
-    """Sample pixels of all of a normal map's usable ones, with the noise that the planner expects."""
-    sample = samples(normal_map, calibration, usable_pixels(normal_map, calibration))
-    return reweight(sample, normal_map, observations, calibration)
 
 
 def prior_information(albedo: Float32Array) -> FloatArray:
@@ -337,10 +327,13 @@ class Posterior:
         return np.degrees(np.mean(np.sqrt(self.variance), axis=0))
 
 
-def no_candidates(sample: Samples) -> Candidates:
-    """The empty set of candidates."""
+def joined(sample: Samples, parts: Sequence[Candidates]) -> Candidates:
+    """All candidates of the parts; without parts none."""
     pixels = len(sample.albedo)
-    return Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32))
+    return Candidates(
+        np.concatenate([np.empty((0, 4, pixels), np.float32), *(part.row for part in parts)]),
+        np.concatenate([np.empty((0, pixels), np.float32), *(part.visibility for part in parts)]),
+    )
 
 
 def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = None) -> Posterior:
@@ -373,7 +366,7 @@ def without_each(sample: Samples, lights: Candidates, instead: Candidates | None
     """Leave-one-out: the posterior without each of `lights`, or with the same one of `instead` in its place."""
     for one in range(len(lights.row)):
         others = lights.only(np.delete(np.arange(len(lights.row)), one))
-        yield posterior(sample, others if instead is None else others.joined(instead.only([one])))
+        yield posterior(sample, others if instead is None else joined(sample, [others, instead.only([one])]))
 
 
 def scan(

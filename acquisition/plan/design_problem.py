@@ -81,7 +81,7 @@ class Problem:
 
     def predicted_deg(self, positions: FloatArray) -> FloatArray:
         """σ (P,) in degrees expected of the held-out pixels after lights at positions (M, 3)."""
-        none = criterion.no_candidates(self.holdout_sample)
+        none = criterion.joined(self.holdout_sample, [])
         return self.expected_deg(self.holdout_candidates(positions) if len(positions) else none)
 
     def expected_deg(self, lights: Candidates) -> FloatArray:

@@ -87,9 +87,7 @@ def descend(
         for number, light in enumerate(light_options):
             others = [one for one in range(len(chosen)) if one != number and (sweep > 0 or one < number)]
             known = [light_options[one].exposures[chosen[one]] for one in others]
-            present = criterion.no_candidates(sample)
-            for one in others:
-                present = present.joined(light_options[one].rows.only([chosen[one]]))
+            present = criterion.joined(sample, [light_options[one].rows.only([chosen[one]]) for one in others])
             losses = loss.scan(sample, criterion.posterior(sample, present), light.rows)
             later = (len(chosen) - 1 - len(others)) * times.move_s
             seconds = np.array([spent_s + later + times.of_pass([*known, one]) for one in light.exposures])
