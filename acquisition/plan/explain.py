@@ -137,7 +137,7 @@ def basis(
 def gains(known: Basis, lights: Sequence[Light]) -> Gains:
     """Leave-one-out gains of the planned `lights`, predicted from the images that they were planned from."""
     places = np.array([light.position for light in lights]).reshape(-1, 3)
-    planned = known.problem.design_rows(known.shown, places, cautious=False)
+    planned = known.problem.design_rows(known.shown, places)
     with_all = criterion.posterior(known.shown, planned).sigma_deg
     without = [one.sigma_deg for one in criterion.without_each(known.shown, planned)]
     return Gains(np.reshape(without, (len(lights), -1)) - with_all, known.picture)
@@ -146,7 +146,7 @@ def gains(known: Basis, lights: Sequence[Light]) -> Gains:
 def rows(known: Basis, position: FloatArray) -> LightRows:
     """Design rows of a light at `position` (3,), m, view frame, its axis towards the dome's centre."""
     problem, positions = known.problem, position[None]
-    return LightRows(problem.holdout_candidates(positions), problem.design_rows(known.shown, positions, cautious=False))
+    return LightRows(problem.holdout_candidates(positions), problem.design_rows(known.shown, positions))
 
 
 def evaluate(known: Basis, lights: Sequence[LightRows]) -> PlacedForecast:

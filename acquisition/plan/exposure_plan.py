@@ -67,7 +67,7 @@ def choose(
     for position, seconds in zip(positions, usual_s, strict=True):
         allowed = exposure_options.options(float(seconds), wanted, times)
         places = np.repeat(position[None], len(allowed), axis=0)
-        choices.append(LightOptions(allowed, problem.design_rows(sample, places, cautious=False, exposures=allowed)))
+        choices.append(LightOptions(allowed, problem.design_rows(sample, places, allowed)))
     chosen = descend(choices, sample, loss, times, times.so_far(observations))
     planned = problem.holdout_candidates(positions, chosen)
     usual = problem.holdout_candidates(positions, [[FrameExposure(exposure_s=float(one))] for one in usual_s])

@@ -87,7 +87,7 @@ def test_choose_as_many_as_listed_takes_all(piloted: NormalMap, cushion: scenes.
 
 
 def test_choose_one_of_nine_listed_is_among_the_best(piloted: NormalMap, cushion: scenes.Scene) -> None:
-    """As lists of each of the same lamps alone state it; the search sees other pixels, cautious noise, and a cap."""
+    """As lists of each of the same lamps alone state it; the search sees other pixels, wrong depth, and a cap."""
     lamps = listed(9)
     arguments = (piloted, cases.NO_OBSERVATIONS, Recipe())
     options = plan.PlanOptions(listed=True, certify=False)
