@@ -2,6 +2,9 @@
 PYTHON ?= python3.11
 BIN := .venv/bin
 
+# Where the environment forbids bytecode, hundreds of processes would each compile the same modules: half of the tests' time.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: setup demo test test-long check bench openapi page docs ur-sim-wheel clean
 
 # All that tests and checks need.

@@ -82,7 +82,7 @@ REASONS: dict[str, str] = {
         exposure_options.SHORTEST exposure_options.LONGEST exposure_options.FRAMES exposure_options.RATIOS
         translucency.LENGTHS_PX translucency.TESTED_PX model_alternatives.SECOND_STARTS""",
     "pictures": """
-        explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE placed_lights.SHOWN_RANGE""",
+        explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE explain.SHOWN_RANGE""",
 }
 """Why a number at a module's level is not tuned, and the names of those; modules without their package."""
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from matplotlib.figure import Figure
 from pydantic import Field
 
 from acquisition.calibrate import intrinsics
@@ -163,6 +162,8 @@ def residuals(adjusted: Adjusted, hashes: Mapping[str, str]) -> list[ViewResidua
 
 def draw_projection_sigma(found: CameraFit, sigma: FloatArray, path: Path) -> None:
     """Draws 1 σ of a direction's place over the image with the corners that were seen."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load and seldom needed
+
     width, height = found.size
     figure = Figure(figsize=(6, 6 * height / width), layout="constrained")
     axes = figure.subplots()
@@ -176,6 +177,8 @@ def draw_projection_sigma(found: CameraFit, sigma: FloatArray, path: Path) -> No
 
 def draw_residuals(found: CameraFit, path: Path) -> None:
     """Draws each corner's residual as an arrow over the image, a hundred times as long and more."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load and seldom needed
+
     width, height = found.size
     at = np.concatenate([view.pixels for view in found.adjusted.views])
     rest = np.concatenate(found.adjusted.residuals_px)

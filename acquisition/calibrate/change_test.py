@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from acquisition.models.base import FloatArray
 
@@ -45,7 +45,7 @@ class GroupTest:
     @property
     def probability(self) -> float:
         """With which a sound calibration shows as much, of this group alone."""
-        return float(chi2.sf(self.chi_square, self.freedom)) if self.freedom else 1.0
+        return float(chdtrc(self.freedom, self.chi_square)) if self.freedom else 1.0
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from acquisition.calibrate.board_results import now
 from acquisition.calibrate.lamp_lobe import LobeFit
@@ -67,6 +66,8 @@ def lobe_result(
 
 def draw_lobe(found: LobeFit, calibration: Calibration, path: Path) -> None:
     """The lobe over the angle with its 2 σ, beside the cosine's power."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load and seldom needed
+
     knots = np.degrees(found.lobe.knots_rad)
     base = np.cos(np.radians(knots)) ** calibration.lobe_exponent
     sigma = np.r_[0.0, np.sqrt(np.diag(found.covariance)[1:-2])]

@@ -5,7 +5,6 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from acquisition.calibrate.board_results import now
 from acquisition.calibrate.response import ResponseFit
@@ -78,6 +77,8 @@ def advice(found: ResponseResult) -> list[str]:
 
 def draw(found: ResponseFit, path: Path) -> None:
     """Draws the photon-transfer curve with its line, and the lamp's brightness by exposure time."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load and seldom needed
+
     figure = Figure(figsize=(9, 4), layout="constrained")
     transfer, lamp = figure.subplots(1, 2)
     _, gain, read_noise, _, _ = found.values.tolist()

@@ -183,13 +183,17 @@ class ObjectConfig(Value):
     keep_out: KeepOut
 
 
+MIN_SLANT_DEG, MAX_SLANT_DEG = 8.0, 75.0
+"""Usual slants of a dome of lights: nearer to the view axis lamps stand in the picture, beyond they graze the table."""
+
+
 class DomeConfig(Value):
     """Dome of light positions: a spherical cap about `center_m` (object frame), slants measured from the view axis."""
 
     center_m: Vector3 = (0.0, 0.0, 0.03)
     radius_m: float = Field(default=0.45, gt=0)
-    min_slant_deg: float = Field(default=8.0, ge=0)
-    max_slant_deg: float = Field(default=75.0, gt=0, le=89)
+    min_slant_deg: float = Field(default=MIN_SLANT_DEG, ge=0)
+    max_slant_deg: float = Field(default=MAX_SLANT_DEG, gt=0, le=89)
     candidates: int = Field(default=300, ge=12, le=2000)
 
 

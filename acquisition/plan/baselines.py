@@ -4,8 +4,6 @@ Each is a set of ideal directions, assigned to the nearest reachable positions, 
 session. The strongest from eight lights on is `two-rings`: a third of the lights at 25° and the rest at 55°, staggered.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from acquisition import geometry, lamp_pose
@@ -14,7 +12,6 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Method, Recipe
 from acquisition.models.route import Reach
-from acquisition.models.tuned import tuned
 
 INNER_SLANT_DEG, OUTER_SLANT_DEG = 25.0, 55.0
 """Slants of the two rings; decision 0029."""
@@ -24,17 +21,6 @@ DRBOHLAV_SLANT_DEG = 54.74
 VIEWING_AXIS = np.array([0.0, 0.0, 1.0])
 """Unit vector to the camera, view frame."""
 
-
-@dataclass(frozen=True)
-class BaselineSettings:
-    """Tuned numbers of the baselines."""
-
-    max_slant_deg: float = tuned(75.0, "deg")
-    """Bound of the slant for the paper's criterion, whose unbounded minimum lies at the horizon of a surface that faces
-    the camera."""
-
-
-SETTINGS = BaselineSettings()
 
 AZIMUTH_STEPS = 12
 """Azimuths of a ring pattern, as fractions of its step, that are tried."""
@@ -60,7 +46,7 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
         chosen = _maximin(units, count)
         return _plan(method, chosen, units, reach, ["maximin distance to the other lights"] * count, [])
     if method == "paper":
-        ideals = [least_trace_directions(count, rng)]
+        ideals = [least_trace_directions(count, float(np.max(geometry.slant_azimuth(units)[0])), rng)]
         why = "least trace of the inverse Gram matrix, unit lights"
     else:
         ideals = [_rings(method, count, recipe.slant_deg, turn) for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS]
@@ -92,17 +78,18 @@ def two_rings(count: int, turn: float = 0.0) -> FloatArray:
     return np.concatenate(rings)
 
 
-def least_trace_directions(count: int, rng: np.random.Generator) -> FloatArray:
+def least_trace_directions(count: int, max_slant_rad: float, rng: np.random.Generator) -> FloatArray:
     """Criterion of Gardi, Walter and Garbe: unit directions (count, 3) minimising tr(B(SᵀS)⁻¹Bᵀ), B = I − n nᵀ.
 
     n is the viewing axis, so the surface faces the camera. Gradient descent on the sphere of unit lights from random
-    starts; without the unit constraint the criterion has no minimum, because longer light vectors always lower it.
+    starts, no light steeper than `max_slant_rad`, since the minimum lies at the horizon; without the unit constraint
+    the criterion has none, because longer light vectors always lower it.
     """
     tangential = np.diag([1.0, 1.0, 0.0])
 
     def upper(lights: FloatArray) -> FloatArray:
         slant, azimuth = geometry.slant_azimuth(lights)
-        return geometry.direction(np.minimum(slant, np.radians(SETTINGS.max_slant_deg)), azimuth)
+        return geometry.direction(np.minimum(slant, max_slant_rad), azimuth)
 
     def value(lights: FloatArray) -> float:
         return float(np.trace(tangential @ np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))))

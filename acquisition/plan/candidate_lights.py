@@ -5,6 +5,7 @@ the arm. On a free dome a light may stand anywhere between two slants; of a list
 `PlanOptions.listed` tells the planner.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,24 +13,9 @@ import numpy as np
 
 from acquisition import geometry
 from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import MAX_SLANT_DEG, MIN_SLANT_DEG
 from acquisition.models.light_plan import Light
 from acquisition.models.route import Refusal
-from acquisition.models.tuned import tuned
-
-
-@dataclass(frozen=True)
-class FreeDomeSettings:
-    """Tuned numbers of a free dome of candidates."""
-
-    min_slant_deg: float = tuned(8.0, "deg")
-    """Least slant from the view axis on a free dome: nearer to it the lamp would stand in the camera's view. The arm's
-    own dome begins there too; such lights add least to the normals."""
-    max_slant_deg: float = tuned(70.0, "deg")
-    """Greatest slant on a free dome unless another is asked for: beyond, light grazes the table and most of the object.
-    Found errors of eight images differ by 1 % between 60° and the arm's 75° (fourteen path-traced objects)."""
-
-
-SETTINGS = FreeDomeSettings()
 
 DOME_CANDIDATES = 300
 """Candidates of a free dome; with 800 the errors are the same."""
@@ -44,12 +30,12 @@ class FreeDome:
 
     center: FloatArray
     radius_m: float
-    max_slant_rad: float
+    max_slant_rad: float = math.radians(MAX_SLANT_DEG)
 
     @property
     def candidates(self) -> FloatArray:
         """Fibonacci lattice (K, 3) on the dome, m, view frame: equal areas, none above another."""
-        cosine = np.linspace(np.cos(np.radians(SETTINGS.min_slant_deg)), np.cos(self.max_slant_rad), DOME_CANDIDATES)
+        cosine = np.linspace(np.cos(np.radians(MIN_SLANT_DEG)), np.cos(self.max_slant_rad), DOME_CANDIDATES)
         azimuth = np.arange(DOME_CANDIDATES) * np.pi * (3 - np.sqrt(5))
         return self.center + self.radius_m * geometry.direction(np.arccos(cosine), azimuth)
 
@@ -59,10 +45,8 @@ class FreeDome:
         limit_deg = float(np.degrees(self.max_slant_rad))
         if slant_deg > limit_deg:
             return Refusal(reason="too-far", detail=f"slant {slant_deg:.1f}° is more than {limit_deg:g}°")
-        if slant_deg < SETTINGS.min_slant_deg:
-            return Refusal(
-                reason="blocks-view", detail=f"slant {slant_deg:.1f}° is less than {SETTINGS.min_slant_deg:g}°"
-            )
+        if slant_deg < MIN_SLANT_DEG:
+            return Refusal(reason="blocks-view", detail=f"slant {slant_deg:.1f}° is less than {MIN_SLANT_DEG:g}°")
         return None
 
 

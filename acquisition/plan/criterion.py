@@ -110,10 +110,6 @@ class Candidates:
             np.ascontiguousarray(self.row[:, :, ::step]), np.ascontiguousarray(self.visibility[:, ::step])
         )
 
-    def joined(self, others: "Candidates") -> "Candidates":
-        """Concatenation of these candidates and others."""
-        return Candidates(np.concatenate([self.row, others.row]), np.concatenate([self.visibility, others.visibility]))
-
 
 def samples(
     normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray,
@@ -139,12 +135,6 @@ def samples(
         indirect=np.zeros_like(albedo),
         offset_sigma_m=offset_sigma_m,
     )
-
-
-def usable_samples(normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
-    """Sample pixels of all of a normal map's usable ones, with the noise that the planner expects."""
-    sample = samples(normal_map, calibration, usable_pixels(normal_map, calibration))
-    return reweight(sample, normal_map, observations, calibration)
 
 
 def prior_information(albedo: Float32Array) -> FloatArray:
@@ -196,13 +186,12 @@ def _shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> _
 
 def candidates(
     sample: Samples, lights: list[Light], surface: Surface, calibration: Calibration, recipe: Recipe,
-    gloss: Gloss = planned_noise.DIFFUSE, *, cautious: bool = False, exposures: Sequence[Exposures] | None = None,
+    gloss: Gloss = planned_noise.DIFFUSE, *, exposures: Sequence[Exposures] | None = None,
 ) -> Candidates:  # fmt: skip
     """Whitened design rows and visibility probabilities of lights at the sample pixels, at each light's own exposures.
 
     `exposures` None: the automatic one of each light, with planned exposures also one that is `UNPLANNED_FACTOR` times
-    as long, until they are planned. `cautious`: with the noise by which lights are chosen, otherwise with the expected
-    noise (`planned_noise`).
+    as long, until they are planned.
     """
     lamp = photometry.lamps(lights)
     shading = _shading(sample, lamp, calibration)
@@ -216,14 +205,7 @@ def candidates(
 
     strength = sample.albedo * shading.strength
     expected = planned_noise.variance(
-        shading.value,
-        shading.cosine,
-        strength,
-        shading.distance,
-        sensor,
-        calibration,
-        sample.indirect,
-        cautious=cautious,
+        shading.value, shading.cosine, strength, shading.distance, sensor, calibration, sample.indirect
     )
     if gloss.sigma > 0:
         expected = (
@@ -286,14 +268,10 @@ def _half_vector_cosine(sample: Samples, shading: _Shading) -> Float32Array:
     return np.clip(aligned / np.sqrt(np.einsum("fcp,fcp->fp", half, half)), 0, 1)
 
 
-def reweight(
-    sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration, *,
-    cautious: bool = False,
-) -> Samples:  # fmt: skip
+def reweight(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
     """Reweights the samples' information from the noise that the solver assumed to the planner's noise model.
 
-    The scale is per pixel; the model is that expected of the final solve or, `cautious`, that by which lights are
-    chosen. Also fills in the mean indirect part of the images.
+    The scale is per pixel. Also fills in the mean indirect part of the images.
     """
     shots = [shot for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     if not shots or len(shots) != len(normal_map.flags):
@@ -313,7 +291,7 @@ def reweight(
         shading.value, strength, float(np.mean(shading.distance)), sensor, calibration, normal_map, indirect
     )
     expected = planned_noise.variance(
-        shading.value, shading.cosine, strength, shading.distance, sensor, calibration, indirect, cautious=cautious
+        shading.value, shading.cosine, strength, shading.distance, sensor, calibration, indirect
     )
     before = np.sum(np.where(lit, shading.strength**2 / assumed, 0.0), axis=0)
     after = np.sum(np.where(lit, shading.strength**2 / expected, 0.0), axis=0)
@@ -337,10 +315,13 @@ class Posterior:
         return np.degrees(np.mean(np.sqrt(self.variance), axis=0))
 
 
-def no_candidates(sample: Samples) -> Candidates:
-    """The empty set of candidates."""
+def joined(sample: Samples, parts: Sequence[Candidates]) -> Candidates:
+    """All candidates of the parts; without parts none."""
     pixels = len(sample.albedo)
-    return Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32))
+    return Candidates(
+        np.concatenate([np.empty((0, 4, pixels), np.float32), *(part.row for part in parts)]),
+        np.concatenate([np.empty((0, pixels), np.float32), *(part.visibility for part in parts)]),
+    )
 
 
 def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = None) -> Posterior:
@@ -373,7 +354,7 @@ def without_each(sample: Samples, lights: Candidates, instead: Candidates | None
     """Leave-one-out: the posterior without each of `lights`, or with the same one of `instead` in its place."""
     for one in range(len(lights.row)):
         others = lights.only(np.delete(np.arange(len(lights.row)), one))
-        yield posterior(sample, others if instead is None else others.joined(instead.only([one])))
+        yield posterior(sample, others if instead is None else joined(sample, [others, instead.only([one])]))
 
 
 def scan(

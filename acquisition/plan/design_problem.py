@@ -71,17 +71,13 @@ class Problem:
         center = self.reach.center
         return [lamp_pose.light_at(position, center) for position in positions]
 
-    def search_candidates(self, positions: FloatArray) -> Candidates:
-        """Design rows (M, 4, P) of lights at positions (M, 3) at the search pixels, with cautious noise."""
-        return self.design_rows(self.search_sample, positions, cautious=True)
-
     def holdout_candidates(self, positions: FloatArray, exposures: Sequence[Exposures] | None = None) -> Candidates:
-        """Design rows of lights at positions (M, 3) at the held-out pixels, with the expected noise."""
-        return self.design_rows(self.holdout_sample, positions, cautious=False, exposures=exposures)
+        """Design rows of lights at positions (M, 3) at the held-out pixels."""
+        return self.design_rows(self.holdout_sample, positions, exposures)
 
     def predicted_deg(self, positions: FloatArray) -> FloatArray:
         """σ (P,) in degrees expected of the held-out pixels after lights at positions (M, 3)."""
-        none = criterion.no_candidates(self.holdout_sample)
+        none = criterion.joined(self.holdout_sample, [])
         return self.expected_deg(self.holdout_candidates(positions) if len(positions) else none)
 
     def expected_deg(self, lights: Candidates) -> FloatArray:
@@ -99,14 +95,12 @@ class Problem:
         return [float(np.mean(without) / with_all - 1) for without in self.without_each_deg(lights, instead)]
 
     def design_rows(
-        self, sample: Samples, positions: FloatArray, *, cautious: bool, exposures: Sequence[Exposures] | None = None
+        self, sample: Samples, positions: FloatArray, exposures: Sequence[Exposures] | None = None
     ) -> Candidates:
         """Whitened design rows and visibilities of lights at positions (M, 3) at sample pixels; exposures as of
         `criterion.candidates`."""
-        return criterion.candidates(
-            sample, self.lights(positions), self.surface, self.calibration, self.recipe, self.gloss,
-            cautious=cautious, exposures=exposures,
-        )  # fmt: skip
+        lights, known = self.lights(positions), (self.surface, self.calibration, self.recipe, self.gloss)
+        return criterion.candidates(sample, lights, *known, exposures=exposures)
 
     def automatic_seconds(self, positions: FloatArray) -> FloatArray:
         """The automatic exposure time (M,), s, of lights at positions (M, 3), by the search pixels' expected level."""
@@ -159,7 +153,7 @@ def build(
         calibration=calibration,
         recipe=recipe,
         reach=reach,
-        search_sample=criterion.reweight(search_sample, normal_map, observations, calibration, cautious=True),
+        search_sample=criterion.reweight(search_sample, normal_map, observations, calibration),
         holdout_sample=criterion.reweight(holdout_sample, normal_map, observations, calibration),
         positions=positions,
         units=units,

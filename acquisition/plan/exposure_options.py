@@ -9,7 +9,6 @@ import numpy as np
 from acquisition.models.light_plan import FrameExposure
 from acquisition.models.recipe import Exposure
 from acquisition.models.shot import Observations, Shot
-from acquisition.models.tuned import tuned
 
 Exposures = Sequence[FrameExposure]
 """The exposures of one light."""
@@ -25,17 +24,6 @@ RATIOS = (2, 3, 4, 5)
 
 
 @dataclass(frozen=True)
-class CaptureTimeSettings:
-    """Tuned numbers of a capture's times."""
-
-    frame_s: float = tuned(0.1, "s")
-    """Time of a frame beside its exposure: readout, transfer, check, file and journal."""
-
-
-SETTINGS = CaptureTimeSettings()
-
-
-@dataclass(frozen=True)
 class CaptureTimes:
     """Limits and times of a capture, s: the camera's shortest and longest exposure, the time between two lights without
     their frames (path, settling, lamp), and that of a frame beside its exposure."""
@@ -43,7 +31,7 @@ class CaptureTimes:
     shortest_s: float
     longest_s: float
     move_s: float
-    frame_s: float = SETTINGS.frame_s
+    frame_s: float
 
     def of_light(self, exposures: Exposures) -> float:
         """Time of one light's frames, s."""

@@ -67,7 +67,7 @@ def choose(
     for position, seconds in zip(positions, usual_s, strict=True):
         allowed = exposure_options.options(float(seconds), wanted, times)
         places = np.repeat(position[None], len(allowed), axis=0)
-        choices.append(LightOptions(allowed, problem.design_rows(sample, places, cautious=False, exposures=allowed)))
+        choices.append(LightOptions(allowed, problem.design_rows(sample, places, allowed)))
     chosen = descend(choices, sample, loss, times, times.so_far(observations))
     planned = problem.holdout_candidates(positions, chosen)
     usual = problem.holdout_candidates(positions, [[FrameExposure(exposure_s=float(one))] for one in usual_s])
@@ -87,9 +87,7 @@ def descend(
         for number, light in enumerate(light_options):
             others = [one for one in range(len(chosen)) if one != number and (sweep > 0 or one < number)]
             known = [light_options[one].exposures[chosen[one]] for one in others]
-            present = criterion.no_candidates(sample)
-            for one in others:
-                present = present.joined(light_options[one].rows.only([chosen[one]]))
+            present = criterion.joined(sample, [light_options[one].rows.only([chosen[one]]) for one in others])
             losses = loss.scan(sample, criterion.posterior(sample, present), light.rows)
             later = (len(chosen) - 1 - len(others)) * times.move_s
             seconds = np.array([spent_s + later + times.of_pass([*known, one]) for one in light.exposures])

@@ -1,12 +1,11 @@
-"""Noise model of planned images: heteroscedastic variance of y, as expected and, to choose lights by, cautiously.
+"""Noise model of planned images: heteroscedastic variance of y, as expected of the final solve.
 
 The expected variance differs from the calibration's. The final solve self-calibrates each image's intensity from all
 pixels, so that only a part of that error remains; and depth is a nuisance parameter of its own, in the plan as in the
 solve, so that the error of the light's direction is that of the lamp's position, and changes y only at oblique
 incidence. Independent pixel noise (the sensor's) is halved by the projection of the normals to an integrable field;
-errors of the lamps are not. Forecasts use this model, and the information of the images so far is reweighted by it.
-Lights are chosen by a more cautious one, as if errors of intensity and depth remained in full, as they do on flat
-surfaces, so that the choice does not depend on how much the final solve corrects.
+errors of the lamps are not. Lights are chosen and σ is forecast by this model, and the information of the images so far
+is reweighted by it.
 
 Indirect radiance (interreflection) is subtracted by a prediction whose error is proportional to that radiance, not to
 the lamp's, so dark measurements beside it carry less information. It is estimated from the images so far.
@@ -86,22 +85,13 @@ def gloss(normal_map: NormalMap) -> Gloss:
 
 def variance(
     value: FloatArray | Float32Array, cosine: FloatArray | Float32Array, strength: FloatArray | Float32Array,
-    distance: FloatArray | Float32Array, sensor: FloatArray, calibration: Calibration, indirect: Float32Array, *,
-    cautious: bool = False,
+    distance: FloatArray | Float32Array, sensor: FloatArray, calibration: Calibration, indirect: Float32Array,
 ) -> FloatArray:  # fmt: skip
-    """Heteroscedastic noise model: variance of y (K, P), expected or `cautious`.
+    """Heteroscedastic noise model: expected variance of y (K, P).
 
     `distance` (K, P) of the lights in m, `strength` ρ|s| (K, P), `cosine` (K, P) of the angle of incidence, `sensor`
-    (K, P) the sensor's part of the variance.
-
-    `indirect` (P,) is the indirect radiance, in y.
+    (K, P) the sensor's part of the variance, `indirect` (P,) the indirect radiance, in y.
     """
-    indirect_variance = (SETTINGS.indirect_sigma * indirect) ** 2
-    if cautious:
-        none = np.zeros(len(value))
-        assumed = photometry.model_noise(calibration, none, none, float(np.mean(distance)))
-        lamp = assumed.variance(np.asarray(value, np.float64), np.asarray(strength, np.float64))
-        return np.asarray(SETTINGS.integrability_factor * sensor + lamp + indirect_variance)
     lamp_angle = calibration.lamp_position_sigma_m / distance
     intensity_variance = SETTINGS.self_calibration_factor**2 * (calibration.intensity_sigma**2 + (2 * lamp_angle) ** 2)
     direction_variance = lamp_angle**2 * np.clip(1 - cosine**2, 0, 1)
@@ -110,7 +100,7 @@ def variance(
         SETTINGS.integrability_factor * pixel_variance
         + intensity_variance * value**2
         + direction_variance * strength**2
-        + indirect_variance
+        + (SETTINGS.indirect_sigma * indirect) ** 2
     )
 
 

@@ -79,7 +79,7 @@ def choose(
             predicted_sigma_deg=float(np.mean(before_deg)),
             predicted_median_deg=float(MEDIAN_ERROR_PER_SIGMA * np.median(before_deg)),
         )
-    candidates = problem.search_candidates(problem.positions)
+    candidates = problem.design_rows(problem.search_sample, problem.positions)
     loss, sets = _loss_and_patterns(problem, candidates, count_to_add)
     chosen = optimise.search(problem.search_sample, candidates, loss, sets, count_to_add, recipe.seed)
     positions = problem.positions[chosen]
@@ -134,7 +134,7 @@ def forecast(
     """
     options, most = PlanOptions(region=region), max(counts, default=0)
     problem = design_problem.build(normal_map, observations, recipe, reach, calibration, options, most)
-    return forecast_curve(problem, problem.search_candidates(problem.positions), counts)
+    return forecast_curve(problem, problem.design_rows(problem.search_sample, problem.positions), counts)
 
 
 def forecast_curve(problem: Problem, candidates: Candidates, counts: Sequence[int]) -> list[ForecastPoint]:

@@ -136,7 +136,7 @@ def forecast(
             lit=np.count_nonzero(seen, axis=0).astype(np.float32),
         )
         problem = replace(problem, search_sample=lit, holdout_sample=lit)
-        candidates = problem.search_candidates(positions)
+        candidates = problem.design_rows(problem.search_sample, positions)
         curve = planner.forecast_curve(problem, candidates, [count - len(first_lights) for count in counts])
     else:
         patterns = [_pattern(recipe, first_lights, reach, count) for count in counts]

@@ -62,6 +62,8 @@ FORECAST_COUNTS = (1, 2, 4, 8, 16)
 """Numbers of further lights for which a plan forecasts the error."""
 ASSUMED_MOVE_S = 2.0
 """Time of a move between two lights, s, assumed where no route is on record."""
+FRAME_S = 0.1
+"""Time of a frame beside its exposure, s: readout, transfer, check, file and journal."""
 
 
 def make_reach(cell: CellConfig, calibration: Calibration, cache: Path) -> None:
@@ -126,7 +128,7 @@ def further_lights(
         chosen = plan.plan_to_target(*known, region=region_mask, times=times)
     if not chosen.lights:
         return chosen, []
-    gain_maps = explain.gains(normal_map, observations, recipe, chosen.lights, calibration)
+    gain_maps = explain.gains(explain.basis(*known, region_mask), chosen.lights)
     pictures = [gain_maps.image(light) for light in range(len(chosen.lights))]
     summary = {
         "levels_per_s": expected_levels(normal_map, chosen.lights, calibration),
@@ -142,6 +144,7 @@ def _capture_times(cell: CellConfig, routes: Sequence[Route]) -> plan.CaptureTim
         shortest_s=cell.camera.min_exposure_s,
         longest_s=cell.camera.max_exposure_s,
         move_s=cell.arm.settle_s + cell.lamp.rise_s + (float(np.mean(moving_s)) if moving_s else ASSUMED_MOVE_S),
+        frame_s=FRAME_S,
     )
 
 

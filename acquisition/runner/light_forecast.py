@@ -18,8 +18,8 @@ from acquisition.models.base import FloatArray, Vector3
 from acquisition.models.light_forecast import ForecastInput, LightForecast, PlacedLight
 from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA
 from acquisition.models.route import Refusal
-from acquisition.plan import placed_lights
-from acquisition.plan.placed_lights import ForecastBasis, LightRows
+from acquisition.plan import explain
+from acquisition.plan.explain import Basis, LightRows
 from acquisition.waypoints.reach import ReachMap, refusals
 
 T = TypeVar("T")
@@ -36,7 +36,7 @@ class _Review:
     """What is kept of one review."""
 
     key: str
-    basis: ForecastBasis | None
+    basis: Basis | None
     rows: OrderedDict[Vector3, LightRows] = field(default_factory=OrderedDict[Vector3, LightRows])
     verdicts: OrderedDict[Vector3, Refusal | None] = field(default_factory=OrderedDict[Vector3, Refusal | None])
 
@@ -64,7 +64,7 @@ def forecast(
             lights=lights, sigma_before_deg=None, sigma_deg=None, median_deg=None, brightest_sigma_deg=None
         ), None
     served = [position for position, verdict in zip(positions, verdicts, strict=True) if verdict is None]
-    result = placed_lights.evaluate(review.basis, [_rows(review, review.basis, position) for position in served])
+    result = explain.evaluate(review.basis, [_rows(review, review.basis, position) for position in served])
     gains = iter(result.gains)
     return LightForecast(
         lights=[
@@ -78,13 +78,11 @@ def forecast(
     ), result.picture
 
 
-def _basis(given: ForecastInput, reach: ReachMap) -> ForecastBasis | None:
+def _basis(given: ForecastInput, reach: ReachMap) -> Basis | None:
     if given.result is None:
         return None
     mask = None if given.region_file is None else region.decode_mask(given.region_file.read_bytes(), given.calibration)
-    return placed_lights.basis(
-        export.read(given.result), given.observations, given.recipe, reach, given.calibration, mask
-    )
+    return explain.basis(export.read(given.result), given.observations, given.recipe, reach, given.calibration, mask)
 
 
 def _verdict(review: _Review, position: Vector3, center: FloatArray, given: ForecastInput) -> Refusal | None:
@@ -103,9 +101,9 @@ def _verdict(review: _Review, position: Vector3, center: FloatArray, given: Fore
     return review.verdicts[position]
 
 
-def _rows(review: _Review, basis: ForecastBasis, position: Vector3) -> LightRows:
+def _rows(review: _Review, basis: Basis, position: Vector3) -> LightRows:
     if position not in review.rows:
-        _remember(review.rows, position, placed_lights.rows(basis, np.array(position)))
+        _remember(review.rows, position, explain.rows(basis, np.array(position)))
     return review.rows[position]
 
 

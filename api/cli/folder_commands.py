@@ -60,7 +60,7 @@ def plan_folder(
     ] = None,
     max_slant_deg: Annotated[
         float | None,
-        typer.Option(help="Greatest slant from the view axis; default: 70 on a free dome, none of given candidates"),
+        typer.Option(help="Greatest slant from the view axis; default: 75 on a free dome, none of given candidates"),
     ] = None,
     pilot: Annotated[
         str | None,

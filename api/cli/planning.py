@@ -21,6 +21,7 @@ from acquisition import geometry, plan
 from acquisition.formats import folders
 from acquisition.formats.folders import near_light_folder, session_folder
 from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import MAX_SLANT_DEG, MIN_SLANT_DEG
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
@@ -29,7 +30,7 @@ from acquisition.models.route import Reach
 from acquisition.normals import distant, equivalent_session, near_light
 from acquisition.normals.equivalent_session import EquivalentSession
 from acquisition.normals.image_set import DistantLights, ImageSet, NearLights, check
-from acquisition.plan import candidate_lights, design_problem
+from acquisition.plan import design_problem
 from acquisition.plan.candidate_lights import FreeDome, ListedLights
 from acquisition.runner.session_solve import solve_in_cell
 
@@ -134,9 +135,10 @@ def plan_request(
         raise _invalid(f"--radius-mm {radius_mm:g}: the radius must be positive")
     if radius_mm is not None and candidates is not None:
         raise _invalid("--radius-mm is that of a free dome: leave it out where --candidates gives the positions")
-    if max_slant_deg is not None and not candidate_lights.SETTINGS.min_slant_deg < max_slant_deg <= STEEPEST_DEG:
-        least_deg = candidate_lights.SETTINGS.min_slant_deg
-        raise _invalid(f"--max-slant-deg {max_slant_deg:g}: give more than {least_deg:g} and at most {STEEPEST_DEG:g}")
+    if max_slant_deg is not None and not MIN_SLANT_DEG < max_slant_deg <= STEEPEST_DEG:
+        raise _invalid(
+            f"--max-slant-deg {max_slant_deg:g}: give more than {MIN_SLANT_DEG:g} and at most {STEEPEST_DEG:g}"
+        )
     if out is not None and out.exists() and not out.is_file():
         raise _invalid(f"--out {out}: is no file: name one")
     numbers = None
@@ -270,7 +272,7 @@ def _reach(
     if offer is None:
         radius_m = float(np.mean(np.linalg.norm(pilot, axis=1)))
         radius_m = radius_m if request.radius_mm is None else request.radius_mm / 1000
-        slant_deg = candidate_lights.SETTINGS.max_slant_deg if request.max_slant_deg is None else request.max_slant_deg
+        slant_deg = MAX_SLANT_DEG if request.max_slant_deg is None else request.max_slant_deg
         return FreeDome(center, radius_m, float(np.radians(slant_deg))), None
     offsets = capture.frame.view(offer.own)
     if capture.frame.word == "position":

@@ -20,6 +20,7 @@ from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, 
 from acquisition.normals import sensor_estimate, session_images, silhouette
 from acquisition.normals.solve import solve_stack
 from acquisition.plan.exposure_options import CaptureTimes
+from acquisition.runner import jobs
 from acquisition.session import further_number
 from api.cli.study.scene_geometry import Geometry
 from api.cli.study.simulated_scene import Frames, Scene
@@ -70,7 +71,7 @@ class Sessions:
     def __init__(self, drawn: Scene, seed: int) -> None:
         self.scene, self.seed = drawn, seed
         camera = drawn.geometry.cell.camera
-        self.times = CaptureTimes(camera.min_exposure_s, camera.max_exposure_s, MOVE_S)
+        self.times = CaptureTimes(camera.min_exposure_s, camera.max_exposure_s, MOVE_S, jobs.FRAME_S)
 
     def run(self, wanted: Exposure, planned: int) -> Outcome:
         """A session with a pilot and `planned` lights."""

@@ -117,7 +117,7 @@ def oracle(scene: Scene, solved: NormalMap, first: Capture) -> NormalMap:
     known, lights = first.calibration, list(first.stack.lights)
     samples = criterion.samples(blank, known, np.arange(len(rows)))
     surface = visibility.surface(blank, known)
-    design = criterion.candidates(samples, lights, surface, known, Recipe(), cautious=False)
+    design = criterion.candidates(samples, lights, surface, known, Recipe())
     row = design.row.astype(float) * lit[:, rows, columns][:, None]
     row[:, 3] /= criterion.photometry.SETTINGS.offset_sigma_m
     information = np.einsum("kap,kbp->pab", row, row)

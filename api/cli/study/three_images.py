@@ -16,6 +16,7 @@ import numpy as np
 
 from acquisition import geometry, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.cell_config import MAX_SLANT_DEG
 from acquisition.models.light_plan import Light
 from acquisition.plan import baselines
 from api.cli.study import paper_criterion
@@ -68,7 +69,7 @@ def equation_23(scene: Scene, rng: np.random.Generator) -> FloatArray:
     """Three unit lights of least criterion for the object's own normals, none below the horizon."""
     best = paper_criterion.best_unit_lights(paper_criterion.mean_projector(scene), 3, int(rng.integers(2**31)))
     slant, azimuth = geometry.slant_azimuth(best)
-    return geometry.direction(np.minimum(slant, np.radians(baselines.SETTINGS.max_slant_deg)), azimuth)
+    return geometry.direction(np.minimum(slant, np.radians(MAX_SLANT_DEG)), azimuth)
 
 
 def random_directions(scene: Scene, rng: np.random.Generator) -> FloatArray:

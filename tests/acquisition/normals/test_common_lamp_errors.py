@@ -20,7 +20,7 @@ def captured(seed: int, count: int) -> tuple[scenes.Scene, Calibration, Observat
     """A cushion lit by two rings, all lamps displaced in the tool by the same error, at random rolls of the tool."""
     variance = LAMP_SIGMA_M**2
     known = scenes.calibration(
-        96, lamp_position_sigma_m=OWN_SIGMA_M, intensity_sigma=0.005,
+        64, lamp_position_sigma_m=OWN_SIGMA_M, intensity_sigma=0.005,
         tool_from_lamp_covariance=((variance, 0.0, 0.0), (0.0, variance, 0.0), (0.0, 0.0, variance)),
     )  # fmt: skip
     rng = np.random.default_rng(seed)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,13 @@ def tile(true: scenes.Scene) -> GreyTile:
     return GreyTile(mask, np.full((SIZE, SIZE), scenes.TABLE_DEPTH, np.float32), np.array([0.0, 0.0, 1.0]))
 
 
+@cache
+def dimmed() -> tuple[scenes.Scene, Observations]:
+    """The usual scene and its images, which no test changes."""
+    true = true_scene()
+    return true, captured(true)
+
+
 def captured(true: scenes.Scene, seed: int = 0) -> Observations:
     lights = [*scenes.ring(COUNT // 2, 25.0), *scenes.ring(COUNT // 2, 48.0, 0.3)]
     return scenes.capture(true, lights, seed, 0.001, 0.0003, brightness=DRIFT.tolist())
@@ -64,8 +72,8 @@ def changed(observations: Observations, numbers: list[int], change: Callable[[np
 
 
 def test_tile_tells_the_drift_of_the_lamp() -> None:
-    true = true_scene()
-    found = grey_tile.measure(captured(true), true.calibration, tile(true))
+    true, observations = dimmed()
+    found = grey_tile.measure(observations, true.calibration, tile(true))
     assert found is not None
     assert found.finding is None
     error = found.log_intensity - np.log(DRIFT)
@@ -88,7 +96,7 @@ def test_tile_lowers_the_error_of_a_lamp_that_drifts() -> None:
 
 
 def test_tile_in_a_shadow_is_noticed_and_named() -> None:
-    true = true_scene()
+    true, sound = dimmed()
     dark = int(true.calibration.sensor.black_level_dn)
 
     def half(pixels: np.ndarray) -> None:
@@ -97,7 +105,7 @@ def test_tile_in_a_shadow_is_noticed_and_named() -> None:
     def whole(pixels: np.ndarray) -> None:
         pixels[:] = dark + (pixels - dark) // 3
 
-    observations = changed(changed(captured(true), [4], half), [7], whole)
+    observations = changed(changed(sound, [4], half), [7], whole)
     found = grey_tile.measure(observations, true.calibration, tile(true))
     assert found is not None
     assert found.finding is not None
@@ -106,25 +114,25 @@ def test_tile_in_a_shadow_is_noticed_and_named() -> None:
 
 
 def test_saturated_tile_is_noticed_and_named() -> None:
-    true = true_scene()
+    true, sound = dimmed()
 
     def full(pixels: np.ndarray) -> None:
         pixels[2:4] = 4095
 
-    found = grey_tile.measure(changed(captured(true), [3], full), true.calibration, tile(true))
+    found = grey_tile.measure(changed(sound, [3], full), true.calibration, tile(true))
     assert found is not None
     assert found.finding is not None
     assert "is saturated in image 3" in found.finding.message
-    assert grey_tile.measure(changed(captured(true), list(range(8)), full), true.calibration, tile(true)) is None
+    assert grey_tile.measure(changed(sound, list(range(8)), full), true.calibration, tile(true)) is None
 
 
 def test_solve_with_tile_that_does_not_serve_is_as_without_and_says_so() -> None:
-    true = true_scene()
+    true, sound = dimmed()
 
     def full(pixels: np.ndarray) -> None:
         pixels[:] = 4095
 
-    observations = changed(captured(true), list(range(COUNT)), full)
+    observations = changed(sound, list(range(COUNT)), full)
     found, _ = solved(true, observations, with_tile=True)
     plain, _ = solved(true, observations, with_tile=False)
     np.testing.assert_array_equal(found.normals, plain.normals)

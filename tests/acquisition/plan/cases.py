@@ -94,12 +94,11 @@ def shot_of(light: Light, number: int) -> Shot:
 
 
 def design_rows(
-    samples: Samples, lights: list[Light], normal_map: NormalMap, known: Calibration, recipe: Recipe | None = None,
-    *, cautious: bool = False,
-) -> Candidates:  # fmt: skip
+    samples: Samples, lights: list[Light], normal_map: NormalMap, known: Calibration, recipe: Recipe | None = None
+) -> Candidates:
     """Design rows and visibilities of lights at sample pixels of a normal map."""
     surface = visibility.surface(normal_map, known)
-    return criterion.candidates(samples, lights, surface, known, recipe or Recipe(), cautious=cautious)
+    return criterion.candidates(samples, lights, surface, known, recipe or Recipe())
 
 
 def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: int = 3) -> NormalMap:

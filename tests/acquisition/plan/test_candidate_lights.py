@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from acquisition import geometry, lamp_pose, pilot, plan
+from acquisition.models.cell_config import MIN_SLANT_DEG
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
-from acquisition.plan.candidate_lights import SETTINGS, FreeDome, ListedLights
+from acquisition.plan.candidate_lights import FreeDome, ListedLights
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -37,7 +38,7 @@ def test_free_dome_candidates_fill_it_and_are_allowed(max_slant_deg: float) -> N
     offsets = dome.candidates - CENTER
     slant_deg = np.degrees(geometry.slant_azimuth(offsets)[0])
     np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), 0.4)
-    assert slant_deg.min() == pytest.approx(SETTINGS.min_slant_deg)
+    assert slant_deg.min() == pytest.approx(MIN_SLANT_DEG)
     assert slant_deg.max() == pytest.approx(max_slant_deg)
     assert np.linalg.norm(np.mean(offsets[:, :2], axis=0)) < 0.01
     slants = np.radians([5.0, 20.0, max_slant_deg + 1])
@@ -86,7 +87,7 @@ def test_choose_as_many_as_listed_takes_all(piloted: NormalMap, cushion: scenes.
 
 
 def test_choose_one_of_nine_listed_is_among_the_best(piloted: NormalMap, cushion: scenes.Scene) -> None:
-    """As lists of each of the same lamps alone state it; the search sees other pixels, cautious noise, and a cap."""
+    """As lists of each of the same lamps alone state it; the search sees other pixels, wrong depth, and a cap."""
     lamps = listed(9)
     arguments = (piloted, cases.NO_OBSERVATIONS, Recipe())
     options = plan.PlanOptions(listed=True, certify=False)

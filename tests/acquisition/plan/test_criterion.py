@@ -203,7 +203,7 @@ def test_usable_pixels_grazing_or_not_finite_are_left_out(cushion: scenes.Scene)
 def test_posterior_unlit_pixels_keep_prior_of_40_degrees(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [])
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(50))
-    nothing = criterion.no_candidates(sample)
+    nothing = criterion.joined(sample, [])
     np.testing.assert_allclose(criterion.posterior(sample, nothing).sigma_deg, np.degrees(np.sqrt(0.5)), rtol=1e-3)
 
 
@@ -215,6 +215,6 @@ def test_posterior_more_lights_lowers_sigma_by_count(cushion: scenes.Scene) -> N
     spread = []
     for normal_map in (few, many):
         sample = criterion.samples(normal_map, cushion.calibration, chosen)
-        nothing = criterion.no_candidates(sample)
+        nothing = criterion.joined(sample, [])
         spread.append(np.median(criterion.posterior(sample, nothing).variance[0]))
     assert spread[0] / spread[1] == pytest.approx(2.0, rel=0.15)

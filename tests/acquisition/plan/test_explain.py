@@ -7,7 +7,7 @@ import pytest
 from acquisition import pilot
 from acquisition.models.recipe import Recipe
 from acquisition.plan import explain
-from acquisition.plan.explain import Gains
+from acquisition.plan.explain import Basis, Gains
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -17,31 +17,35 @@ LIGHTS = [*scenes.ring(3, 62.0, turn=0.4), scenes.ring(1, 20.0)[0]]
 
 
 @pytest.fixture(scope="module")
-def gains() -> Gains:
-    normal_map = cases.known_map(TRUE, PILOT_LIGHTS)
-    return explain.gains(normal_map, cases.NO_OBSERVATIONS, Recipe(), LIGHTS, TRUE.calibration)
+def basis() -> Basis:
+    known = cases.known_map(TRUE, PILOT_LIGHTS)
+    return explain.basis(known, cases.NO_OBSERVATIONS, Recipe(), scenes.Dome(refused=0), TRUE.calibration, None)
 
 
-def test_gains_all_lights_are_not_negative(gains: Gains) -> None:
-    assert gains.gain_deg.shape == (len(LIGHTS), len(gains.sample.row))
+@pytest.fixture(scope="module")
+def gains(basis: Basis) -> Gains:
+    return explain.gains(basis, LIGHTS)
+
+
+def test_gains_all_lights_are_not_negative(basis: Basis, gains: Gains) -> None:
+    assert gains.gain_deg.shape == (len(LIGHTS), len(basis.shown.row))
     assert np.min(gains.gain_deg) > -1e-6
     assert np.all(np.max(gains.gain_deg, axis=1) > 0.02)
 
 
 @pytest.mark.parametrize("light", range(3))
-def test_gains_grazing_light_is_on_its_own_side(gains: Gains, light: int) -> None:
+def test_gains_grazing_light_is_on_its_own_side(basis: Basis, gains: Gains, light: int) -> None:
     place = np.array(LIGHTS[light].position)
-    towards = place - TRUE.points[:, gains.sample.row, gains.sample.column].T
+    towards = place - TRUE.points[:, basis.shown.row, basis.shown.column].T
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    cosine = np.einsum("kc,kc->k", TRUE.normals[gains.sample.row, gains.sample.column], towards)
+    cosine = np.einsum("kc,kc->k", TRUE.normals[basis.shown.row, basis.shown.column], towards)
     gain = gains.gain_deg[light]
     assert np.max(gain[cosine < -0.15]) < 1e-6
     assert np.mean(gain[cosine > 0.3]) > 0.01
 
 
-def test_gains_duplicate_light_is_small(gains: Gains) -> None:
-    normal_map = cases.known_map(TRUE, PILOT_LIGHTS)
-    twice = explain.gains(normal_map, cases.NO_OBSERVATIONS, Recipe(), [*LIGHTS, LIGHTS[0]], TRUE.calibration)
+def test_gains_duplicate_light_is_small(basis: Basis, gains: Gains) -> None:
+    twice = explain.gains(basis, [*LIGHTS, LIGHTS[0]])
     assert np.mean(twice.gain_deg[0]) < 0.8 * np.mean(gains.gain_deg[0])
 
 

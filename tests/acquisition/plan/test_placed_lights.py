@@ -9,23 +9,23 @@ import pytest
 from acquisition import pilot, plan
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
-from acquisition.plan import placed_lights
-from acquisition.plan.placed_lights import ForecastBasis, PlacedForecast
+from acquisition.plan import explain
+from acquisition.plan.explain import Basis, PlacedForecast
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
 
 @pytest.fixture(scope="module")
-def prepared() -> tuple[ForecastBasis, LightPlan]:
+def prepared() -> tuple[Basis, LightPlan]:
     """The basis of a piloted scene, and a plan made from the same."""
     reach, scene = scenes.Dome(seed=1, count=150), scenes.scene(scenes.bumps, scenes.calibration(128))
     known = (cases.known_map(scene, pilot.pattern(Recipe(), reach)), cases.NO_OBSERVATIONS, Recipe(), reach)
     planned = plan.choose(*known, scene.calibration, 4, plan.PlanOptions(certify=False))
-    return placed_lights.basis(*known, scene.calibration, None), planned
+    return explain.basis(*known, scene.calibration, None), planned
 
 
-def forecast(basis: ForecastBasis, positions: Any) -> PlacedForecast:
-    return placed_lights.evaluate(basis, [placed_lights.rows(basis, np.array(position)) for position in positions])
+def forecast(basis: Basis, positions: Any) -> PlacedForecast:
+    return explain.evaluate(basis, [explain.rows(basis, np.array(position)) for position in positions])
 
 
 def brightness(picture: bytes) -> float:
@@ -34,7 +34,7 @@ def brightness(picture: bytes) -> float:
     return float(image.mean())
 
 
-def test_evaluate_own_lights_of_plan_gives_its_forecast(prepared: tuple[ForecastBasis, LightPlan]) -> None:
+def test_evaluate_own_lights_of_plan_gives_its_forecast(prepared: tuple[Basis, LightPlan]) -> None:
     basis, planned = prepared
 
     result = forecast(basis, [light.position for light in planned.lights])
@@ -45,7 +45,7 @@ def test_evaluate_own_lights_of_plan_gives_its_forecast(prepared: tuple[Forecast
     assert np.mean(basis.before_deg) > np.mean(result.sigma_deg)
 
 
-def test_evaluate_fewer_lights_is_less_certain_and_brighter(prepared: tuple[ForecastBasis, LightPlan]) -> None:
+def test_evaluate_fewer_lights_is_less_certain_and_brighter(prepared: tuple[Basis, LightPlan]) -> None:
     basis, planned = prepared
     positions = [light.position for light in planned.lights]
 
@@ -57,7 +57,7 @@ def test_evaluate_fewer_lights_is_less_certain_and_brighter(prepared: tuple[Fore
     assert np.allclose(none.sigma_deg, basis.before_deg)
 
 
-def test_evaluate_same_light_twice_gains_less_than_each_of_two(prepared: tuple[ForecastBasis, LightPlan]) -> None:
+def test_evaluate_same_light_twice_gains_less_than_each_of_two(prepared: tuple[Basis, LightPlan]) -> None:
     basis, planned = prepared
     one, other = (light.position for light in planned.lights[:2])
 

@@ -72,14 +72,11 @@ def test_reweight_scales_information_to_expected_noise(ball: scenes.Scene) -> No
     np.testing.assert_allclose(ratios[10.0] / ratios[1.0], 100.0, rtol=0.05)
 
 
-@pytest.mark.parametrize("cautious", [False, True])
-def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene, *, cautious: bool) -> None:
+def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene) -> None:
     value, cosine, strength, distance = np.random.default_rng(3).uniform(0.1, 0.9, (4, 2, 3))
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
-        planned_noise.variance(
-            value, cosine, strength, distance, np.full((2, 3), 1e-4), ball.calibration, light, cautious=cautious
-        )
+        planned_noise.variance(value, cosine, strength, distance, np.full((2, 3), 1e-4), ball.calibration, light)
         for light in (bounced, np.zeros(3, np.float32))
     )
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.0004, 0.04], (2, 1)), rtol=1e-5, atol=1e-12)

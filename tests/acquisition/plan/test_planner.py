@@ -194,16 +194,14 @@ def test_choose_never_predicts_more_loss_than_completed_rings(
     usable = criterion.usable_pixels(normal_map, cushion.calibration)
     offset_sigma_m = photometry.SETTINGS.integrated_depth_sigma_m
     sample = criterion.samples(normal_map, cushion.calibration, usable, offset_sigma_m)
-    sample = criterion.reweight(sample, normal_map, observations, cushion.calibration, cautious=True)
+    sample = criterion.reweight(sample, normal_map, observations, cushion.calibration)
     units = (reach.candidates - reach.center) / reach.radius_m
     rings = two_ring_pattern.completions(-np.array([light.axis for light in lights]), units, count)
     positions = [[lamp_pose.light_at(reach.candidates[one], reach.center) for one in numbers] for numbers in rings]
-    reference = cases.design_rows(sample, positions[0], normal_map, cushion.calibration, cautious=True)
+    reference = cases.design_rows(sample, positions[0], normal_map, cushion.calibration)
     loss = objective.capped(criterion.posterior(sample, reference))
     planned_loss, *ring_losses = (
-        loss.evaluate(
-            criterion.posterior(sample, cases.design_rows(sample, some, normal_map, cushion.calibration, cautious=True))
-        )
+        loss.evaluate(criterion.posterior(sample, cases.design_rows(sample, some, normal_map, cushion.calibration)))
         for some in (chosen.lights, *positions)
     )
     assert chosen.fallback is None

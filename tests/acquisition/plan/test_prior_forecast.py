@@ -69,7 +69,8 @@ def test_prior_forecast_of_pattern_has_its_own_lights(method: Method, single: bo
     assert 7 in [point.lights for point in points]
 
 
-def test_prior_forecast_of_fixed_exposure_depends_on_it() -> None:
+def test_prior_forecast_of_fixed_exposure_depends_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(prior_forecast, "POINTS", 2)
     short, long = (
         points_of(Recipe.model_validate({"exposure": {"seconds": seconds}}))[-1].sigma_deg for seconds in (1e-3, 5e-2)
     )
