@@ -73,9 +73,15 @@ SETTINGS = ErrorVarianceSettings()
 
 MIN_LIGHTS = photometry.PIXEL_UNKNOWNS + 1
 
+POSTERIOR, CREASE, DETAIL = 0, 2, 3
+"""Numbers of some of the `components`."""
+
+NOISE_DETAIL = 5 / 4
+"""λ² of noise alone over σ₀²: the variances of a normal and of the mean of four others add up."""
+
 WEIGHTS = np.array(
     [
-        1.0 - 5 / 4 * SETTINGS.detail_share**2,
+        1.0 - NOISE_DETAIL * SETTINGS.detail_share**2,
         photometry.SETTINGS.misfit_factor,
         SETTINGS.crease_share**2,
         SETTINGS.detail_share**2,
@@ -94,12 +100,14 @@ STRIP_ROWS, NEIGHBOUR_ROWS = 256, 2
 def sigma_deg(
     posterior_deg: Float32Array, residual: Float32Array, lights: np.ndarray, stated_share: Float32Array,
     normals: Float32Array, *, capture_deg: float,
-) -> Float32Array:  # fmt: skip
-    """σ (H, W) in degrees over both tangential directions: the weighted `components`, whose arguments these are.
+) -> tuple[Float32Array, float]:  # fmt: skip
+    """σ (H, W) in degrees over both tangential directions: the weighted `components`, whose arguments these are; and
+    the mean of what creases and detail make of it, beyond what noise does, for forecasts.
 
     `capture_deg` is E.
     """
     out = np.full_like(posterior_deg, np.nan)
+    total, count = 0.0, 0
     for start in range(0, len(out), STRIP_ROWS):
         stop = min(start + STRIP_ROWS, len(out))
         first, last = max(start - NEIGHBOUR_ROWS, 0), min(stop + NEIGHBOUR_ROWS, len(out))
@@ -109,7 +117,10 @@ def sigma_deg(
         by_images = np.asarray(np.tensordot(WEIGHTS, parts, 1) + capture_deg**2, np.float64)
         variance = photometry.bounded_variance(by_images)
         out[start:stop] = np.where(known, np.sqrt(variance), np.nan)
-    return out
+        beyond_noise = np.maximum(parts[DETAIL] - NOISE_DETAIL * parts[POSTERIOR], 0)
+        structure = np.sqrt(WEIGHTS[CREASE] * parts[CREASE] + WEIGHTS[DETAIL] * beyond_noise)
+        total, count = total + float(np.sum(structure, dtype=np.float64)), count + int(np.count_nonzero(known))
+    return out, total / max(count, 1)
 
 
 def components(

@@ -190,7 +190,7 @@ def solve(
         maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray
     )
     lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
-    maps["sigma_deg"][window] = error_variance.sigma_deg(
+    maps["sigma_deg"][window], structure_deg = error_variance.sigma_deg(
         maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window],
         capture_deg=capture_sigma_deg,
     )  # fmt: skip
@@ -229,6 +229,7 @@ def solve(
             "direction": noise.direction,
             "shot": float(np.mean(noise.shot)),
             "misfit": misfit,
+            "structure_deg": structure_deg,
         },
         notes={
             "shift_m": state.shared.shift_m,

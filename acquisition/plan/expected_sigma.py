@@ -4,15 +4,18 @@ A result's σ consists of components (`acquisition.normals.error_variance`): the
 χ², the misfit of the pixel's images, and variances that no posterior contains. A plan knows the posterior of its
 design, how many lights will reach each pixel, and the misfit of the images so far:
 
-    σ² = (1 + B m (κ − 1)) (v + C²) + D² [fewer than four lights expected] + E²
+    σ² = (1 + B m (κ − 1)) (v + C²) + S² + D² [fewer than four lights expected] + E²
 
 v is the posterior's variance and m the number of lights that will reach the pixel. κ is χ² of the images so far over
 the whole object, between 1 and `max_misfit`, because few images have few residuals: a pixel's own χ² after a pilot of
 four says next to nothing, and where half of the pixels are lit by three lights it does not exist. What raises it
 (shadow edges, steps, indirect light, lobes of the lamps) is shared by images, so that its part does not fall with their
 number. C is what the calibration leaves uncertain of all lamps alike, E what is wrong with the capture
-(`photometry.capture_sigma_deg`). Creases and detail are left out: those in a pilot's normals are its noise. As in a
-result, σ stays below that of a normal of which nothing is known.
+(`photometry.capture_sigma_deg`). S is what creases and detail make of σ in the images so far, mean over the pixels:
+they are the surface's, and a pilot's are nearly those of the result, once what its noise makes is taken off. Without S
+the mean error that is forecast is 0.61 of what is found, with it 0.83 (geometric means of 16 plans of eight lights,
+design seeds 46 and 47; scratch evaluation, November 2026). As in a result, σ stays below that of a normal of which
+nothing is known.
 """
 
 from dataclasses import dataclass
@@ -39,11 +42,12 @@ SETTINGS = ExpectedSigmaSettings()
 
 @dataclass(frozen=True)
 class ExpectedSigma:
-    """What of the expected σ depends on the images so far: κ, and E in degrees; and C, 1 σ in rad of the lamps'
+    """What of the expected σ depends on the images so far: κ, and E and S in degrees; and C, 1 σ in rad of the lamps'
     directions, per axis, by errors of the calibration that all of them share."""
 
     misfit: float = 1.0
     capture_deg: float = 0.0
+    structure_deg: float = 0.0
     calibration_rad: float = 0.0
 
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
@@ -53,7 +57,12 @@ class ExpectedSigma:
         few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, settings.unchecked_sigma_deg**2, 0.0)
         # Both tangential directions of a normal, as the posterior's variance counts them.
         shared = 2 * self.calibration_rad**2
-        variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + few + self.capture_deg**2
+        variance = (
+            factor * np.degrees(1) ** 2 * (posterior.variance + shared)
+            + few
+            + self.capture_deg**2
+            + self.structure_deg**2
+        )
         return np.asarray(np.mean(np.sqrt(photometry.bounded_variance(variance)), axis=0))
 
 
@@ -61,6 +70,7 @@ def of(normal_map: NormalMap, calibration_rad: float = 0.0) -> ExpectedSigma:
     """Misfit and findings of the images so far; a misfit of 1, that of a model that holds, where none is stated."""
     return ExpectedSigma(
         misfit=float(np.clip(normal_map.noise.get("misfit", 1.0), 1.0, SETTINGS.max_misfit)),
+        structure_deg=normal_map.noise.get("structure_deg", 0.0),
         capture_deg=photometry.capture_sigma_deg(normal_map.findings),
         calibration_rad=calibration_rad,
     )

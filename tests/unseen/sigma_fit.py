@@ -194,7 +194,7 @@ def _solve(scene: Scene, count: int) -> dict[str, np.ndarray]:
     """Solves two rings of `count` lights, the azimuth by the seed, and samples graded pixels."""
     recorded: list[FloatArray] = []
 
-    def record(*maps: np.ndarray, capture_deg: float) -> np.ndarray:
+    def record(*maps: np.ndarray, capture_deg: float) -> tuple[np.ndarray, float]:
         parts = error_variance.components(*maps)
         parts[CHANGE] = error_variance.crease_deg2(maps[-1], np.isfinite(maps[0]))
         recorded.append(parts)

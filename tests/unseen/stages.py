@@ -117,9 +117,9 @@ def _no_discontinuity(*_: object) -> None:
     """In place of `discontinuity.discontinuous_depth`: the shadows contradict nothing."""
 
 
-def _regularised_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> Float32Array:
+def _regularised_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> tuple[Float32Array, float]:
     """In place of `error_variance.sigma_deg`."""
-    return posterior_deg
+    return posterior_deg, 0.0
 
 
 NO_DISCONTINUITY = Patch(discontinuity, "discontinuous_depth", _no_discontinuity)

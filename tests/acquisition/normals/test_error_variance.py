@@ -35,7 +35,7 @@ def sigma(
     return error_variance.sigma_deg(
         full(posterior_deg), full(residual), np.full(SHAPE, lights, np.uint8), full(stated_share), bent(0),
         capture_deg=capture_deg,
-    )  # fmt: skip
+    )[0]  # fmt: skip
 
 
 def test_sigma_perfect_fit_is_the_posterior() -> None:
@@ -91,7 +91,7 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
     posterior = np.ones(SHAPE, np.float32)
     posterior[STRIP_ROWS, 9:12] = np.nan
     ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
-    result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), capture_deg=0.0)
+    result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), capture_deg=0.0)[0]
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
     excess = (9 * 8) / (6 * 5) - 1
     assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(SMOOTH + MISFIT * 8 * excess), rel=1e-4)
@@ -101,7 +101,7 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
 
 @pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])
 def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None:
-    result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), capture_deg=0.0)
+    result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), capture_deg=0.0)[0]
     crease = np.degrees(2 * np.sin(np.radians(45)) / 2)
     tuned = error_variance.SETTINGS
     # A normal and the mean of four neighbours, one of which is 90° away, lie atan(1/3) apart.
@@ -154,3 +154,19 @@ def test_detail_beside_unknown_pixels_is_that_of_the_known() -> None:
     known = np.ones(SHAPE, bool)
     known[STRIP_ROWS:] = False
     assert error_variance.detail_deg2(bent(90), known) == pytest.approx(0, abs=1e-3)
+
+
+def test_structure_of_one_crease_is_its_share_of_the_pixels_and_noise_makes_none() -> None:
+    flat, crease = (
+        error_variance.sigma_deg(*_plain_maps(), normals, capture_deg=0.0)[1] for normals in (bent(0), bent(90))
+    )
+    assert flat == 0.0
+    tuned, detail = error_variance.SETTINGS, np.degrees(np.arctan(1 / 3))
+    turn = np.degrees(np.sin(np.radians(45))) ** 2 - tuned.min_crease_deg**2
+    each = np.sqrt(tuned.crease_share**2 * turn + tuned.detail_share**2 * (detail**2 - error_variance.NOISE_DETAIL))
+    assert crease == pytest.approx(2 / SHAPE[0] * each, rel=0.01)
+    noisy = bent(0) + np.random.default_rng(0).normal(0, np.radians(2.0) / np.sqrt(2), (*SHAPE, 3)) * [1, 1, 0]
+    noisy = (noisy / np.linalg.norm(noisy, axis=-1, keepdims=True)).astype(np.float32)
+    residual, lights, share = _plain_maps()[1:]
+    found = error_variance.sigma_deg(np.full(SHAPE, 2.0, np.float32), residual, lights, share, noisy, capture_deg=0.0)
+    assert found[1] < 0.4 * tuned.detail_share * 2.0

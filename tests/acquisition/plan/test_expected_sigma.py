@@ -47,6 +47,7 @@ def test_sigma_rises_with_misfit_of_images_so_far() -> None:
     [
         (ExpectedSigma(), 3.0, photometry.SETTINGS.unchecked_sigma_deg),
         (ExpectedSigma(capture_deg=7.0), 4.0, 7.0),
+        (ExpectedSigma(structure_deg=3.0), 4.0, 3.0),
     ],
 )
 def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float, added_deg: float) -> None:
@@ -60,6 +61,7 @@ def test_of_normal_map_reads_misfit_and_findings() -> None:
     stated = [expected_sigma.of(replace(known, noise={"misfit": misfit})).misfit for misfit in (0.2, 3.0, 90.0)]
     assert stated == [1.0, 3.0, SETTINGS.max_misfit]
     assert expected_sigma.of(known) == ExpectedSigma()
+    assert expected_sigma.of(replace(known, noise={"structure_deg": 1.5})).structure_deg == 1.5
     corrected, left = (ModelFinding(kind="lamps", message="-", corrected=one) for one in (True, False))
     metal = ModelFinding(kind=photometry.METAL, message="-", corrected=True)
     settings = photometry.SETTINGS
