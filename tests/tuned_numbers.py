@@ -24,7 +24,7 @@ REASONS: dict[str, str] = {
         microfacet.METAL_F0 photon_transfer.CLIP_SIGMA photon_transfer.CLIPPED_GAUSSIAN_VARIANCE
         residual_noise.GAUSSIAN_MEDIAN_DEVIATION pixel_solve_kernels.CAUCHY_MEAN_WEIGHT surface_diffusion.MAX_EIGENVALUE
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
-        light_tests.STATED_AXES light_tests.ALL_AXES baselines.VIEWING_AXIS objective.VARIANCE
+        light_tests.STATED_AXES light_tests.ALL_AXES baselines.VIEWING_AXIS
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENT""",
     "counts of unknowns, marks and definitions": """

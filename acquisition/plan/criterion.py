@@ -37,12 +37,9 @@ VISIBILITY_LEVELS = (1 / 6, 1 / 2, 5 / 6)
 class CriterionSettings:
     """Tuned numbers of the design criterion."""
 
-    attached_sigma: float = tuned(0.06, "cosine")
-    """1 σ of the attached-shadow threshold, in cosine of incidence; combined with the normal's own σ."""
-    cast_sigma: float = tuned(0.04, "slope")
-    """1 σ of the cast-shadow threshold, in slope of clearance; combined with the normal's own σ."""
-    max_indirect_share: float = tuned(0.5, "share")
-    """Upper bound of the share of interreflection in a pixel's images; larger estimates are clipped."""
+    shadow_sigma: float = tuned(0.05, "1")
+    """1 σ of the threshold of a shadow, in cosine of incidence or slope of clearance; combined with the normal's own
+    σ. Errors are 0.998 times those with 0.06 for attached and 0.04 for cast shadows (sixteen scenes, eight images)."""
 
 
 SETTINGS = CriterionSettings()
@@ -233,11 +230,8 @@ def automatic_seconds(
 
 def _visibility(sample: Samples, shading: _Shading, surface: Surface, lamp: Float32Array) -> FloatArray:
     """Probability (K, P) of neither attached nor cast shadow."""
-    direction_sigma = sample.sigma / np.sqrt(2.0)
-    clearance = surface.clearance(sample.point, lamp)
-    return ndtr((shading.cosine - MIN_COSINE) / np.hypot(SETTINGS.attached_sigma, direction_sigma)) * ndtr(
-        clearance / np.hypot(SETTINGS.cast_sigma, direction_sigma)
-    )
+    sigma = np.hypot(SETTINGS.shadow_sigma, sample.sigma / np.sqrt(2.0))
+    return ndtr((shading.cosine - MIN_COSINE) / sigma) * ndtr(surface.clearance(sample.point, lamp) / sigma)
 
 
 def _automatic_seconds(
@@ -285,7 +279,7 @@ def reweight(sample: Samples, normal_map: NormalMap, observations: Observations,
     lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
     indirect = np.zeros_like(sample.albedo)
     if normal_map.indirect is not None:
-        share = np.clip(normal_map.indirect[sample.row, sample.column], 0, SETTINGS.max_indirect_share)
+        share = np.clip(normal_map.indirect[sample.row, sample.column], 0, 0.5)  # no brighter than the direct light
         indirect = np.asarray(np.mean(np.where(lit, shading.value, 0), axis=0) * share / (1 - share), np.float32)
     assumed = planned_noise.solved_variance(
         shading.value, strength, float(np.mean(shading.distance)), sensor, calibration, normal_map, indirect
