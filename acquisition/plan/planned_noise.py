@@ -65,18 +65,26 @@ def gloss(normal_map: NormalMap) -> Gloss:
     return Gloss(photometry.SETTINGS.predicted_highlight_sigma * float(lobe["strength"]), float(lobe["exponent"]))
 
 
-def variance(
-    value: FloatArray | Float32Array, cosine: FloatArray | Float32Array, strength: FloatArray | Float32Array,
-    distance: FloatArray | Float32Array, sensor: FloatArray, calibration: Calibration, indirect: Float32Array,
-) -> FloatArray:  # fmt: skip
+@dataclass(frozen=True)
+class Shading:
+    """Near-light shading of P sample pixels by K lights, without shadows."""
+
+    light: Float32Array  # (K, 3, P) light vectors s
+    strength: Float32Array  # (K, P) ρ|s|
+    distance: Float32Array  # (K, P) m
+    cosine: Float32Array  # (K, P) of the angle of incidence
+    value: Float32Array  # (K, P) y
+
+
+def variance(shading: Shading, sensor: FloatArray, calibration: Calibration, indirect: Float32Array) -> FloatArray:
     """Heteroscedastic noise model: expected variance of y (K, P).
 
-    `distance` (K, P) of the lights in m, `strength` ρ|s| (K, P), `cosine` (K, P) of the angle of incidence, `sensor`
-    (K, P) the sensor's part of the variance, `indirect` (P,) the indirect radiance, in y.
+    `sensor` (K, P) is the sensor's part of it, `indirect` (P,) the indirect radiance, in y.
     """
-    lamp_angle = calibration.lamp_position_sigma_m / distance
+    value, strength = shading.value, shading.strength
+    lamp_angle = calibration.lamp_position_sigma_m / shading.distance
     intensity_variance = SETTINGS.self_calibration_factor**2 * (calibration.intensity_sigma**2 + (2 * lamp_angle) ** 2)
-    direction_variance = lamp_angle**2 * np.clip(1 - cosine**2, 0, 1)
+    direction_variance = lamp_angle**2 * np.clip(1 - shading.cosine**2, 0, 1)
     pixel_variance = sensor + photometry.SETTINGS.flat_field_sigma**2 * value**2
     return np.asarray(
         SETTINGS.integrability_factor * pixel_variance
@@ -87,14 +95,13 @@ def variance(
 
 
 def solved_variance(
-    value: Float32Array, strength: Float32Array, distance_m: float, sensor: FloatArray, calibration: Calibration,
-    normal_map: NormalMap, indirect: Float32Array,
-) -> FloatArray:  # fmt: skip
+    shading: Shading, sensor: FloatArray, calibration: Calibration, indirect: Float32Array, normal_map: NormalMap
+) -> FloatArray:
     """Variance (K, P) of y by which the solver of `normal_map` weighted such values; arguments as of `variance`."""
-    none = np.zeros(len(value))
-    assumed = photometry.model_noise(calibration, none, none, distance_m)
+    none = np.zeros(len(shading.value))
+    assumed = photometry.model_noise(calibration, none, none, float(np.mean(shading.distance)))
     intensity = normal_map.noise.get("intensity", assumed.intensity)
     direction = normal_map.noise.get("direction", assumed.direction)
-    lamps = (intensity * value) ** 2 + (direction * strength) ** 2
+    lamps = (intensity * shading.value) ** 2 + (direction * shading.strength) ** 2
     predicted = (photometry.SETTINGS.predicted_indirect_sigma * indirect) ** 2
     return np.asarray(sensor + lamps + predicted)

@@ -64,23 +64,25 @@ def test_reweight_scales_information_to_expected_noise(ball: scenes.Scene) -> No
     np.testing.assert_allclose(ratios[10.0] / ratios[1.0], 100.0, rtol=0.05)
 
 
+def random_shading() -> planned_noise.Shading:
+    """Three pixels under two lights."""
+    value, cosine, strength, distance = np.random.default_rng(3).uniform(0.1, 0.9, (4, 2, 3)).astype(np.float32)
+    return planned_noise.Shading(np.zeros((2, 3, 3), np.float32), strength, distance, cosine, value)
+
+
 def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene) -> None:
-    value, cosine, strength, distance = np.random.default_rng(3).uniform(0.1, 0.9, (4, 2, 3))
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
-        planned_noise.variance(value, cosine, strength, distance, np.full((2, 3), 1e-4), ball.calibration, light)
+        planned_noise.variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, light)
         for light in (bounced, np.zeros(3, np.float32))
     )
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.0004, 0.04], (2, 1)), rtol=1e-5, atol=1e-12)
 
 
 def test_solved_variance_indirect_light_adds_a_tenth(ball: scenes.Scene) -> None:
-    value, strength = np.random.default_rng(3).uniform(0.1, 0.9, (2, 2, 3)).astype(np.float32)
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
-        planned_noise.solved_variance(
-            value, strength, 0.45, np.full((2, 3), 1e-4), ball.calibration, piloted(ball), light
-        )
+        planned_noise.solved_variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, light, piloted(ball))
         for light in (bounced, np.zeros(3, np.float32))
     )
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.000025, 0.0025], (2, 1)), rtol=1e-4, atol=1e-12)
