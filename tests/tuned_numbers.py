@@ -26,7 +26,7 @@ REASONS: dict[str, str] = {
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
         light_tests.STATED_AXES light_tests.OPPOSITE_AXES error_variance.FOUR_NEIGHBOURS
         error_variance.NOISE_DETAIL error_variance.POSTERIOR error_variance.CREASE error_variance.DETAIL
-        baselines.VIEWING_AXIS objective.VARIANCE
+        baselines.VIEWING_AXIS
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENT""",
     "counts of unknowns, marks and definitions": """

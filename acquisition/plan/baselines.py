@@ -1,10 +1,12 @@
 """Fixed light patterns for comparison: two rings, one ring, Drbohlav–Chantler, Gardi–Walter–Garbe, maximin, random.
 
 Each is a set of ideal directions, assigned to the nearest reachable positions, so that all methods run through the same
-session. The strongest from eight lights on is `two-rings`: a third of the lights at 25° and the rest at 55°, staggered.
+session. The strongest from eight lights on is `two-rings`: a third of the lights at 25° and the rest at 55°, staggered;
+completed to the captured lights it is a start of the planner's search, and its reference.
 """
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from acquisition import geometry, lamp_pose
 from acquisition.models.base import FloatArray
@@ -76,6 +78,22 @@ def two_rings(count: int, turn: float = 0.0) -> FloatArray:
         around = (turn + 0.5) * step + np.arange(inner) * 2 * np.pi / inner
         rings.insert(0, geometry.direction(np.radians(INNER_SLANT_DEG), around))
     return np.concatenate(rings)
+
+
+def two_ring_completions(captured: FloatArray, units: FloatArray, count: int) -> list[list[int]]:
+    """Completes unit lights `captured` (T, 3) to two rings: sets of `count` distinct numbers of `units` (K, 3).
+
+    One set for each turn of the rings, that to which the captured lights fit best first: each of them fills a position
+    (linear assignment of least squared angle), and the open positions are added.
+    """
+    scored: list[tuple[float, list[int]]] = []
+    for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS:
+        ideal = two_rings(len(captured) + count, float(turn))
+        squared = np.arccos(np.clip(captured @ ideal.T, -1, 1)) ** 2
+        rows, filled = linear_sum_assignment(squared)
+        chosen, _ = lamp_pose.nearest_distinct(np.delete(ideal, filled, axis=0), units)
+        scored.append((float(np.sum(squared[rows, filled])), chosen))
+    return [chosen for _, chosen in sorted(scored)]
 
 
 def least_trace_directions(count: int, max_slant_rad: float, rng: np.random.Generator) -> FloatArray:

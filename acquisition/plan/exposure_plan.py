@@ -1,16 +1,11 @@
 """Exposure plan: exposure times and numbers of frames of each light, for the least expected loss in a given time.
 
-What a further light is worth sets the price of time. The angular variance of a session falls with the number of images
+What a further light is worth sets the price of time: the angular variance of a session falls with the number of images
 as n^−1.26, so a session of expected loss L and capture time T is as good as any that has the same L · T^1.26, and the
-exposures minimise this product (for the exponent 1 it is the efficiency of a Monte Carlo estimate, variance × time;
-Hammersley and Handscomb 1964). The loss is the one by which the lights were chosen, with the sensor's variance at each
-pixel by the frames that do not saturate there; other errors are as expected of the final solve. So more time goes to a
-light where many pixels are dark and the sensor's noise outweighs that of lamp and model, several exposure times are
-taken where one would saturate the bright pixels, and none of it where the arm's move takes most of the time and the
-noise is small already.
-
-Search: coordinate descent over the lights, each time over all options of one light (`exposure_options`), times being
-in octaves so that lights share lamp-off frames, which are counted.
+exposures minimise this product (for the exponent 1 the efficiency of a Monte Carlo estimate; Hammersley and Handscomb
+1964). The loss is that of the lights' choice, with the sensor's variance at each pixel by the frames that do not
+saturate there. Coordinate descent over the lights, each time over all options of one (`exposure_options`), whose times
+are octaves so that lights share lamp-off frames. Decision 0067.
 """
 
 from collections.abc import Sequence

@@ -27,7 +27,8 @@ class ObjectiveSettings:
     over 10°."""
     cap_factor: float = tuned(4.0, "1")
     """Lower bound of the cap in units of the mean σ of two rings: where all pixels are uncertain, as between
-    interreflecting walls, a cap of 3° would disregard half of them."""
+    interreflecting walls, a cap of 3° would disregard half of them. Without it the mean error of eight images is 3 %
+    larger and the median 3 % smaller (sixteen design scenes)."""
 
 
 SETTINGS = ObjectiveSettings()
@@ -46,10 +47,6 @@ class Loss:
     def scan(self, sample: Samples, present: Posterior, lights: Candidates) -> FloatArray:
         """Mean loss (K,) with each one of `lights` added to the present posterior (Sherman–Morrison)."""
         return criterion.scan(sample, present, lights, self.inverse_cap)
-
-
-VARIANCE = Loss(0.0)
-"""A-optimality, the plain mean variance: convex in the design weights, so a lower bound exists (`relaxation`)."""
 
 
 def capped(reference: Posterior) -> Loss:

@@ -1,17 +1,12 @@
 """Noise model of planned images: heteroscedastic variance of y, as expected of the final solve.
 
-The expected variance differs from the calibration's. The final solve self-calibrates each image's intensity from all
-pixels, so that only a part of that error remains; and depth is a nuisance parameter of its own, in the plan as in the
-solve, so that the error of the light's direction is that of the lamp's position, and changes y only at oblique
-incidence. Independent pixel noise (the sensor's) is halved by the projection of the normals to an integrable field;
-errors of the lamps are not. Lights are chosen and σ is forecast by this model, and the information of the images so far
-is reweighted by it.
-
-Indirect radiance (interreflection) is subtracted by a prediction whose error is proportional to that radiance, not to
-the lamp's, so dark measurements beside it carry less information. It is estimated from the images so far.
-
-Highlights on a glossy surface are another error of the images: where the pilot shows some, lights that would cause
-them at many pixels carry less information.
+It differs from the calibration's: the final solve self-calibrates each image's intensity, so that only a part of that
+error remains; depth is a nuisance parameter of its own, so that the error of the light's direction is that of the
+lamp's position, and changes y only at oblique incidence; independent pixel noise is halved by the projection of the
+normals to an integrable field. Indirect radiance, estimated from the images so far, is subtracted by a prediction whose
+error is proportional to it, so dark measurements beside it carry less information. So do lights that would cause
+highlights at many pixels, where the solver has fitted a lobe. The information of the images so far is reweighted by
+this model.
 """
 
 from dataclasses import dataclass
@@ -21,7 +16,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.result import HIGHLIGHT, NormalMap
+from acquisition.models.result import NormalMap
 from acquisition.models.tuned import tuned
 
 
@@ -44,15 +39,6 @@ class PlannedNoiseSettings:
     is a tenth, but the residual common to all lights, a fifth and more, also affects normals least where many lights
     are well visible. Eight path-traced images have 0.98–0.99 times the error of two rings with 0.4, 1.03 times
     without."""
-    glossy_share: float = tuned(0.03, "share")
-    """Share of pixels with a highlight in some image above which a surface is glossy: 0.5–2 % on diffuse ones, 4–13 %
-    on slightly glossy ones."""
-    default_lobe_strength: float = tuned(0.15, "of the albedo")
-    """Strength of the specular lobe assumed where only the presence of highlights is known. The plan allows for the
-    residual of the final solve, not for the full highlight: lights that avoid all highlights would leave the lobe
-    undetermined, and on flat surfaces the solve then confuses it with a shift of the object."""
-    default_lobe_exponent: float = tuned(30.0, "1")
-    """Exponent of that lobe."""
 
 
 SETTINGS = PlannedNoiseSettings()
@@ -63,7 +49,7 @@ class Gloss:
     """Variance of y from highlights (Blinn lobe): (sigma |s| (n·h)^exponent)², h the half vector of lamp and camera."""
 
     sigma: float = 0.0
-    exponent: float = SETTINGS.default_lobe_exponent
+    exponent: float = 1.0
 
 
 DIFFUSE = Gloss()
@@ -71,30 +57,34 @@ DIFFUSE = Gloss()
 
 
 def gloss(normal_map: NormalMap) -> Gloss:
-    """Highlight noise: from the lobe that the solver fitted, else from the share of pixels flagged as highlights."""
-    sigma, lobe = photometry.SETTINGS.predicted_highlight_sigma, normal_map.notes.get("lobe")
-    if lobe is not None and lobe["strength"] > 0:
-        return Gloss(sigma * float(lobe["strength"]), float(lobe["exponent"]))
-    highlighted = np.any(normal_map.flags[:, normal_map.mask] & HIGHLIGHT, axis=0)
-    return (
-        Gloss(sigma * SETTINGS.default_lobe_strength)
-        if highlighted.size and np.mean(highlighted) > SETTINGS.glossy_share
-        else DIFFUSE
-    )
+    """Highlight noise by the lobe that the solver fitted: the residual that its solve leaves of it, not the full
+    highlight, since lights that avoid all highlights would leave the lobe undetermined."""
+    lobe = normal_map.notes.get("lobe")
+    if lobe is None or lobe["strength"] <= 0:
+        return DIFFUSE
+    return Gloss(photometry.SETTINGS.predicted_highlight_sigma * float(lobe["strength"]), float(lobe["exponent"]))
 
 
-def variance(
-    value: FloatArray | Float32Array, cosine: FloatArray | Float32Array, strength: FloatArray | Float32Array,
-    distance: FloatArray | Float32Array, sensor: FloatArray, calibration: Calibration, indirect: Float32Array,
-) -> FloatArray:  # fmt: skip
+@dataclass(frozen=True)
+class Shading:
+    """Near-light shading of P sample pixels by K lights, without shadows."""
+
+    light: Float32Array  # (K, 3, P) light vectors s
+    strength: Float32Array  # (K, P) ρ|s|
+    distance: Float32Array  # (K, P) m
+    cosine: Float32Array  # (K, P) of the angle of incidence
+    value: Float32Array  # (K, P) y
+
+
+def variance(shading: Shading, sensor: FloatArray, calibration: Calibration, indirect: Float32Array) -> FloatArray:
     """Heteroscedastic noise model: expected variance of y (K, P).
 
-    `distance` (K, P) of the lights in m, `strength` ρ|s| (K, P), `cosine` (K, P) of the angle of incidence, `sensor`
-    (K, P) the sensor's part of the variance, `indirect` (P,) the indirect radiance, in y.
+    `sensor` (K, P) is the sensor's part of it, `indirect` (P,) the indirect radiance, in y.
     """
-    lamp_angle = calibration.lamp_position_sigma_m / distance
+    value, strength = shading.value, shading.strength
+    lamp_angle = calibration.lamp_position_sigma_m / shading.distance
     intensity_variance = SETTINGS.self_calibration_factor**2 * (calibration.intensity_sigma**2 + (2 * lamp_angle) ** 2)
-    direction_variance = lamp_angle**2 * np.clip(1 - cosine**2, 0, 1)
+    direction_variance = lamp_angle**2 * np.clip(1 - shading.cosine**2, 0, 1)
     pixel_variance = sensor + photometry.SETTINGS.flat_field_sigma**2 * value**2
     return np.asarray(
         SETTINGS.integrability_factor * pixel_variance
@@ -105,14 +95,13 @@ def variance(
 
 
 def solved_variance(
-    value: Float32Array, strength: Float32Array, distance_m: float, sensor: FloatArray, calibration: Calibration,
-    normal_map: NormalMap, indirect: Float32Array,
-) -> FloatArray:  # fmt: skip
+    shading: Shading, sensor: FloatArray, calibration: Calibration, indirect: Float32Array, normal_map: NormalMap
+) -> FloatArray:
     """Variance (K, P) of y by which the solver of `normal_map` weighted such values; arguments as of `variance`."""
-    none = np.zeros(len(value))
-    assumed = photometry.model_noise(calibration, none, none, distance_m)
+    none = np.zeros(len(shading.value))
+    assumed = photometry.model_noise(calibration, none, none, float(np.mean(shading.distance)))
     intensity = normal_map.noise.get("intensity", assumed.intensity)
     direction = normal_map.noise.get("direction", assumed.direction)
-    lamps = (intensity * value) ** 2 + (direction * strength) ** 2
+    lamps = (intensity * shading.value) ** 2 + (direction * shading.strength) ** 2
     predicted = (photometry.SETTINGS.predicted_indirect_sigma * indirect) ** 2
     return np.asarray(sensor + lamps + predicted)

@@ -6,7 +6,6 @@ held-out pixels, because the variance of the pixels that the search has used is 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA, NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
-from acquisition.models.tuned import tuned
 from acquisition.plan import (
     baselines,
     criterion,
@@ -26,22 +24,10 @@ from acquisition.plan import (
     objective,
     optimise,
     relaxation,
-    two_ring_pattern,
 )
 from acquisition.plan.criterion import Candidates
 from acquisition.plan.design_problem import PlanOptions, Problem
 from acquisition.plan.objective import Loss
-
-
-@dataclass(frozen=True)
-class PlannerSettings:
-    """Tuned numbers of the planner."""
-
-    max_undetermined_share: float = tuned(0.35, "share")
-    """Share of pixels lit by fewer than three lights so far above which the plan warns; usual pilots leave 1–26 %."""
-
-
-SETTINGS = PlannerSettings()
 
 CERTIFICATE_PIXELS = 300
 """Approximate number of pixels of the lower bound, which takes seconds with all of them."""
@@ -93,7 +79,7 @@ def choose(
         f"{np.mean(rings_deg):.2f}° with two rings"
     ]
     undetermined = float(np.mean(problem.search_sample.lit < criterion.MIN_LIGHTS))
-    if observations.shots and undetermined > SETTINGS.max_undetermined_share:
+    if observations.shots and undetermined > 0.5:
         notes.append(
             f"{undetermined:.0%} of the pixels were lit by fewer than {criterion.MIN_LIGHTS} lights so far: the "
             "shape behind this plan is unreliable there; check that all lamps were on and nothing blocked their light"
@@ -153,7 +139,7 @@ def forecast_curve(problem: Problem, candidates: Candidates, counts: Sequence[in
 def _loss_and_patterns(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[list[int]]]:
     """The loss of plans, its cap set by two rings' posterior of the search pixels, and the two-ring completions of the
     captured lights, the best balanced first."""
-    sets = two_ring_pattern.completions(problem.captured, problem.units, count)
+    sets = baselines.two_ring_completions(problem.captured, problem.units, count)
     rings = criterion.posterior(problem.search_sample, options.only(sets[0]))
     return objective.capped(rings), sets
 

@@ -2,11 +2,8 @@
 
 Before the pilot nothing is known of the object, so the design is evaluated on a surface that shows every slant: a matt
 sphere of middling albedo, as large as the cell's keep-out admits, without interreflection, whose images fit the model.
-Sampled evenly over its picture, its normals are those of the hemisphere towards the camera, out to the slant over which
-results are averaged. Noise, exposures, shadows, and the components of the expected σ are the planner's own. What real
-objects have beside it (creases, gloss, indirect light, cast shadows) makes σ larger, a flat object makes it smaller.
-
-The lights after the pilot are chosen by the planner's search, as in the forecast of a plan.
+What real objects have beside it (creases, gloss, indirect light, cast shadows) makes σ larger, a flat object makes it
+smaller. The lights after the pilot are chosen by the planner's search, as in the forecast of a plan.
 """
 
 from collections.abc import Sequence

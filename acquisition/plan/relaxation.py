@@ -3,11 +3,7 @@
 Each candidate gets a design weight in [0, 1]. The mean angular variance is convex in the weights, so its tangent at any
 weights bounds it from below, and the minimum of the tangent over all choices of m lights is the sum of its m smallest
 slopes: a bound for every exact design, whether the weights are optimal or not (the gap of the equivalence theorem). How
-far they are from optimal is the relaxation's own gap.
-
-The bound is of the plain variance, which is convex; plans, made for the capped one, are certified by theirs.
-Because of the integrality gap even the optimal choice stays above it: by 30 % in variance for four lights, by 5 % for
-sixteen (decision 0028).
+far they are from optimal is the relaxation's own gap. The bound is of the plain variance. Decision 0028.
 
 Multiplicative updates: S. D. Silvey, D. M. Titterington and B. Torsney, J. Statist. Plann. Inference 2 (1978).
 """

@@ -1,13 +1,9 @@
 """Sequential stopping rule: how many lights a target σ needs, and when to stop.
 
-The forecast predicts the mean σ as a function of the number of lights. The first number that nearly meets the target is
-planned and captured: forecasts are cautious, and a superfluous light cannot be undone, while a missing one can be
-added. Then the images decide: while their solved σ is above the target, lights are added, as many as a new forecast
-requires, which is scaled by the ratio of the solved to the expected σ of the images so far. Where even the maximum
-number of lights would not meet the target, final lights with negligible gain are omitted. No state but the images is
-kept between the passes, so that an interrupted session continues with the same lights.
-
-The σ compared with the target is the result's mean σ, the components that no light lowers included. Decision 0031.
+The first number of lights whose forecast nearly meets the target is planned and captured. Then the images decide: while
+their solved σ is above the target, lights are added, as many as a new forecast requires, scaled by the ratio of the
+solved to the expected σ so far. Nothing but the images is remembered between passes. The σ compared is the result's
+mean σ, the components that no light lowers included. Decision 0031.
 """
 
 from collections.abc import Sequence
@@ -41,14 +37,12 @@ class StoppingRuleSettings:
     tolerance: float = tuned(0.03, "share")
     """Fraction by which the mean σ may exceed the target and still meet it. Measured errors scatter by more, and near
     the limit of what is attainable a light lowers σ by 1 %, so the last per cent would need as many lights
-    again. Forecasts after the first may exceed it as far."""
+    again. Forecasts after the first may exceed it as far, and where even the maximum number of lights does not meet
+    the target, final lights that together gain no more are omitted."""
     first_slack: float = tuned(0.2, "share")
     """Fraction by which the first forecast may exceed the target: a missing light costs a pass, a superfluous one an
     image. Forecasts from the pilot are 5–14 % too large. The pilot itself must be below the target by it: too few
     images to self-calibrate the lamps predict their own errors poorly (measured over predicted 0.9–1.5)."""
-    negligible_gain: float = tuned(0.05, "share")
-    """If even the maximum number of lights does not meet the target, the final ones that together lower the mean σ by
-    less than this fraction are omitted."""
 
 
 SETTINGS = StoppingRuleSettings()
@@ -89,7 +83,7 @@ def plan_to_target(
         slack = SETTINGS.tolerance
     lowest_deg = min(point.sigma_deg for point in curve)
     unreachable = lowest_deg > target
-    aim_deg = (1 + SETTINGS.negligible_gain) * lowest_deg if unreachable else target
+    aim_deg = (1 + SETTINGS.tolerance) * lowest_deg if unreachable else target
     if unreachable and achieved <= aim_deg:
         return _conclusion(
             f"no further light is worth its time after {captured} images: {state}, with all "

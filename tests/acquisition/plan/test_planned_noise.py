@@ -7,7 +7,7 @@ import pytest
 
 from acquisition import pilot
 from acquisition.models.recipe import Recipe
-from acquisition.models.result import HIGHLIGHT, LIT, NormalMap
+from acquisition.models.result import LIT, NormalMap
 from acquisition.plan import criterion, planned_noise, visibility
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
@@ -24,20 +24,12 @@ def piloted(true: scenes.Scene) -> NormalMap:
     return replace(known, flags=np.where(true.mask, LIT, 0)[None].repeat(4, axis=0).astype(np.uint8))
 
 
-def test_gloss_enough_highlight_pixels_makes_surface_glossy(ball: scenes.Scene) -> None:
+def test_gloss_is_what_the_solver_leaves_of_its_lobe(ball: scenes.Scene) -> None:
     normal_map = piloted(ball)
-    rows, columns = np.nonzero(ball.mask)
-    for share, glossy in ((0.01, False), (0.06, True)):
-        flags = normal_map.flags.copy()
-        some = slice(0, int(share * len(rows)))
-        flags[1, rows[some], columns[some]] |= HIGHLIGHT
-        assert (planned_noise.gloss(replace(normal_map, flags=flags)).sigma > 0) == glossy
-    lobe = {"lobe": {"strength": 0.15, "exponent": 35.0}}
-    assert planned_noise.gloss(replace(normal_map, notes=lobe)) == planned_noise.Gloss(0.2 * 0.15, 35.0)
-    assert (
-        planned_noise.gloss(replace(normal_map, notes={"lobe": {"strength": 0.0, "exponent": 120.0}}))
-        == planned_noise.DIFFUSE
-    )
+    lobes = ({"strength": 0.15, "exponent": 35.0}, {"strength": 0.0, "exponent": 120.0})
+    glossy, matt = (planned_noise.gloss(replace(normal_map, notes={"lobe": lobe})) for lobe in lobes)
+    assert glossy == planned_noise.Gloss(0.2 * 0.15, 35.0)
+    assert matt == planned_noise.gloss(normal_map) == planned_noise.DIFFUSE
 
 
 def test_candidates_gloss_devalues_light_at_its_highlight(ball: scenes.Scene) -> None:
@@ -72,23 +64,25 @@ def test_reweight_scales_information_to_expected_noise(ball: scenes.Scene) -> No
     np.testing.assert_allclose(ratios[10.0] / ratios[1.0], 100.0, rtol=0.05)
 
 
+def random_shading() -> planned_noise.Shading:
+    """Three pixels under two lights."""
+    value, cosine, strength, distance = np.random.default_rng(3).uniform(0.1, 0.9, (4, 2, 3)).astype(np.float32)
+    return planned_noise.Shading(np.zeros((2, 3, 3), np.float32), strength, distance, cosine, value)
+
+
 def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene) -> None:
-    value, cosine, strength, distance = np.random.default_rng(3).uniform(0.1, 0.9, (4, 2, 3))
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
-        planned_noise.variance(value, cosine, strength, distance, np.full((2, 3), 1e-4), ball.calibration, light)
+        planned_noise.variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, light)
         for light in (bounced, np.zeros(3, np.float32))
     )
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.0004, 0.04], (2, 1)), rtol=1e-5, atol=1e-12)
 
 
 def test_solved_variance_indirect_light_adds_a_tenth(ball: scenes.Scene) -> None:
-    value, strength = np.random.default_rng(3).uniform(0.1, 0.9, (2, 2, 3)).astype(np.float32)
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
-        planned_noise.solved_variance(
-            value, strength, 0.45, np.full((2, 3), 1e-4), ball.calibration, piloted(ball), light
-        )
+        planned_noise.solved_variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, light, piloted(ball))
         for light in (bounced, np.zeros(3, np.float32))
     )
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.000025, 0.0025], (2, 1)), rtol=1e-4, atol=1e-12)

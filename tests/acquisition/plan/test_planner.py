@@ -10,7 +10,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import CAST, LIT, FisherInformation, NormalMap
-from acquisition.plan import criterion, objective, two_ring_pattern
+from acquisition.plan import baselines, criterion, objective
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 from tests.acquisition.plan.cases import CAPPED
@@ -196,7 +196,7 @@ def test_choose_never_predicts_more_loss_than_completed_rings(
     sample = criterion.samples(normal_map, cushion.calibration, usable, offset_sigma_m)
     sample = criterion.reweight(sample, normal_map, observations, cushion.calibration)
     units = (reach.candidates - reach.center) / reach.radius_m
-    rings = two_ring_pattern.completions(-np.array([light.axis for light in lights]), units, count)
+    rings = baselines.two_ring_completions(-np.array([light.axis for light in lights]), units, count)
     positions = [[lamp_pose.light_at(reach.candidates[one], reach.center) for one in numbers] for numbers in rings]
     reference = cases.design_rows(sample, positions[0], normal_map, cushion.calibration)
     loss = objective.capped(criterion.posterior(sample, reference))

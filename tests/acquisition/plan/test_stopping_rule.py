@@ -92,8 +92,7 @@ def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, O
     predicted = next(point for point in chosen.forecast if point.added >= len(chosen.lights))
     assert len(chosen.lights) < 36
     assert (
-        predicted.sigma_deg
-        <= (1 + stopping_rule.SETTINGS.negligible_gain) * (1 + stopping_rule.SETTINGS.first_slack) * least
+        predicted.sigma_deg <= (1 + stopping_rule.SETTINGS.tolerance) * (1 + stopping_rule.SETTINGS.first_slack) * least
     )
 
 
