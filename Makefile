@@ -2,7 +2,7 @@
 PYTHON ?= python3.11
 BIN := .venv/bin
 
-# Where the environment forbids bytecode, hundreds of processes would each compile the same modules: half of the tests' time.
+# Where the environment forbids bytecode, hundreds of processes would each compile the same modules.
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup demo test test-long check bench openapi page docs ur-sim-wheel clean

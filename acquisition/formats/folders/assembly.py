@@ -5,16 +5,29 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.folders import image_files, masks
+from acquisition.formats.folders import image_files
 from acquisition.formats.folders.image_files import StoredImages
 from acquisition.models.base import BoolArray
 from acquisition.normals.image_set import DistantLights, ImageSet, NearLights
+
+MASK, EVALUATION_MASK = "mask.png", "eval_mask.png"
+
+EIGHT_BITS = (
+    "The images have 8 bits: dark pixels are coarse, and 8-bit files are often gamma-encoded; they are taken as "
+    "linear. Use 16-bit linear images where there are any."
+)
 
 SATURATION_LEVEL = 0.985
 """Share of full scale from which a value counts as clipped."""
 
 NO_SATURATION_LEVEL = 1e30
 """Level of floating-point images with values above 1, such as merged exposures: none counts as clipped."""
+
+
+def mask_in(folder: Path, stored: StoredImages, name: str = MASK) -> BoolArray | None:
+    """A mask (H, W) of the folder's images, none when the folder has none. Raises RigError folder.invalid."""
+    path = folder / name
+    return image_files.read_mask(path, stored.height, stored.width) if path.exists() else None
 
 
 def image_set(
@@ -41,6 +54,6 @@ def image_set(
         lights=lights,
         mask=area,
         mask_given=mask is not None,
-        evaluation_mask=masks.evaluation(folder, stored.height, stored.width),
-        notes={"format": kind, "warnings": [*warnings, *masks.depth_warning(stored)]},
+        evaluation_mask=mask_in(folder, stored, EVALUATION_MASK),
+        notes={"format": kind, "warnings": [*warnings, EIGHT_BITS] if stored.dtype == "uint8" else list(warnings)},
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.folders import assembly, image_files, masks, text_table
+from acquisition.formats.folders import assembly, image_files, text_table
 from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal
 from acquisition.normals.image_set import DistantLights, ImageSet
@@ -37,6 +37,6 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
         intensities = intensities.mean(axis=1, keepdims=True)
     elif stored.channels == 3 and intensities.shape[1] == 1:
         intensities = np.repeat(intensities, 3, axis=1)
-    mask = image_files.read_mask(folder / masks.MASK, stored.height, stored.width)
+    mask = image_files.read_mask(folder / assembly.MASK, stored.height, stored.width)
     lights = DistantLights(directions, intensities)
     return assembly.image_set(folder, names, paths, stored, lights, mask, kind="DiLiGenT", warnings=warnings)

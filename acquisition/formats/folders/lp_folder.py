@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.folders import assembly, image_files, masks, text_table
+from acquisition.formats.folders import assembly, image_files, text_table
 from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal
 from acquisition.normals.image_set import DistantLights, ImageSet
+
+LOSSY = (".jpg", ".jpeg")
 
 
 def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
@@ -36,11 +38,11 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     folder = path.parent
     paths = [text_table.listed_file(folder, name) for name in names]
     stored = image_files.open_images(paths, scratch, progress=progress)
-    object_mask = masks.solving(folder, stored.height, stored.width)
+    object_mask = assembly.mask_in(folder, stored)
     warnings = ["An .lp file does not say how bright its lights are: they start as equal, the images correct that."]
     if object_mask is None:
-        warnings.append(f"There is no {masks.MASK}: what no light reaches is left out, see mask_proposed.png.")
-    if any(one.suffix.lower() in masks.LOSSY for one in paths):
+        warnings.append(f"There is no {assembly.MASK}: what no light reaches is left out, see mask_proposed.png.")
+    if any(one.suffix.lower() in LOSSY for one in paths):
         warnings.append("JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten.")
     lights = DistantLights(np.array(directions), np.ones((len(names), stored.channels)))
     return assembly.image_set(folder, names, paths, stored, lights, object_mask, kind=".lp", warnings=warnings)

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from acquisition.formats.folders import assembly, image_files, masks, text_table
+from acquisition.formats.folders import assembly, image_files, text_table
 from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal, value
 from acquisition.geometry import VIEW_FROM_CAMERA
@@ -86,9 +86,9 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
         warnings.append(f"{LIGHTS} holds {', '.join(unused)}, which is not used.")
     if "black_level" not in given.model_fields_set:
         warnings.append("No black level is given: it is taken as zero. Give `black_level` where the camera has one.")
-    object_mask = masks.solving(folder, stored.height, stored.width)
+    object_mask = assembly.mask_in(folder, stored)
     if object_mask is None:
-        warnings.append(f"There is no {masks.MASK}: the object is looked for in the images.")
+        warnings.append(f"There is no {assembly.MASK}: the object is looked for in the images.")
     lights = NearLights(
         np.array([light.position for light in given.lights]) @ VIEW_FROM_CAMERA[:3, :3].T * METRES[given.unit],
         np.array([light.intensity for light in given.lights]),

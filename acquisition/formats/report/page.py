@@ -44,8 +44,8 @@ def _page(normal_map: NormalMap, context: ReportContext, small: ReducedMaps, map
         ),
         "LIGHTS": _lights(normal_map, context),
         "SECONDS": ", ".join(f"{html.escape(name)} {value:.2f} s" for name, value in context.seconds.items()),
-        "NORMALS_DATA": _data(pictures.normals(small), ".png"),
-        "ALBEDO_DATA": _data(_albedo(small), ".png"),
+        "NORMALS_DATA": _data(pictures.normals(small)),
+        "ALBEDO_DATA": _data(_albedo(small)),
     }
     page = resources.files("acquisition.formats.report").joinpath("template.html").read_text(encoding="utf-8")
     for name, value in parts.items():
@@ -137,7 +137,7 @@ def _figure(one: _MapPicture) -> str:
         bar = f'<i style="background:linear-gradient(90deg,{stops})"></i>'
         scale = f"<span class=scale>{one.scale[0]}{bar}{one.scale[1]}</span>"
     return (
-        f'<figure><img alt="{html.escape(one.name)}" src="{_data(one.picture, ".png")}">'
+        f'<figure><img alt="{html.escape(one.name)}" src="{_data(one.picture)}">'
         f"<figcaption><b>{html.escape(one.name)}</b> {html.escape(one.meaning)} {scale}</figcaption></figure>"
     )
 
@@ -192,15 +192,15 @@ def _hatched(picture: np.ndarray, where: BoolArray) -> np.ndarray:
     return out
 
 
-def _encoded(pixels: np.ndarray, suffix: str) -> bytes:
-    worked, content = cv2.imencode(suffix, np.ascontiguousarray(pixels[..., ::-1]), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+def _encoded(pixels: np.ndarray) -> bytes:
+    worked, content = cv2.imencode(".png", np.ascontiguousarray(pixels[..., ::-1]), [cv2.IMWRITE_PNG_COMPRESSION, 3])
     if not worked:
-        raise OSError(f"a picture of the report could not be encoded as {suffix}")
+        raise OSError("a picture of the report could not be encoded")
     return content.tobytes()
 
 
-def _data(pixels: np.ndarray, suffix: str) -> str:
-    return f"data:image/{suffix[1:]};base64,{base64.b64encode(_encoded(pixels, suffix)).decode('ascii')}"
+def _data(pixels: np.ndarray) -> str:
+    return f"data:image/png;base64,{base64.b64encode(_encoded(pixels)).decode('ascii')}"
 
 
 def _contact_sheet(maps: list[_MapPicture]) -> bytes:
@@ -217,4 +217,4 @@ def _contact_sheet(maps: list[_MapPicture]) -> bytes:
     blank = np.full_like(tiles[0], 255)
     tiles += [blank] * (-len(tiles) % 3)
     rows = [np.concatenate(tiles[start : start + 3], axis=1) for start in range(0, len(tiles), 3)]
-    return _encoded(np.concatenate(rows, axis=0), ".png")
+    return _encoded(np.concatenate(rows, axis=0))
