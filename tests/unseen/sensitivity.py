@@ -119,7 +119,7 @@ class _Recorder:
     """Settings that note which of their fields are read."""
 
     def __init__(self, settings: object, module: str, read: set[str]) -> None:
-        self.__dict__.update(_settings=settings, _module=module, _read=read)
+        self._settings, self._module, self._read = settings, module, read
 
     def __getattr__(self, name: str) -> object:
         self._read.add(f"{self._module}.{name}")
