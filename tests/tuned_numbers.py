@@ -42,7 +42,7 @@ REASONS: dict[str, str] = {
         photometry.OVERDETERMINED
         photometry.REDUNDANT prior_forecast.ALBEDO
         prior_forecast.BEHIND_M""",
-    "of settings": "error_variance.WEIGHTS",
+    "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
         photometry.LOBE_SAMPLES distant.SAMPLE_ROWS
@@ -51,7 +51,7 @@ REASONS: dict[str, str] = {
         error_variance.NEIGHBOUR_ROWS final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS
         integrability.OVERLAP_ROWS integration.STRIP_ROWS interreflection.AZIMUTHS
         interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
-        photon_transfer.INITIAL_SAMPLE
+        photon_transfer.INITIAL_SAMPLE pixel_noise.STRIPS pixel_noise.MAX_PRODUCTS
         pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS poisson._STRIP
         pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS
         sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS session_images.BYTES_PER_EXTRA

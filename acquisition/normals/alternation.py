@@ -2,9 +2,10 @@
 
 Each quantity is estimated with the others held: per-pixel normals, depth by integration (cut at discontinuities), the
 specular lobe, light from other surfaces, lamp intensities and positions with the object's depth, and the noise scales.
-None of them needs every pixel, so the loop runs on means over blocks of pixels. Intensities are calibrated only after
-the first correction of indirect light, and after highlights are gone, which they would absorb otherwise. The noise is
-estimated last, from the residuals that remain.
+None of them needs every pixel, so the loop runs on means over blocks of pixels. The first round uses a high shadow
+threshold, because indirect light dominates grazing, dark measurements; once it is subtracted, they count. Intensities
+are calibrated only after the first correction, and after highlights are gone, which they would absorb otherwise. The
+noise is estimated last, from the residuals that remain.
 """
 
 from collections.abc import Callable
@@ -41,6 +42,10 @@ class AlternationSettings:
 
     shift_sigma_m: float = tuned(0.03, "m")
     """1 σ of the object's mean depth as the caller gives it, m."""
+    max_shift_m: float = tuned(0.08, "m")
+    """Largest shift of the object along the rays, m."""
+    initial_shadow_threshold: float = tuned(0.15, "of the peak")
+    """Shadow threshold of the first round, a share of the pixel's peak, while indirect light is still in the images."""
     min_indirect_share: float = tuned(0.012, "share")
     """Share of indirect light, at the 98th percentile of pixels, from which it is subtracted. Smooth shapes of albedo
     0.05 lose 0.003° where it is not; a groove as dark has twice as much."""
@@ -149,7 +154,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     estimate: Estimate | None = None
     normals = np.zeros_like(ray_direction)
     radiance, highlight = np.zeros_like(coarse.values), np.zeros_like(coarse.values)
-    threshold = scene.settings.shadow_threshold
+    threshold = SETTINGS.initial_shadow_threshold
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
     calibrations = 0
     for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
@@ -178,7 +183,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             (measured - radiance)[:, chosen],
             depth[chosen],
             present,
-            threshold,
+            SETTINGS.initial_shadow_threshold,
             lobe,
         )
         highlight = lobe.highlight(estimate, ray_direction)
@@ -198,6 +203,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         calibrations += not hold
         depth = depth + np.float32(shared.shift_m - before)
         present = replace(present, lamps=shared.lamps(scene.lamps), noise=noise, terms=scene.terms and shared.terms)
+        threshold = scene.settings.shadow_threshold
         converged = turn >= scene.settings.depth_rounds and _mean_angle_deg(previous, normals) < CONVERGED_DEG
         if converged or (direct_diffuse and calibrations >= scene.settings.depth_rounds):
             break
@@ -343,7 +349,7 @@ def _self_calibrate(
         present = SharedParameters(
             log_intensity=present.log_intensity + step.log_intensity,
             lamp_offset_m=present.lamp_offset_m + step.lamp_offset_m,
-            shift_m=present.shift_m + shift,
+            shift_m=float(np.clip(present.shift_m + shift, -SETTINGS.max_shift_m, SETTINGS.max_shift_m)),
             covariance=step.covariance if calibrate else present.covariance,
             terms=image_terms.stepped(present.terms, step.terms),
         )

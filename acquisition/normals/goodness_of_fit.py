@@ -13,7 +13,6 @@ from math import erfc, log, sqrt
 
 import numpy as np
 
-from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import GoodnessOfFit
 from acquisition.models.tuned import tuned
@@ -35,6 +34,8 @@ class GoodnessOfFitSettings:
     log_misfit_sd: float = tuned(0.4, "1")
     """Standard deviation of the logarithm of the misfit of sound captures. 0.55 and 0.48 in the same samples. With the
     first a misfit of 2.5 has a probability of 0.7 %, with the second of 1.2 %, with these numbers of 0.1 %."""
+    min_measurements: int = tuned(30, "measurements")
+    """Measurements below which a misfit is not stated."""
     grid: int = tuned(4, "cells")
     """Regions of the object: cells of a grid of so many rows and columns over its bounding box."""
 
@@ -103,6 +104,6 @@ def evaluate(
 
 
 def _misfit(squares: FloatArray, used: BoolArray) -> float:
-    if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
+    if np.count_nonzero(used) < SETTINGS.min_measurements:
         return float("nan")
     return float(np.sqrt(np.median(squares[used]) / GAUSSIAN_MEDIAN_SQUARE))

@@ -1,7 +1,8 @@
 """Near-light images of any source for the session's own solver: normalised values, a camera, uncertainties by default.
 
-A folder has no sensor model and no uncertainty of its lights. Both are defaults, which the solver corrects by the
-residuals (`residual_noise`). The three channels of colour images are measurements of one normal with an albedo each
+A folder has no sensor model and no uncertainty of its lights. The sensor's noise is estimated from how neighbouring
+residuals differ, else it is a default; the uncertainty of the lights is a default, which the solver corrects by the
+residuals. The three channels of colour images are measurements of one normal with an albedo each
 (`colour_channels`).
 """
 
@@ -15,7 +16,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
 from acquisition.models.tuned import tuned
-from acquisition.normals import colour_albedo, colour_channels, session_images, silhouette
+from acquisition.normals import colour_albedo, colour_channels, pixel_noise, session_images, silhouette
 from acquisition.normals.image_set import ImageSet, NearLights
 from acquisition.normals.session_images import ImageBlock, ImageStack, StoredImages
 from acquisition.normals.solve import solve_stack
@@ -49,16 +50,20 @@ def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -
     depth = images.rough_depth_m
     if depth is None:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the object's rough depth: give depth_mm")
+    window = windowed_images(images)
+    inside = (window.rows, window.columns)
+    rough = np.broadcast_to(np.asarray(depth, np.float32), images.mask.shape)[inside]
+    noise = pixel_noise.estimate(window, images.mask[inside], rough, calibration, _quantisation_step(images))
     normal_map = solve_stack(
-        windowed_images(images),
+        noise.images,
         calibration,
         settings,
         initial_depth_m=depth,
         thorough=thorough,
         object_mask=images.mask if images.mask_given else None,
     )
-    if not images.mask_given:
-        normal_map = replace(normal_map, notes=normal_map.notes | {"mask": "proposed"})
+    notes = {"sensor": noise.note} | ({} if images.mask_given else {"mask": "proposed"})
+    normal_map = replace(normal_map, notes=normal_map.notes | notes)
     return normal_map if images.channels == 1 else _with_colours(normal_map, images)
 
 

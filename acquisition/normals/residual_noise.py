@@ -35,11 +35,13 @@ class ResidualNoiseSettings:
     """Cosine to the light below which measurements determine σ_d."""
     max_leverage: float = tuned(0.8, "share")
     """Leverage above which a residual has too little of its noise left to be used."""
+    min_measurements: int = tuned(300, "measurements")
+    """Measurements below which c or σ_d is not estimated."""
     min_pixel_share: float = tuned(0.1, "share")
-    """Share of the pixels that must have such measurements for c or σ_d to be estimated. On a machined part, whose
-    faces meet light steeply, only edges and penumbrae at the foot of walls are grazing; errors there are not those of
-    lamp directions, and σ of all faces would be too large by them: on design seed 62 under eight lights σ_d is 0.068 in
-    place of 0.005 rad, and P(e < σ) 0.96 in place of 0.69; errors are alike."""
+    """Share of the pixels that must have such measurements. On a machined part, whose faces meet light steeply, only
+    edges and penumbrae at the foot of walls are grazing; errors there are not those of lamp directions, and σ of all
+    faces would be too large by them: on design seed 62 under eight lights σ_d is 0.068 in place of 0.005 rad, and
+    P(e < σ) 0.96 in place of 0.69; errors are alike."""
     intensity_range: tuple[float, float] = tuned((0.001, 0.1), "share")
     """Bounds of c, a fraction."""
     direction_range: tuple[float, float] = tuned((0.001, 0.05), "rad")
@@ -137,10 +139,7 @@ def _median_matched_share(
 ) -> float | None:
     """The q for which the median of squares / (rest + q² by) is a Gaussian's; none where too few measurements count."""
     where = where & (by > 0)  # where nothing is predicted, as of metal between highlights, nothing is told
-    if (
-        np.count_nonzero(where) < photometry.SETTINGS.min_sample
-        or np.mean(np.any(where, axis=0)) < SETTINGS.min_pixel_share
-    ):
+    if np.count_nonzero(where) < SETTINGS.min_measurements or np.mean(np.any(where, axis=0)) < SETTINGS.min_pixel_share:
         return None
     squares, rest, by = squares[where], rest[where], by[where]
     # squares / (rest + q² by) is above the Gaussian's median where q² is below this.

@@ -171,8 +171,8 @@ Errors are means over {grading}. rms e/σ and P(e < σ), arithmetic means over s
 those that are marked doubtful; ideal are 1 and 0.63. Stages work on one another: what one buys depends on the others
 being on, and the figures do not add up."""
 
-NOT_SWITCHED = """Not among them is the estimate of the sensor's noise (`acquisition.normals.sensor_estimate`): the
-bench states the true one."""
+NOT_SWITCHED = """Not among them is the estimate of the sensor's noise (`acquisition.normals.sensor_estimate`,
+`acquisition.normals.pixel_noise`): the bench states the sensor's true noise, and neither is reached."""
 
 
 def write(path: Path, command: str, lines: Sequence[Line], grading: str) -> None:

@@ -191,9 +191,14 @@ STAGES = (
         (Patch(integration, "depth", _start_depth), NO_DISCONTINUITY),
     ),
     Stage(
-        "low shadow threshold",
-        "Measurements below 15 % of the pixel's largest are left out (recipe's `shadow_threshold`).",
-        settings=SolveSettings(shadow_threshold=0.15),
+        "high first shadow threshold",
+        "The first round, and the fit of the lobe, have the last round's low threshold.",
+        (_setting(alternation, initial_shadow_threshold=SolveSettings().shadow_threshold),),
+    ),
+    Stage(
+        "low last shadow threshold",
+        "All rounds have the first one's high threshold.",
+        settings=SolveSettings(shadow_threshold=alternation.SETTINGS.initial_shadow_threshold),
     ),
     Stage(
         "model selection",
@@ -221,5 +226,5 @@ STAGES = (
         (Patch(error_variance, "sigma_deg", _regularised_sigma),),
     ),
 )
-"""The stages of the near solver that the bench's captures reach. The sensor's noise is not among them: the bench states
-the true one, so that `sensor_estimate` is not reached."""
+"""The stages of the near solver that the bench's captures reach. Sensor and pixel noise are not among them: the bench
+states the sensor's true noise, so that neither `sensor_estimate` nor `pixel_noise` is reached."""

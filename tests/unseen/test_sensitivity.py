@@ -14,7 +14,7 @@ from tests.unseen import patterns, run, scenes, sensitivity, stages
 from tests.unseen.captures import capture
 from tests.unseen.stages import Stage
 
-PRIOR, OTHER = sensitivity.named("photometry.prior_scale")[0], sensitivity.named("grey_tile.min_share")[0]
+PRIOR, OFFSET = sensitivity.named("photometry.prior_scale")[0], sensitivity.named("alternation.max_shift_m")[0]
 
 
 def test_values_are_scaled_within_what_they_can_be() -> None:
@@ -71,9 +71,9 @@ def lines() -> list[run.Line]:
 
 
 def test_captures_that_do_not_read_a_number_count_as_unchanged() -> None:
-    shown = sensitivity.moved(lines(), [PRIOR, OTHER])["numbers"]
+    shown = sensitivity.moved(lines(), [PRIOR, OFFSET])["numbers"]
     assert shown[PRIOR.key]["doubled"] == {"error": [1.1, 0.0953], "rms": [0.9, 0.1054]}
-    assert shown[OTHER.key] == {"not measured": "no capture reads it"}
+    assert shown[OFFSET.key] == {"not measured": "no capture reads it"}
 
 
 def test_a_number_with_a_capture_to_be_solved_yet_has_no_figures() -> None:
@@ -93,7 +93,7 @@ def test_page_of_tuned_numbers_shows_figures_and_reasons(tmp_path: Path, monkeyp
     page.parent.mkdir(parents=True)
     monkeypatch.setattr(sensitivity, "PAGE", page)
     monkeypatch.setattr(generated_blocks, "ROOT", tmp_path)
-    sensitivity.write(lines(), [PRIOR, OTHER])
+    sensitivity.write(lines(), [PRIOR, OFFSET])
     assert json.loads(page.read_text(encoding="utf-8"))["commits"] == ["abc1234"]
     text = generated_blocks.tuned_numbers()
     row = next(row for row in text.splitlines() if row.startswith("| `prior_scale`"))
