@@ -79,8 +79,8 @@ class SharedSettings:
     quarter is worse on parts with walls: 2.3° and 2.7° on `few_light_scenes`' matt part."""
     unsound_sigma_deg: float = tuned(27.0, "deg")
     """E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. The
-    likeliest for 26 captures of design seeds, whose mean errors are 2–47°: P(e < σ) is 0.69 with it, 0.58 with 6° and
-    0.73 with 40°; P(e < 2σ) 0.89, 0.73 and 0.96 (scratch evaluation, November 2026)."""
+    likeliest for 26 captures of design seeds, whose mean errors are 2–47°: P(e < σ) is 0.58 with 6°, 0.70 with 30° and
+    0.73 with 40°; P(e < 2σ) 0.73, 0.90 and 0.96 (scratch evaluation, November 2026)."""
 
 
 SETTINGS = SharedSettings()

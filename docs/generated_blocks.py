@@ -137,6 +137,8 @@ def tuned_numbers() -> str:
     lines = [
         f"Halved and doubled: `python -m tests.unseen sensitivity --write`, {measured['date']}, solver of commit "
         f"{' and '.join(measured['commits'])}; geometric means over the captures {captures}."
+        if captures
+        else "Halved and doubled: not measured yet; `python -m tests.unseen sensitivity --write` does."
     ]
     module = ""
     for one in settings():

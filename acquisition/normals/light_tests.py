@@ -1,14 +1,14 @@
 """Tests of the stated lights: axes of the lamps mirrored or exchanged, and two images' lamps swapped.
 
 Other axes in the lights' file leave every residual as it is: the images are as well explained by normals that are
-mirrored or turned likewise. Two things tell. Slopes of a surface have no circulation, ∂p/∂y = ∂q/∂x; after a mirroring,
-an exchange or a quarter turn of the axes they have, since the mixed derivative changes its sign or the others take its
-place. So of the eight versions of the axes the right one and its opposite have the least circulation: of 16 objects of
-design seeds 60 and 62, eight lights, it did of all, sound (circulation 0.55–0.92 of the next best) and mirrored in
-either axis (0.26–0.93). A half turn exchanges hollow and raised, and keeps the circulation: there the outline tells.
-At the silhouette the normals of a solid point outwards: **outwardness** is the mean cosine between the image-plane
-part of the normals and the silhouette's outward direction. Two lamps swapped show in the residual of least squares,
-which halves when the right pair is swapped back.
+mirrored or turned likewise. Two things tell. Slopes of a surface have no circulation, ∂p/∂y = ∂q/∂x; after a
+mirroring, an exchange or a quarter turn of the axes they have, since the mixed derivative changes its sign or the
+others take its place. So of the eight versions of the axes the right one and its opposite have the least circulation:
+of 16 objects of design seeds 60 and 62, eight lights, it did of all, sound (circulation 0.25–0.90 of the next best)
+and mirrored in either axis (0.36–0.91; scratch script, November 2026). A half turn exchanges hollow and raised, and
+keeps the circulation: there the outline tells. At the silhouette the normals of a solid point outwards:
+**outwardness** is the mean cosine between the image-plane part of the normals and the silhouette's outward direction.
+Two lamps swapped show in the residual of least squares, which halves when the right pair is swapped back.
 """
 
 from dataclasses import dataclass
@@ -86,8 +86,8 @@ def outwardness(normals: Float32Array, rim: Outline) -> float | None:
 def integrable_axes(pixels: Pixels, normals: Float32Array) -> tuple[Axes, Axes]:
     """The pair of opposite axes under which normals (3, N), view frame, have the least circulation.
 
-    Round each cell of four neighbouring pixels, in slopes a pixel; its mean is that of the arctangent, so that creases,
-    round which any normals circulate, count no more than 90°.
+    Sum over the cells of four neighbouring pixels, which are the same under all axes, of the circulation's arctangent
+    in slopes a pixel: a crease, round which any normals circulate, counts no more than 90°.
     """
     slope = -normals[:2] / np.maximum(normals[2], np.float32(photometry.SETTINGS.min_view_cosine))
     image = pixels.image(slope.astype(np.float32), np.nan)
@@ -96,7 +96,7 @@ def integrable_axes(pixels: Pixels, normals: Float32Array) -> tuple[Axes, Axes]:
         p, q = np.einsum("ab,bhw->ahw", np.array(axes, np.float32), image)
         upward = p[:-1, :-1] + p[:-1, 1:] - p[1:, :-1] - p[1:, 1:]
         rightward = q[:-1, 1:] + q[1:, 1:] - q[:-1, :-1] - q[1:, :-1]
-        return float(np.nanmean(np.arctan(np.abs(upward - rightward) / 2)))
+        return float(np.nansum(np.arctan(np.abs(upward - rightward) / 2)))
 
     return min(OPPOSITE_AXES, key=lambda pair: circulation(pair[0]))
 

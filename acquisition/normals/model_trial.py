@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
@@ -166,7 +167,7 @@ class Alternative:
         if self.kind == "rough surface":
             value = terms.roughness_rad
             message += f" of {value:.2f} rad"
-        elif self.kind in ("gloss", "metal"):
+        elif self.kind in ("gloss", photometry.METAL):
             value = max(terms.gloss, terms.metal)
             message += f" {value:.2f}"
         elif self.kind in ("ambient light", "stray light"):

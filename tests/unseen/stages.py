@@ -117,7 +117,7 @@ def _no_discontinuity(*_: object) -> None:
     """In place of `discontinuity.discontinuous_depth`: the shadows contradict nothing."""
 
 
-def _regularised_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> tuple[Float32Array, float]:
+def _posterior_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> tuple[Float32Array, float]:
     """In place of `error_variance.sigma_deg`."""
     return posterior_deg, 0.0
 
@@ -222,8 +222,8 @@ STAGES = (
     ),
     Stage(
         "variance components of σ",
-        "σ is that of the posterior, lowered by smoothing and projection.",
-        (Patch(error_variance, "sigma_deg", _regularised_sigma),),
+        "σ is that of the posterior, lowered by the projection.",
+        (Patch(error_variance, "sigma_deg", _posterior_sigma),),
     ),
 )
 """The stages of the near solver that the bench's captures reach. Sensor and pixel noise are not among them: the bench
