@@ -322,7 +322,7 @@ def _stated_share(solution: PixelSolution, scene: Scene) -> Float32Array:
         return np.ones(usable.shape[1], np.float32)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
     stated, estimated = (
-        noise.variance(solution.values.astype(np.float64), strength.astype(np.float64)) + solution.extra_variance
+        noise.single_precision().variance(solution.values, strength) + solution.extra_variance
         for noise in (scene.stated_noise, scene.noise)
     )
     share = np.sum(np.minimum(stated / estimated, 1) * usable, axis=0) / np.maximum(np.count_nonzero(usable, axis=0), 1)
