@@ -25,7 +25,7 @@ from acquisition.normals import (
 )
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
-from acquisition.normals.model_trial import Alternative, Solution
+from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.surface_diffusion import SurfaceGraph
 from acquisition.normals.term_tests import TermScore
 
@@ -101,7 +101,13 @@ SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(
 
 def other_axes(present: Solution) -> list[Alternative]:
     """Axes of the lamps mirrored, exchanged or turned, where the normals are closer to those of a surface then, or
-    opposite, where the normals of the outline point inwards."""
+    opposite, where the normals of the outline point inwards.
+
+    In a poor fit metal competes with them: a wrong reflectance can leave normals whose circulation says anything. And
+    of metal that fits they are not tried, because highlights alone fit a surface under other axes as well.
+    """
+    if photometry.METAL in present.problem.corrected and not present.badly_fitting:
+        return []
     coarse, nominal, normals = present.problem.level.coarse, present.problem.nominal, present.state.normals
     trials = light_tests.integrable_axes(coarse, normals)
     if light_tests.STATED_AXES in trials:
@@ -113,7 +119,7 @@ def other_axes(present: Solution) -> list[Alternative]:
         message = f"the lamps' axes are mirrored or turned: {names[axes[0]]}, {names[axes[1]]} are taken for their x, y"
         problem = present.problem.relit(light_tests.transformed(nominal.lamps, axes))
         found.append(Alternative("axes of the lamps", message, problem, AXES_BETTER))
-    return found
+    return [*found, *_metal(present)] if found else []
 
 
 def swapped_lamps(present: Solution) -> list[Alternative]:
@@ -200,27 +206,20 @@ def other_formation(present: Solution) -> list[Alternative]:
     """Terms that the score tests demand; in a poor fit also ambient and stray light from other starts, and a coding."""
     problem, nominal = present.problem, present.problem.nominal
     alternatives: list[Alternative] = []
-
-    def with_term(name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
-        sigma = replace(LAMBERTIAN, **{name: getattr(SETTINGS.term_sigma, name)})
-        changed = replace(problem, nominal=replace(nominal, terms=start), term_sigma=sigma)
-        return Alternative(*TERMS[name], changed, most, step=step)
-
     if nominal.terms is None and present.scores is not None:
         gloss = present.scores.gloss
         found = gloss.gain > SETTINGS.min_gain or present.state.lobe.strength > 0
         if found and gloss.step > SETTINGS.min_gloss_step:
-            alternatives.append(with_term("gloss", ImageTerms(gloss=GLOSS_START), 1.0))
+            alternatives.append(_with_term(problem, "gloss", ImageTerms(gloss=GLOSS_START), 1.0))
         for name in ("roughness", "ambient", "offset"):
             score: TermScore = getattr(present.scores, name)
             if score.gain > SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
-                alternatives.append(with_term(name, LAMBERTIAN, 1.0, score.step))
+                alternatives.append(_with_term(problem, name, LAMBERTIAN, 1.0, score.step))
     if nominal.terms is None and present.poor:
-        alternatives.append(with_term("metal", ImageTerms(metal=METAL_START), SETTINGS.metal_better))
+        alternatives += _metal(present)
         for start in SECOND_STARTS:
-            alternatives.append(
-                with_term("ambient" if start.ambient else "offset", start, model_trial.SETTINGS.better_at_least)
-            )
+            name = "ambient" if start.ambient else "offset"
+            alternatives.append(_with_term(problem, name, start, model_trial.SETTINGS.better_at_least))
     if present.poor:
         linear = problem.reread(changed_images.linearised(problem.masked.images, CODED_EXPONENT))
         message = f"the images are not linear: values are taken to the power of {CODED_EXPONENT}"
@@ -235,6 +234,20 @@ def other_formation(present: Solution) -> list[Alternative]:
             )
         )
     return alternatives
+
+
+def _metal(present: Solution) -> list[Alternative]:
+    """Metal, in a poor fit of a surface that no other term describes yet."""
+    if present.problem.nominal.terms is not None or not present.poor:
+        return []
+    return [_with_term(present.problem, "metal", ImageTerms(metal=METAL_START), SETTINGS.metal_better)]
+
+
+def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
+    """One of `TERMS` estimated from a start, accepted up to `most` of the misfit."""
+    sigma = replace(LAMBERTIAN, **{name: getattr(SETTINGS.term_sigma, name)})
+    changed = replace(problem, nominal=replace(problem.nominal, terms=start), term_sigma=sigma)
+    return Alternative(*TERMS[name], changed, most, step=step)
 
 
 def moved_object(present: Solution) -> list[Alternative]:

@@ -83,7 +83,11 @@ def remaining(solution: Solution) -> list[ModelFinding]:
                 corrected=False,
             )
         )
-    if fit.probability < SETTINGS.min_sound_probability:
+    if solution.unjudged:
+        message = "hardly a pixel has four images that count, so that nothing tells whether the model fits (sharp gloss, "
+        message += "metal, underexposed images?): do not trust the normals"
+        findings.append(ModelFinding(kind="misfit", message=message, corrected=False))
+    elif fit.probability < SETTINGS.min_sound_probability:
         findings.append(
             ModelFinding(
                 kind="misfit",

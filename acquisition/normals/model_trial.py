@@ -117,10 +117,21 @@ class Solution:
         return self.scene.noise.intensity >= SETTINGS.max_intensity or self.out_of_place
 
     @property
+    def unjudged(self) -> bool:
+        """Whether there are images enough, and yet hardly a pixel has so many that count that they leave residuals: as
+        of metal, of which a pixel shows its highlights alone."""
+        return len(self.scene.lamps) >= photometry.REDUNDANT and not np.isfinite(self.fit.misfit)
+
+    @property
+    def badly_fitting(self) -> bool:
+        """Whether hardly a sound capture has a misfit as large."""
+        return self.fit.probability < SETTINGS.min_probability
+
+    @property
     def poor(self) -> bool:
-        """Whether the fit is so bad that costly alternatives are worth a trial."""
-        bad = self.fit.probability < SETTINGS.min_probability or self.at_end_of_range
-        return self.problem.thorough and bad
+        """Whether the fit is so bad, or so little of it is left to judge, that costly alternatives are worth a
+        trial."""
+        return self.problem.thorough and (self.unjudged or self.badly_fitting or self.at_end_of_range)
 
 
 @dataclass(frozen=True)
@@ -144,9 +155,12 @@ class Alternative:
         """Whether a trial replaces the solution before it: the object is in its place, and the fit good enough.
 
         A surface at the end of the depths that are allowed has not been found: nearer to the lamps the descent leaves
-        most measurements in shadow, and what is left over fits anything.
+        most measurements in shadow, and what is left over fits anything. Where nothing could be judged before, the
+        trial's fit has to be sound.
         """
         before_fit, after, terms = before.fit, trial.fit, trial.state.shared.terms
+        if before.unjudged:
+            return not trial.out_of_place and after.probability > SETTINGS.min_probability
         if trial.out_of_place or not after.misfit <= self.worse_at_most * before_fit.misfit:
             return False
         if self.step > 0:

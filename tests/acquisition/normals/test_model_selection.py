@@ -25,9 +25,13 @@ def cushion() -> scenes.Scene:
 
 @pytest.fixture(scope="module")
 def images(cushion: scenes.Scene) -> ImageStack:
+    return read(cushion)
+
+
+def read(true: scenes.Scene) -> ImageStack:
     """Eight images with errors of 1 % and 1 mm."""
-    known = cushion.calibration
-    observations = scenes.capture(cushion, two_rings(8), seed=1)
+    known = true.calibration
+    observations = scenes.capture(true, two_rings(8), seed=1)
     stack = session_images.read(observations, known, slice(0, known.height), slice(0, known.width))
     assert isinstance(stack, ImageStack)
     return stack
@@ -130,21 +134,40 @@ def test_solve_moved_object_is_registered(cushion: scenes.Scene, images: ImageSt
     assert mean_deg(cushion, result) < unmended
 
 
-def test_solve_glossy_dielectric_is_solved_as_one(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
-    """The Lambertian images times what a dielectric of α = 0.3 reflects of a Lambertian surface at each pixel."""
-    known = cushion.calibration
-    rows, columns = np.nonzero(cushion.mask)
-    depth = cushion.depth[rows, columns].astype(np.float32)
+def reflected(true: scenes.Scene, images: ImageStack, reflectance: Reflectance) -> ImageStack:
+    """The Lambertian images times what another surface reflects of a Lambertian one at each pixel."""
+    known = true.calibration
+    rows, columns = np.nonzero(true.mask)
+    depth = true.depth[rows, columns].astype(np.float32)
     ray = photometry.rays(known, slice(0, known.height), slice(0, known.width))[:, rows, columns]
     point, along = photometry.points(ray, depth), photometry.ray_directions(ray)
     light = photometry.light_vectors(point, photometry.lamps(images.lights), known)
     lamp = np.moveaxis(light / np.linalg.norm(light, axis=1)[:, None], 1, -1)
     view = -along.T / np.linalg.norm(along.T, axis=1, keepdims=True)
-    normal, albedo = cushion.normals[rows, columns], np.full(len(rows), 0.5)
-    plain, glossy = (one.value(normal, lamp, view, albedo) for one in (Reflectance(), Reflectance("ggx", 0.3)))
+    normal, albedo = true.normals[rows, columns], np.full(len(rows), 0.5)
+    plain, other = (one.value(normal, lamp, view, albedo) for one in (Reflectance(), reflectance))
     values = images.values.copy()
-    values[:, rows, columns] *= (glossy / np.maximum(plain, 1e-3)).astype(np.float32)
-    result = solved(cushion, replace(images, values=values))
+    values[:, rows, columns] *= (other / np.maximum(plain, 1e-3)).astype(np.float32)
+    return replace(images, values=values)
+
+
+def test_solve_glossy_dielectric_is_solved_as_one(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+    result = solved(cushion, reflected(cushion, images, Reflectance("ggx", 0.3)))
     assert kinds(result) == [("gloss", True)]
     assert result.findings[0].value == pytest.approx(0.3, abs=0.03)
     assert mean_deg(cushion, result) < 1.5 * mean_deg(cushion, sound)
+
+
+def hollow(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A round dish."""
+    r2 = (x**2 + y**2) / 0.055**2
+    return np.where(r2 < 1, 0.012 + 0.02 * r2, 0.0)
+
+
+@pytest.mark.parametrize("alpha", [0.12, 0.15, 0.35])
+def test_solve_hollow_metal_is_solved_as_metal_and_not_by_lamps_from_the_other_side(alpha: float) -> None:
+    """Of the smoother one hardly a pixel has four highlights: no misfit is known of the Lambertian solve."""
+    dish = scenes.scene(hollow, scenes.calibration(SIZE))
+    result = solved(dish, reflected(dish, read(dish), Reflectance("metal", alpha)))
+    assert kinds(result) == [("metal", True)]
+    assert mean_deg(dish, result) < 3
