@@ -33,6 +33,7 @@ REASONS: dict[str, str] = {
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         lit_mask.MIN_IMAGES reflectance_fit.LAMBERT_PARAMS
         reflectance_kernels.BASIS_SIZE reflectance_kernels.DIFFUSE_PARAMS
+        goodness_of_fit.GRID
         reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M
         distant.BRIGHT_ALBEDO reflectance_solve.HIGHLIGHT_SHARE
         equivalent_session.EXPOSURE error_variance.MIN_LIGHTS pixel_solve.NO_OFFSET_SIGMA_M specular.NO_LOBE

@@ -13,6 +13,7 @@ from math import erfc, log, sqrt
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import GoodnessOfFit
 from acquisition.models.tuned import tuned
@@ -34,18 +35,17 @@ class GoodnessOfFitSettings:
     log_misfit_sd: float = tuned(0.4, "1")
     """Standard deviation of the logarithm of the misfit of sound captures. 0.55 and 0.48 in the same samples. With the
     first a misfit of 2.5 has a probability of 0.7 %, with the second of 1.2 %, with these numbers of 0.1 %."""
-    min_measurements: int = tuned(30, "measurements")
-    """Measurements below which a misfit is not stated."""
-    grid: int = tuned(4, "cells")
-    """Regions of the object: cells of a grid of so many rows and columns over its bounding box."""
 
 
 SETTINGS = GoodnessOfFitSettings()
 
+GRID = 4
+"""Regions of the object of which a misfit is stated: a grid of so many rows and columns over its bounding box."""
+
 
 @dataclass(frozen=True)
 class Fit:
-    """Misfit of all measurements, of each image (F,) and of each region (`grid`, `grid`), NaN where they are too few;
+    """Misfit of all measurements, of each image (F,) and of each region (GRID, GRID), NaN where they are too few;
     and the median residual as a share of the value, which knows of no noise model."""
 
     misfit: float
@@ -92,10 +92,10 @@ def evaluate(
     squares, relative, used = residual_noise.studentised_squares(
         estimate, values, stated, ray_direction, lamps, offset_sigma_m, extra
     )
-    cell = np.clip((place * SETTINGS.grid).astype(int), 0, SETTINGS.grid - 1)
-    regions = np.full((SETTINGS.grid, SETTINGS.grid), np.nan)
-    for row in range(SETTINGS.grid):
-        for column in range(SETTINGS.grid):
+    cell = np.clip((place * GRID).astype(int), 0, GRID - 1)
+    regions = np.full((GRID, GRID), np.nan)
+    for row in range(GRID):
+        for column in range(GRID):
             inside = (cell[0] == row) & (cell[1] == column)
             regions[row, column] = _misfit(squares[:, inside], used[:, inside])
     images = np.array([_misfit(one, valid) for one, valid in zip(squares, used, strict=True)])
@@ -104,6 +104,6 @@ def evaluate(
 
 
 def _misfit(squares: FloatArray, used: BoolArray) -> float:
-    if np.count_nonzero(used) < SETTINGS.min_measurements:
+    if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
         return float("nan")
     return float(np.sqrt(np.median(squares[used]) / GAUSSIAN_MEDIAN_SQUARE))

@@ -35,8 +35,6 @@ class InterreflectionSettings:
 
     background_depth_factor: float = tuned(2.0, "1")
     """Depth of the background, in multiples of the object's largest depth, where there is no table."""
-    least_prediction: float = tuned(0.002, "y")
-    """Predicted indirect light, in units of y, below which a measurement in shadow says nothing."""
     detection_threshold: float = tuned(0.35, "1")
     """Measured / predicted light in shadows from which indirect light is detected. Where there is only direct light,
     shadows are black everywhere."""
@@ -45,10 +43,6 @@ class InterreflectionSettings:
     because a shape that is still wrong predicts light where none falls as well."""
     common_mode_sigma: float = tuned(0.2, "share")
     """1 σ of the factor by which a pixel's predicted indirect light is wrong under all lights alike."""
-    attached_cosine: float = tuned(-0.1, "cosine")
-    """Cosine to the lamp below which a pixel is in attached shadow."""
-    facing_cosine: float = tuned(0.35, "cosine")
-    """Cosine to the lamp above which a dark pixel is in cast shadow."""
     cast_shadow_ratio: float = tuned(0.4, "share")
     """Share of its direct light below which a pixel that faces the lamp is in cast shadow."""
     direct_share: float = tuned(0.3, "share")
@@ -180,12 +174,10 @@ def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
 def _shadow_ratio(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
     """Weighted `detection_quantile` of measured / predicted in shadows; 1 where there are too few."""
     direct = np.einsum("fcn,cn->fn", estimate.light, estimate.g)
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
-    cast = (direct > SETTINGS.facing_cosine * strength) & (values < SETTINGS.cast_shadow_ratio * direct)
-    dark = ((direct < SETTINGS.attached_cosine * strength) | cast) & ~pixels.clipped
+    dark = ((direct < 0) | (values < SETTINGS.cast_shadow_ratio * direct)) & ~pixels.clipped
     kernel = np.ones((3, 3), np.uint8)
     umbra = np.stack([pixels.take(cv2.erode(pixels.image(mask.astype(np.uint8)), kernel)) > 0 for mask in dark])
-    used = umbra & (predicted > SETTINGS.least_prediction)
+    used = umbra & (predicted > 0)
     if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
         return 1.0
     ratio, weight = values[used] / predicted[used], predicted[used]

@@ -20,9 +20,6 @@ from acquisition.photometry import Noise
 class FlagSettings:
     """Tuned numbers of the flags of measurements."""
 
-    attached_cosine: float = tuned(0.1, "cosine")
-    """Predicted cosine to the light below which a dark measurement is flagged as attached shadow, else as cast
-    shadow."""
     highlight_deviations: int = tuned(4, "σ")
     """Excess over the diffuse prediction, in σ, from which a measurement is flagged as highlight."""
     min_highlight: float = tuned(0.03, "share")
@@ -31,7 +28,6 @@ class FlagSettings:
 
 SETTINGS = FlagSettings()
 
-ATTACHED_COSINE = SETTINGS.attached_cosine
 HIGHLIGHT_DEVIATIONS = SETTINGS.highlight_deviations
 MIN_HIGHLIGHT = SETTINGS.min_highlight
 PREDICTED_INDIRECT_SIGMA = photometry.SETTINGS.predicted_indirect_sigma
@@ -93,7 +89,7 @@ def _classify(
             if clipped[f, n]:
                 flags[f, n] = SATURATED
             elif not usable[f, n]:
-                flags[f, n] = ATTACHED if predicted < np.float32(ATTACHED_COSINE) * strength else CAST
+                flags[f, n] = ATTACHED if predicted < 0 else CAST
             else:
                 spread = (
                     shot_sigma[f] * np.sqrt(max(predicted, np.float32(0)))

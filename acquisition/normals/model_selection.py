@@ -84,9 +84,14 @@ def remaining(solution: Solution) -> list[ModelFinding]:
             )
         )
     if solution.unjudged:
-        message = "hardly a pixel has four images that count, so that nothing tells whether the model fits (sharp gloss, "
-        message += "metal, underexposed images?): do not trust the normals"
-        findings.append(ModelFinding(kind="misfit", message=message, corrected=False))
+        findings.append(
+            ModelFinding(
+                kind="misfit",
+                message="hardly a pixel has four images that count, so that nothing tells whether the model fits (metal, "
+                "sharp gloss, underexposed images?): do not trust the normals",
+                corrected=False,
+            )
+        )
     elif fit.probability < SETTINGS.min_sound_probability:
         findings.append(
             ModelFinding(
