@@ -87,8 +87,8 @@ def remaining(solution: Solution) -> list[ModelFinding]:
         findings.append(
             ModelFinding(
                 kind="misfit",
-                message="hardly a pixel has four images that count, so that nothing tells whether the model fits (metal, "
-                "sharp gloss, underexposed images?): do not trust the normals",
+                message="hardly a pixel has four images that count, so that nothing tells whether the model fits "
+                "(metal, sharp gloss, underexposed images?): do not trust the normals",
                 corrected=False,
             )
         )
