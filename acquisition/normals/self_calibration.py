@@ -39,13 +39,12 @@ class SelfCalibrationSettings:
     """1 σ of the logarithms of a lobe's strength and exponent."""
     max_sigma_scale: float = tuned(4.0, "1")
     """Largest factor of the stated σ of intensities in `evidence_maximised_sigma`."""
-    log_scale_sigma: float = tuned(0.6, "1")
-    """Prior 1 σ of the logarithm of that factor."""
-    min_log_bayes_factor: float = tuned(3.0, "1")
-    """Log Bayes factor against the stated σ from which a larger one is taken."""
 
 
 SETTINGS = SelfCalibrationSettings()
+
+STRONG_EVIDENCE = 3.0
+"""Log Bayes factor from which evidence counts as strong (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995)."""
 
 
 @dataclass(frozen=True)
@@ -227,10 +226,10 @@ def position_derivative(estimate: Estimate, lamps: Float32Array) -> Float32Array
 def evidence_maximised_sigma(matrix: FloatArray, right: FloatArray, others: FloatArray, stated: float) -> float:
     """Evidence maximisation (MacKay 1992, Bayesian interpolation) of the 1 σ of log intensities.
 
-    It is `stated`, unless the log Bayes factor of a larger one exceeds `min_log_bayes_factor`. The images' normal
-    equations `matrix` x = `right` are in the log intensities (F,) and then the other shared parameters (M,), of which
-    the prior has precision `others` (M, M). These are marginalised, and so are the intensities, for each σ. Directions
-    that images do not determine, the scale of all intensities and the tilt of a plane, add no evidence.
+    It is `stated`, unless there is STRONG_EVIDENCE of a larger one. The images' normal equations `matrix` x = `right`
+    are in the log intensities (F,) and then the other shared parameters (M,), of which the prior has precision `others`
+    (M, M). These are marginalised, and so are the intensities, for each σ. Directions that images do not determine, the
+    scale of all intensities and the tilt of a plane, add no evidence.
     """
     count = len(right) - len(others)
     across, last = matrix[:count, count:], matrix[count:, count:] + others
@@ -241,9 +240,9 @@ def evidence_maximised_sigma(matrix: FloatArray, right: FloatArray, others: Floa
     times = np.geomspace(1, SETTINGS.max_sigma_scale, 21)
     variance = (times[:, None] * stated) ** 2
     gained = (axes.T @ marginal) ** 2 / (precision + 1 / variance) - np.log1p(precision * variance)
-    evidence = (np.sum(gained, axis=1) - (np.log(times) / SETTINGS.log_scale_sigma) ** 2) / 2
+    evidence = np.sum(gained, axis=1) / 2
     best = int(np.argmax(evidence))
-    return stated * float(times[best]) if evidence[best] > evidence[0] + SETTINGS.min_log_bayes_factor else stated
+    return stated * float(times[best]) if evidence[best] > evidence[0] + STRONG_EVIDENCE else stated
 
 
 def _precision(sigma: FloatArray) -> FloatArray:
