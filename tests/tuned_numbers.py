@@ -63,7 +63,7 @@ REASONS: dict[str, str] = {
         design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
         visibility.MAP_SIZE translucency.GRID photon_transfer.BINS
-        resampling.EXTRAPOLATION_PX""",
+        resampling.EXTRAPOLATION_PX term_tests.LEAST_SIGNAL""",
     "steps and tolerances of numerical methods": """
         photometry.UNDISTORTION_ROUNDS reflectance_fit.DIFFERENCE_STEP
         reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS

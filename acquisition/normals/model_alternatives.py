@@ -100,8 +100,8 @@ SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(
 
 
 def other_axes(present: Solution) -> list[Alternative]:
-    """Axes of the lamps mirrored, exchanged or turned, where the normals are closer to those of a surface then, or
-    opposite, where the normals of the outline point inwards.
+    """Axes of the lamps mirrored, exchanged or turned, where the normals are closer to those of a surface then; or
+    opposite, where the normals of the outline point inwards, or where the images fit badly and far better then.
 
     In a poor fit metal competes with them: a wrong reflectance can leave normals whose circulation says anything. And
     of metal that fits they are not tried, because highlights alone fit a surface under other axes as well.
@@ -109,16 +109,19 @@ def other_axes(present: Solution) -> list[Alternative]:
     if photometry.METAL in present.problem.corrected and not present.badly_fitting:
         return []
     coarse, nominal, normals = present.problem.level.coarse, present.problem.nominal, present.state.normals
-    trials = light_tests.integrable_axes(coarse, normals)
+    trials, most = light_tests.integrable_axes(coarse, normals), AXES_BETTER
     if light_tests.STATED_AXES in trials:
         outwards = light_tests.outwardness(normals, light_tests.outline(coarse))
-        trials = () if outwards is None or outwards >= LEAST_OUTWARDNESS else trials[1:]
+        trials = trials[1:]
+        if outwards is None or outwards >= LEAST_OUTWARDNESS:
+            # A hollow object under opposite lamps is taken for a raised one, whose normals point outwards.
+            trials, most = trials if present.badly_fitting else (), model_trial.SETTINGS.better_at_least
     names = {(1, 0): "x", (-1, 0): "−x", (0, 1): "y", (0, -1): "−y"}
     found: list[Alternative] = []
     for axes in trials:
         message = f"the lamps' axes are mirrored or turned: {names[axes[0]]}, {names[axes[1]]} are taken for their x, y"
         problem = present.problem.relit(light_tests.transformed(nominal.lamps, axes))
-        found.append(Alternative("axes of the lamps", message, problem, AXES_BETTER))
+        found.append(Alternative("axes of the lamps", message, problem, most))
     return [*found, *_metal(present)] if found else []
 
 
@@ -203,7 +206,8 @@ TERMS = {
 
 
 def other_formation(present: Solution) -> list[Alternative]:
-    """Terms that the score tests demand; in a poor fit also ambient and stray light from other starts, and a coding."""
+    """Terms, and a coding, that the score tests demand; in a poor fit also the coding, metal, and ambient and stray
+    light from other starts."""
     problem, nominal = present.problem, present.problem.nominal
     alternatives: list[Alternative] = []
     if nominal.terms is None and present.scores is not None:
@@ -220,20 +224,20 @@ def other_formation(present: Solution) -> list[Alternative]:
         for start in SECOND_STARTS:
             name = "ambient" if start.ambient else "offset"
             alternatives.append(_with_term(problem, name, start, model_trial.SETTINGS.better_at_least))
-    if present.poor:
+    if present.poor or _seems_coded(present):
         linear = problem.reread(changed_images.linearised(problem.masked.images, CODED_EXPONENT))
         message = f"the images are not linear: values are taken to the power of {CODED_EXPONENT}"
-        alternatives.append(
-            Alternative(
-                "coded values",
-                message,
-                linear,
-                model_trial.SETTINGS.better_at_least,
-                CODED_EXPONENT,
-                coding=CODED_EXPONENT,
-            )
-        )
+        most = model_trial.SETTINGS.better_at_least
+        alternatives.append(Alternative("coded values", message, linear, most, CODED_EXPONENT, coding=CODED_EXPONENT))
     return alternatives
+
+
+def _seems_coded(present: Solution) -> bool:
+    """Whether the score test finds an exponent well below 1."""
+    if present.scores is None:
+        return False
+    exponent = present.scores.exponent
+    return exponent.gain > SETTINGS.min_gain and exponent.step < -model_trial.SETTINGS.coded_exponent
 
 
 def _metal(present: Solution) -> list[Alternative]:

@@ -107,18 +107,19 @@ def remaining(solution: Solution) -> list[ModelFinding]:
 
 
 def _best_trial(present: Solution) -> tuple[Alternative, Solution] | None:
-    """The best-fitting accepted trial of the first kind of alternatives that has one; none: the model stays."""
+    """The best-fitting accepted trial of the first function of alternatives that has one; none: the model stays."""
+    tried = set(present.problem.corrected)
     for propose in ALTERNATIVES:
         accepted: list[tuple[float, Alternative, Solution]] = []
-        for alternative in propose(present):
-            if alternative.kind in present.problem.corrected:
-                continue
+        alternatives = [alternative for alternative in propose(present) if alternative.kind not in tried]
+        for alternative in alternatives:
             corrected = (*present.problem.corrected, alternative.kind)
             trial = solve(replace(alternative.problem, corrected=corrected))
             if alternative.accepted(present, trial):
                 accepted.append((trial.fit.misfit * trial.fit.share / alternative.coding, alternative, trial))
         if accepted:
             return min(accepted, key=lambda one: one[0])[1:]
+        tried |= {alternative.kind for alternative in alternatives}
     return None
 
 

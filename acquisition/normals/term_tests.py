@@ -31,6 +31,9 @@ class TermTestSettings:
 
 SETTINGS = TermTestSettings()
 
+LEAST_SIGNAL = 1e-6
+"""Signal, of what a white surface gives, from which its logarithm is taken."""
+
 
 @dataclass(frozen=True)
 class TermScore:
@@ -42,13 +45,15 @@ class TermScore:
 
 @dataclass(frozen=True)
 class TermScores:
-    """Scores of the weight of a rough diffuse term, of ambient light, and of an offset, as in `ImageTerms`; and of a
-    dielectric's gloss of `gloss_tested` as a whole, whose value would be 1."""
+    """Scores of the weight of a rough diffuse term, of ambient light, and of an offset, as in `ImageTerms`; of a
+    dielectric's gloss of `gloss_tested` as a whole, whose value would be 1; and of ε of values that are coded as the
+    signal to the power of 1 + ε, 0 where they are linear."""
 
     roughness: TermScore
     ambient: TermScore
     offset: TermScore
     gloss: TermScore
+    exponent: TermScore
 
 
 def scores(
@@ -66,7 +71,10 @@ def scores(
         return image_terms.evaluate(terms, estimate.g, estimate.light, estimate.usable, axis, estimate.response)
 
     present, glossy = evaluated(scene.terms or LAMBERTIAN), evaluated(ImageTerms(gloss=SETTINGS.gloss_tested))
-    columns = np.concatenate([present.by_parameter[:, :3], glossy.value[:, None], present.by_parameter[:, 4:]], axis=1)
+    direct = np.maximum(np.einsum("fck,ck->fk", estimate.light, estimate.g), 0)
+    signal = direct * (np.min(scene.noise.shot) / scene.noise.shot)[:, None]  # but for a factor, which albedo absorbs
+    coded = np.where(estimate.usable, direct * np.log(np.maximum(signal, LEAST_SIGNAL)), 0)
+    columns = np.stack([*np.moveaxis(present.by_parameter[:, :3], 1, 0), glossy.value, coded], axis=1, dtype=np.float32)
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
     equations = self_calibration.normal_equations(
         replace(estimate, terms=replace(present, by_parameter=columns)), by_depth, values, scene.lamps, shared,
@@ -76,7 +84,7 @@ def scores(
     if equations is None:
         return None
     first = 4 * len(values) + 1
-    return TermScores(*(_score(equations, first + number) for number in range(4)))
+    return TermScores(*(_score(equations, first + number) for number in range(5)))
 
 
 def _score(equations: Equations, tested: int) -> TermScore:
