@@ -130,7 +130,7 @@ class Noise:
     intensity: float
     direction: float
 
-    def variance(self, values: FloatArray, strength: FloatArray) -> FloatArray:
+    def variance(self, values: FloatArray | Float32Array, strength: FloatArray | Float32Array) -> FloatArray:
         """Variance of y (F, N) where a surface of strength ρ|s| (F, N) gives `values` (F, N)."""
         return (
             self.shot[:, None] * np.maximum(values, 0.0)
