@@ -151,7 +151,7 @@ def moved(lines: Sequence[Line], numbers: Sequence[Number]) -> dict[str, Any]:
     for number in numbers:
         touched = [line for line in base if number.key in line["read"]]  # type: ignore[operator]
         if number.key in at_import:
-            shown[number.key] = {"not measured": "compiled into a kernel"}
+            shown[number.key] = {"not measured": "read while modules are imported"}
         elif not touched:
             shown[number.key] = {"not measured": "no capture reads it"}
         else:

@@ -82,10 +82,10 @@ def test_a_number_with_a_capture_to_be_solved_yet_has_no_figures() -> None:
     assert sensitivity.moved(unsolved, [PRIOR])["numbers"][PRIOR.key] == {"captures": 2}
 
 
-def test_what_kernels_compile_in_is_not_measured() -> None:
-    kernel = sensitivity.named("photometry.flat_field_sigma")
-    assert kernel[0].key in tuned_numbers.set_at_import()
-    assert "kernel" in sensitivity.moved(lines(), kernel)["numbers"][kernel[0].key]["not measured"]
+def test_what_modules_read_at_import_is_not_measured() -> None:
+    read = sensitivity.named("photometry.flat_field_sigma")
+    assert read[0].key in tuned_numbers.set_at_import()
+    assert "import" in sensitivity.moved(lines(), read)["numbers"][read[0].key]["not measured"]
 
 
 def test_page_of_tuned_numbers_shows_figures_and_reasons(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
