@@ -63,13 +63,14 @@ REASONS: dict[str, str] = {
         design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
         visibility.MAP_SIZE translucency.GRID photon_transfer.BINS
-        resampling.EXTRAPOLATION_PX term_tests.LEAST_SIGNAL""",
+        resampling.EXTRAPOLATION_PX""",
     "steps and tolerances of numerical methods": """
         photometry.UNDISTORTION_ROUNDS reflectance_fit.DIFFERENCE_STEP
         reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
         photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE
         residual_noise.ROUNDS alternation.EXTRA_ROUNDS alternation.CONVERGED_DEG
         alternation.INITIAL_DISCONTINUITY_ROUNDS alternation.MAX_SHIFT_STEP_M final_solve.PRELIMINARY_ITERATIONS
+        term_tests.LEAST_SIGNAL
         interreflection_kernels.LEVELS surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS discontinuity.WEIGHT_FLOOR
         discontinuity.LEAST_START_WEIGHT integration.BILATERAL_ROUNDS
         integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS pixel_solve.IRLS_ITERATIONS

@@ -10,7 +10,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
-from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
+from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
@@ -27,6 +27,10 @@ class FlagSettings:
 
 
 SETTINGS = FlagSettings()
+
+ATTACHED_COSINE = SolveSettings().shadow_threshold
+"""Predicted cosine to the light below which a dark measurement is in attached shadow, or as dark as in one: the share
+of the peak below which the solver uses none."""
 
 HIGHLIGHT_DEVIATIONS = SETTINGS.highlight_deviations
 MIN_HIGHLIGHT = SETTINGS.min_highlight
@@ -89,7 +93,7 @@ def _classify(
             if clipped[f, n]:
                 flags[f, n] = SATURATED
             elif not usable[f, n]:
-                flags[f, n] = ATTACHED if predicted < 0 else CAST
+                flags[f, n] = ATTACHED if predicted < np.float32(ATTACHED_COSINE) * strength else CAST
             else:
                 spread = (
                     shot_sigma[f] * np.sqrt(max(predicted, np.float32(0)))

@@ -111,18 +111,20 @@ def other_axes(present: Solution) -> list[Alternative]:
     coarse, nominal, normals = present.problem.level.coarse, present.problem.nominal, present.state.normals
     trials, most = light_tests.integrable_axes(coarse, normals), AXES_BETTER
     if light_tests.STATED_AXES in trials:
-        outwards = light_tests.outwardness(normals, light_tests.outline(coarse))
         trials = trials[1:]
+        outwards = light_tests.outwardness(normals, light_tests.outline(coarse))
         if outwards is None or outwards >= LEAST_OUTWARDNESS:
+            if not present.badly_fitting:
+                return []
             # A hollow object under opposite lamps is taken for a raised one, whose normals point outwards.
-            trials, most = trials if present.badly_fitting else (), model_trial.SETTINGS.better_at_least
+            most = model_trial.SETTINGS.better_at_least
     names = {(1, 0): "x", (-1, 0): "−x", (0, 1): "y", (0, -1): "−y"}
     found: list[Alternative] = []
     for axes in trials:
         message = f"the lamps' axes are mirrored or turned: {names[axes[0]]}, {names[axes[1]]} are taken for their x, y"
         problem = present.problem.relit(light_tests.transformed(nominal.lamps, axes))
         found.append(Alternative("axes of the lamps", message, problem, most))
-    return [*found, *_metal(present)] if found else []
+    return [*found, *_metal(present)]
 
 
 def swapped_lamps(present: Solution) -> list[Alternative]:

@@ -37,10 +37,10 @@ class TrialSettings:
     """Misfit of a second start over that before, up to which it is accepted. A fall by a hundredth once accepted
     ambient light on a gear, whose error rose from 3.9° to 8.3°."""
     coded_exponent: float = tuned(0.25, "exponent")
-    """Exponent 1 − ε by one step of its score below which values may be coded, and 1 + ε from which values that were
-    linearised were none that had been coded. After it ε is −0.05 to 0.23 of nine Lambertian captures of coded values,
-    0.34–0.79 of 45 others, Lambertian, rough, glossy, with an offset or ambient light (design seeds 62 and 63, ten
-    lights by two rings, eight families)."""
+    """Size of ε, the exponent's score (`TermScores`): values are tried as coded where it is below −0.25, and were coded
+    where less than 0.25 of it is left once they are linearised: −0.05 to 0.23 of nine Lambertian captures of coded
+    values, 0.34–0.79 of 45 others, Lambertian, rough, glossy, with an offset or ambient light (design seeds 62 and 63,
+    ten lights by two rings, eight families)."""
     min_probability: float = tuned(0.05, "probability")
     """Probability of the misfit below which a solution counts as poor: then second starts, swaps and moves are
     tried."""

@@ -9,7 +9,7 @@ import pytest
 
 from acquisition import normals, photometry
 from acquisition.models.light_plan import Light
-from acquisition.models.result import NormalMap, SolveSettings
+from acquisition.models.result import ATTACHED, CAST, NormalMap, SolveSettings
 from acquisition.normals import ImageStack, session_images
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
@@ -37,10 +37,11 @@ def read(true: scenes.Scene) -> ImageStack:
     return stack
 
 
-def solved(cushion: scenes.Scene, images: ImageStack) -> NormalMap:
+def solved(cushion: scenes.Scene, images: ImageStack, *, thorough: bool = True) -> NormalMap:
     return normals.solve_stack(
-        images, cushion.calibration, SolveSettings(), initial_depth_m=ROUGH_DEPTH_M, object_mask=cushion.mask
-    )
+        images, cushion.calibration, SolveSettings(), initial_depth_m=ROUGH_DEPTH_M, object_mask=cushion.mask,
+        thorough=thorough,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -181,6 +182,28 @@ def test_solve_hollow_metal_is_solved_as_metal_and_not_by_lamps_from_the_other_s
     result = solved(dish, reflected(dish, read(dish), Reflectance("metal", alpha)))
     assert kinds(result) == [("metal", True)]
     assert mean_deg(dish, result) < 3
+
+
+def test_solve_smooth_metal_that_fits_is_not_tried_under_other_axes(dish: scenes.Scene) -> None:
+    """The few highlights of α = 0.1 fit a surface of other axes better, 45° off."""
+    result = solved(dish, reflected(dish, read(dish), Reflectance("metal", 0.1)))
+    assert ("metal", True) in kinds(result)
+    assert "axes of the lamps" not in [kind for kind, _ in kinds(result)]
+    assert mean_deg(dish, result) < 5
+
+
+def test_solve_without_enough_images_to_judge_is_a_finding(dish: scenes.Scene) -> None:
+    """Of smooth metal hardly a pixel has four images that count, and no other model is tried."""
+    result = solved(dish, reflected(dish, read(dish), Reflectance("metal", 0.15)), thorough=False)
+    assert result.fit is None
+    assert kinds(result) == [("misfit", False)]
+    assert "nothing tells whether the model fits" in result.findings[0].message
+
+
+def test_solve_measurements_of_a_dish_without_cast_shadows_are_not_flagged_as_cast(dish: scenes.Scene) -> None:
+    flags = solved(dish, read(dish)).flags
+    assert np.count_nonzero(flags & (ATTACHED | CAST)) > 50
+    assert np.count_nonzero(flags & CAST) < 0.2 * np.count_nonzero(flags & (ATTACHED | CAST))
 
 
 def test_solve_hollow_object_under_opposite_lamps_is_not_taken_for_a_raised_one(dish: scenes.Scene) -> None:
