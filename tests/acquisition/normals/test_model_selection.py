@@ -219,3 +219,12 @@ def test_solve_coded_values_that_fit_well_are_linearised(dish: scenes.Scene) -> 
     result = solved(dish, coded(images))
     assert kinds(result) == [("coded values", True)]
     assert mean_deg(dish, result) < 1.3 * mean_deg(dish, solved(dish, images))
+
+
+@pytest.mark.parametrize("height", [scenes.bumps, scenes.sphere])
+def test_solve_smooth_metal_is_not_taken_for_coded_values(height: scenes.Height) -> None:
+    """Linearised, its values between highlights are near zero and fit in the noise; their relative residuals grow."""
+    metal = scenes.scene(height, scenes.calibration(SIZE))
+    found = kinds(solved(metal, reflected(metal, read(metal), Reflectance("metal", 0.1))))
+    assert ("metal", True) in found
+    assert "coded values" not in [kind for kind, _ in found]
