@@ -226,20 +226,13 @@ def other_formation(present: Solution) -> list[Alternative]:
         for start in SECOND_STARTS:
             name = "ambient" if start.ambient else "offset"
             alternatives.append(_with_term(problem, name, start, model_trial.SETTINGS.better_at_least))
-    if present.poor or _seems_coded(present):
+    coded = present.scores is not None and present.scores.exponent.gain > SETTINGS.min_gain and present.seems_coded
+    if present.poor or coded:
         linear = problem.reread(changed_images.linearised(problem.masked.images, CODED_EXPONENT))
         message = f"the images are not linear: values are taken to the power of {CODED_EXPONENT}"
         most = model_trial.SETTINGS.better_at_least
         alternatives.append(Alternative("coded values", message, linear, most, CODED_EXPONENT, coding=CODED_EXPONENT))
     return alternatives
-
-
-def _seems_coded(present: Solution) -> bool:
-    """Whether the score test finds an exponent well below 1."""
-    if present.scores is None:
-        return False
-    exponent = present.scores.exponent
-    return exponent.gain > SETTINGS.min_gain and exponent.step < -model_trial.SETTINGS.coded_exponent
 
 
 def _metal(present: Solution) -> list[Alternative]:

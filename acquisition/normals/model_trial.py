@@ -125,6 +125,11 @@ class Solution:
         return len(self.scene.lamps) >= photometry.REDUNDANT and not np.isfinite(self.fit.misfit)
 
     @property
+    def seems_coded(self) -> bool:
+        """Whether the values have an exponent well below 1."""
+        return self.scores is not None and self.scores.exponent.step < -SETTINGS.coded_exponent
+
+    @property
     def seems_linear(self) -> bool:
         """Whether the values have no exponent above 1, as values have that were linear before they were linearised."""
         return self.scores is not None and self.scores.exponent.step < SETTINGS.coded_exponent
@@ -180,9 +185,12 @@ class Alternative:
             )
         if self.worse_at_most > SETTINGS.better_at_least:
             return True
-        # Undoing a coding multiplies relative noise by its exponent, and no more: of dark images, as of smooth metal, it
-        # brings most values near zero, where any model fits them, and their relative residuals rise by 4 to 100.
-        share_at_most = self.coding if self.coding != 1 else self.worse_at_most
+        share_at_most = self.worse_at_most
+        if self.coding != 1:
+            # Undoing a coding multiplies relative noise by its exponent, and no more: of dark images, as of smooth
+            # metal, it brings most values near zero, where any model fits them, and relative residuals rise by 4 to
+            # 100. Where no score tells of a coding, they have to fall: a wrong shape may fit what is linear already.
+            share_at_most = self.coding if before.seems_coded else 1.0
         return after.share <= share_at_most * before_fit.share and after.probability > SETTINGS.min_probability
 
     def finding(self, terms: ImageTerms) -> ModelFinding:
