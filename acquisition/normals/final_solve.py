@@ -373,7 +373,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     extra = np.zeros_like(measured) if extra is None else extra
     if estimate.terms is not None:
         extra = extra + estimate.terms.highlight_variance
-    hardly_lit = alternation.hardly_lit(state.indirect_irradiance, diffuse, estimate, scene.terms, state.median_albedo)
+    hardly_lit = alternation.hardly_lit(state.indirect_irradiance, diffuse, estimate, scene.terms, state.typical_albedo)
     return PixelSolution(estimate, measured, values, pixels.plus_extra(extra), indirect, hardly_lit)
 
 

@@ -59,7 +59,7 @@ def refined(gathered: PyramidLevel, noise: photometry.Noise, lobe: Lobe, receive
         shared_variance=np.full(count, 1e-5, np.float32),
         indirect_irradiance=None if light is None else light.astype(np.float32),
         indirect_scale=1.0,
-        median_albedo=0.5,
+        typical_albedo=0.5,
         lobe=lobe,
         noise=noise,
         normals=np.zeros((3, count), np.float32),

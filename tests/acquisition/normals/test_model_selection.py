@@ -221,6 +221,20 @@ def test_solve_coded_values_that_fit_well_are_linearised(dish: scenes.Scene) -> 
     assert mean_deg(dish, result) < 1.3 * mean_deg(dish, solved(dish, images))
 
 
+def test_solve_pixels_of_metal_that_mirror_no_lamp_are_doubtful() -> None:
+    """Towards its rim a sphere mirrors lamps that are lower than any: what it shows fits a dark surface that faces up,
+    and rms e/σ was 2.5 there."""
+    ball = scenes.scene(scenes.sphere, scenes.calibration(SIZE))
+    result = solved(ball, reflected(ball, read(ball), Reflectance("metal", 0.15)))
+    error = np.degrees(np.arccos(np.clip(np.sum(result.normals * ball.normals, axis=-1), -1, 1)))
+    doubtful = result.mask & result.doubtful
+    assert np.mean(error[doubtful]) > 20
+    assert np.mean(doubtful[result.mask]) < 0.3
+    sure = result.mask & ~doubtful
+    assert np.mean(error[sure]) < 6
+    assert np.sqrt(np.mean((error[sure] / result.sigma_deg[sure]) ** 2)) < 1.6
+
+
 @pytest.mark.parametrize("height", [scenes.bumps, scenes.sphere])
 def test_solve_smooth_metal_is_not_taken_for_coded_values(height: scenes.Height) -> None:
     """Linearised, its values between highlights are near zero and fit in the noise; their relative residuals grow."""
