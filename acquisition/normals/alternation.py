@@ -51,8 +51,8 @@ class AlternationSettings:
     0.05 lose 0.003° where it is not; a groove as dark has twice as much."""
     least_metal_albedo: float = tuned(0.33, "of the upper quartile")
     """Albedo of metal below which no lamp counts as mirrored in a pixel. Of eleven captures of metal (design seeds 44
-    and 62, eight lights by two rings) 74 % of such pixels err by more than 15° and 17 % of the others; with 0.2 they are
-    81 and 22 %, with 0.5 51 and 15 %, since surfaces of two albedos then lose half of their pixels."""
+    and 62, eight lights by two rings) 74 % of such pixels err by more than 15° and 17 % of the others; with 0.2 81 and
+    22 %, with 0.5 51 and 15 %, since surfaces of two albedos then lose half of their pixels."""
 
 
 SETTINGS = AlternationSettings()
