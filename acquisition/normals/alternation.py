@@ -2,10 +2,9 @@
 
 Each quantity is estimated with the others held: per-pixel normals, depth by integration (cut at discontinuities), the
 specular lobe, light from other surfaces, lamp intensities and positions with the object's depth, and the noise scales.
-None of them needs every pixel, so the loop runs on means over blocks of pixels. The first round uses a high shadow
-threshold, because indirect light dominates grazing, dark measurements; once it is subtracted, they count. Intensities
-are calibrated only after the first correction, and after highlights are gone, which they would absorb otherwise. The
-noise is estimated last, from the residuals that remain.
+None of them needs every pixel, so the loop runs on means over blocks of pixels. Intensities are calibrated only after
+indirect light and highlights are gone, which they would absorb otherwise. The noise is estimated last, from the
+residuals that remain.
 """
 
 from collections.abc import Callable
@@ -44,8 +43,6 @@ class AlternationSettings:
     """1 σ of the object's mean depth as the caller gives it, m."""
     max_shift_m: float = tuned(0.08, "m")
     """Largest shift of the object along the rays, m."""
-    initial_shadow_threshold: float = tuned(0.15, "of the peak")
-    """Shadow threshold of the first round, a share of the pixel's peak, while indirect light is still in the images."""
     min_indirect_share: float = tuned(0.012, "share")
     """Share of indirect light, at the 98th percentile of pixels, from which it is subtracted. Smooth shapes of albedo
     0.05 lose 0.003° where it is not; a groove as dark has twice as much."""
@@ -158,14 +155,14 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     estimate: Estimate | None = None
     normals = np.zeros_like(ray_direction)
     radiance, highlight = np.zeros_like(coarse.values), np.zeros_like(coarse.values)
-    threshold = SETTINGS.initial_shadow_threshold
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
     calibrations = 0
     for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
         measured = divide_intensity(coarse.values, shared.log_intensity)
         values = measured - radiance - highlight
         estimate = pixel_solve.solve(
-            coarse, values, depth, present, PixelSolveOptions(threshold, cauchy_scale=scene.cauchy_scale),
+            coarse, values, depth, present,
+            PixelSolveOptions(scene.settings.shadow_threshold, cauchy_scale=scene.cauchy_scale),
             extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
         )  # fmt: skip
         previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
@@ -183,14 +180,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         chosen = drawn[~dark[drawn]]
         sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], nominal)
 
-        lobe = specular.fit(
-            sample.pixels,
-            (measured - radiance)[:, chosen],
-            depth[chosen],
-            present,
-            SETTINGS.initial_shadow_threshold,
-            lobe,
-        )
+        lobe = specular.fit(sample.pixels, (measured - radiance)[:, chosen], depth[chosen], present, lobe)
         highlight = lobe.highlight(estimate, ray_direction)
         indirect = _indirect_light(
             level, measured - highlight, values, estimate, depth, normals, present,
@@ -208,7 +198,6 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         calibrations += not hold
         depth = depth + np.float32(shared.shift_m - before)
         present = replace(present, lamps=shared.lamps(scene.lamps), noise=noise, terms=scene.terms and shared.terms)
-        threshold = scene.settings.shadow_threshold
         converged = turn >= scene.settings.depth_rounds and _mean_angle_deg(previous, normals) < CONVERGED_DEG
         if converged or (direct_diffuse and calibrations >= scene.settings.depth_rounds):
             break
@@ -334,7 +323,7 @@ def _self_calibrate(
         return before, noise
     calibrate = not hold and len(nominal.lamps) >= photometry.REDUNDANT
     priors, present = stated if calibrate else replace(stated, intensity=0.0, position_m=0.0), before
-    options = PixelSolveOptions(nominal.settings.shadow_threshold, depth_sigma_m, cauchy_scale=nominal.cauchy_scale)
+    options = PixelSolveOptions(nominal.settings.shadow_threshold, nominal.cauchy_scale)
     for turn in range(4):
         lamps = present.lamps(nominal.lamps)
         divided = divide_intensity(values, present.log_intensity - before.log_intensity)
@@ -346,8 +335,8 @@ def _self_calibrate(
         )  # fmt: skip
         if turn in (0, 3):
             noise = residual_noise.estimate(
-                estimate, diffuse, noise, nominal.noise, sample.ray_direction, lamps,
-                depth_sigma_m, sample.pixels.plus_extra(extra + estimate.highlight_variance),
+                estimate, diffuse, noise, nominal.noise,
+                sample.pixels.plus_extra(extra + estimate.highlight_variance),
             )  # fmt: skip
         if turn == 3:
             break

@@ -13,7 +13,6 @@ class Estimate:
     """The solution at N pixels, with the measurements, weights and light vectors that it was solved with."""
 
     g: Float32Array  # (3, N) albedo × normal, view frame
-    offset_m: Float32Array  # (N,) depth beside the given one
     variance: Float32Array  # (N,) rad², both tangential directions
     residual: Float32Array  # (N,) rms of whitened residuals
     weights: Float32Array  # (F, N) robust weight / variance, 0 where not usable

@@ -1,4 +1,4 @@
-"""Final solve at full resolution: every pixel once, with a depth offset as a fourth unknown and σ from its covariance.
+"""Final solve at full resolution: every pixel once, with σ from its covariance.
 
 The mean of the weak prior is the viewing axis, not the neighbours' normals, which are wrong beside walls and in holes.
 Blocks of rows are solved one after another and put into maps of the whole frame. A pixel depends on its neighbours only
@@ -131,22 +131,19 @@ def noise_sample(count: int) -> np.ndarray:
 def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> tuple[Scene, Pixels, PixelSolution]:
     """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, the
     sample's pixels that lamps reach, and their solution."""
-    ray_direction = photometry.ray_directions(sample.ray)
 
     def step(noise: photometry.Noise) -> tuple[photometry.Noise, PixelSolution]:
         """Solves the sample in a noise, and estimates the noise from its residuals."""
         solution = _solve_pixels(sample, state, replace(scene, noise=noise))
         estimated = residual_noise.estimate(
-            solution.estimate, solution.values, noise, scene.noise, ray_direction, scene.lamps,
-            photometry.SETTINGS.offset_sigma_m, solution.extra_variance,
-        )  # fmt: skip
+            solution.estimate, solution.values, noise, scene.noise, solution.extra_variance
+        )
         return estimated, solution
 
     noise, solution = step(replace(scene.noise, intensity=state.noise.intensity, direction=state.noise.direction))
     if np.any(solution.hardly_lit):
         lit = np.flatnonzero(~solution.hardly_lit)
         sample, state = sample.subset(lit), state.resampled(lambda values: np.ascontiguousarray(values[..., lit]))
-        ray_direction = ray_direction[:, lit]
     noise, solution = step(noise)
     albedo = pixel_solve.median_albedo(solution.estimate, solution.measured, sample.clipped)
     return replace(scene, noise=noise, stated_noise=scene.noise, median_albedo=albedo), sample, solution
@@ -345,9 +342,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     ) -> Estimate:
         return pixel_solve.solve_lit(
             pixels, values, lighting, scene,
-            PixelSolveOptions(
-                scene.settings.shadow_threshold, photometry.SETTINGS.offset_sigma_m, scene.cauchy_scale, iterations
-            ),
+            PixelSolveOptions(scene.settings.shadow_threshold, scene.cauchy_scale, iterations),
             extra_variance=extra, highlight_by_g=None if gloss is None else gloss.by_g,
         )  # fmt: skip
 

@@ -80,18 +80,13 @@ def probability(misfit: float) -> float:
     return 0.5 * erfc((log(max(misfit, 1e-6)) - SETTINGS.log_misfit_mean) / SETTINGS.log_misfit_sd / sqrt(2))
 
 
-def evaluate(
-    estimate: Estimate, values: Float32Array, stated: Noise, extra: Float32Array, ray_direction: Float32Array,
-    lamps: Float32Array, offset_sigma_m: float, place: FloatArray,
-) -> Fit:  # fmt: skip
+def evaluate(estimate: Estimate, values: Float32Array, stated: Noise, extra: Float32Array, place: FloatArray) -> Fit:
     """Misfit of K pixels' `estimate` to the `values` (F, K) that it was solved from, in the `stated` noise.
 
     `extra` (F, K) is variance beside the noise model's; `place` (2, K) are row and column within the object's bounding
-    box, 0–1; the rest as of `residual_noise.estimate`.
+    box, 0–1.
     """
-    squares, relative, used = residual_noise.studentised_squares(
-        estimate, values, stated, ray_direction, lamps, offset_sigma_m, extra
-    )
+    squares, relative, used = residual_noise.studentised_squares(estimate, values, stated, extra)
     cell = np.clip((place * GRID).astype(int), 0, GRID - 1)
     regions = np.full((GRID, GRID), np.nan)
     for row in range(GRID):

@@ -61,9 +61,8 @@ def solve(problem: Problem) -> Solution:
     scene, lit, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
     ray_direction = photometry.ray_directions(lit.ray)
     fit = goodness_of_fit.evaluate(
-        sample.estimate, sample.values, nominal.noise, sample.extra_variance, ray_direction, scene.lamps,
-        photometry.SETTINGS.offset_sigma_m, _place(lit.ray),
-    )  # fmt: skip
+        sample.estimate, sample.values, nominal.noise, sample.extra_variance, _place(lit.ray)
+    )
     gloss = state.lobe.derivatives(sample.estimate, ray_direction)
     scores = term_tests.scores(sample.estimate, sample.values, scene, state.shared, priors, gloss)
     return Solution(problem, state, scene, fit, scores)

@@ -1,4 +1,4 @@
-"""Per-pixel near-light photometric stereo: iteratively reweighted least squares of albedo × normal and a depth offset.
+"""Per-pixel near-light photometric stereo: iteratively reweighted least squares of albedo × normal.
 
 A measurement is dropped where it is saturated or in shadow, that is below a share of the pixel's own peak normalised
 value y/|s|. The threshold is low, because a high one throws away good grazing light. Penumbrae, which a high threshold
@@ -38,9 +38,6 @@ SETTINGS = PixelSolveSettings()
 IRLS_ITERATIONS = 6
 """Gauss–Newton steps with reweighting."""
 
-NO_OFFSET_SIGMA_M = 1e-6
-"""1 σ of the depth offset, m, that switches it off."""
-
 
 @dataclass(frozen=True)
 class Scene:
@@ -76,12 +73,11 @@ class Scene:
 class PixelSolveOptions:
     """How one solve weighs measurements.
 
-    `shadow_threshold`: share of the pixel's peak y/|s| below which a measurement is shadow. `offset_sigma_m`: 1 σ of
-    the prior of the depth offset, m. `cauchy_scale`: of the robust weights, in σ; none: not robust.
+    `shadow_threshold`: share of the pixel's peak y/|s| below which a measurement is shadow. `cauchy_scale`: of the
+    robust weights, in σ; none: not robust.
     """
 
     shadow_threshold: float
-    offset_sigma_m: float = NO_OFFSET_SIGMA_M
     cauchy_scale: float | None = photometry.CAUCHY_SCALE
     iterations: int = IRLS_ITERATIONS
 
@@ -206,7 +202,7 @@ def solve(
     extra_variance: Float32Array | None = None,
     highlight_by_g: Float32Array | None = None,
 ) -> Estimate:
-    """Iteratively reweighted least squares (Cauchy weights) of g and depth offset at each of N pixels at depth (N,).
+    """Iteratively reweighted least squares (Cauchy weights) of g at each of N pixels at depth (N,).
 
     `values` (F, N) replaces the measured ones where intensities were divided out or light subtracted; `extra_variance`
     (F, N) is added to the noise model's and the pixels' own. Where a highlight was subtracted that depends on g,
@@ -264,10 +260,9 @@ def _solve(
     typical = float(np.median(classified.peak)) if scene.median_albedo is None else scene.median_albedo
     extra = pixels.extra if extra_variance is None else pixels.plus_extra(extra_variance)
     problem = PixelProblem(
-        values=values, by_g=bent, light=lighting.light, point=lighting.point, ray_direction=lighting.ray_direction,
-        view=lighting.view, extra=extra, terms=terms, response=scene.response(pixels.channel),
-        lamps=scene.lamps, noise=scene.noise, least_albedo=max(0.2 * typical, 1e-6),
-        cauchy_scale=options.cauchy_scale, offset_sigma_m=options.offset_sigma_m, iterations=options.iterations,
+        values=values, by_g=bent, light=lighting.light, point=lighting.point, view=lighting.view, extra=extra,
+        terms=terms, response=scene.response(pixels.channel), noise=scene.noise,
+        least_albedo=max(0.2 * typical, 1e-6), cauchy_scale=options.cauchy_scale, iterations=options.iterations,
     )  # fmt: skip
     return robust_solve.solve(problem, pixels.clipped, classified, classify)
 
@@ -302,5 +297,5 @@ def fisher_information(
     light = estimate.light[:, :, chosen]
     change = depth_derivative(light, estimate.point[:, chosen], ray_direction[:, chosen], lamps)
     slope = np.einsum("fck,ck->fk", change, estimate.g[:, chosen])
-    rows = np.concatenate([light + change * estimate.offset_m[chosen], slope[:, None]], axis=1).astype(np.float64)
+    rows = np.concatenate([light, slope[:, None]], axis=1).astype(np.float64)
     return np.einsum("fk,fak,fbk->kab", estimate.weights[:, chosen].astype(np.float64), rows, rows, optimize=True)

@@ -2,7 +2,7 @@
 
 Two shares of the noise are not known beforehand: an error c in proportion to y (lamp intensities, model error) and one
 in proportion to ρ|s| (light directions). A residual's σ is √(v (1 − h)), h the leverage of its measurement in the
-pixel's own solve with the depth column; c is set so that the median of the squared whitened residuals of bright
+pixel's own solve; c is set so that the median of the squared whitened residuals of bright
 measurements is a Gaussian's (median absolute deviation), and σ_d likewise by grazing ones. Medians, because a few per
 cent of the measurements lie in penumbrae.
 
@@ -17,7 +17,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
-from acquisition.normals import pixel_solve, pixel_solve_kernels
+from acquisition.normals import pixel_solve_kernels
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
 
@@ -54,10 +54,7 @@ ROUNDS = 2
 """Alternations of c and σ_d."""
 
 
-def estimate(
-    solution: Estimate, values: Float32Array, noise: Noise, stated: Noise, ray_direction: Float32Array,
-    lamps: Float32Array, offset_sigma_m: float, extra: Float32Array,
-) -> Noise:  # fmt: skip
+def estimate(solution: Estimate, values: Float32Array, noise: Noise, stated: Noise, extra: Float32Array) -> Noise:
     """Robust scale estimation of c and σ_d from K pixels' residuals, in the `noise` that they were solved with.
 
     Where too few measurements determine c or σ_d, it is the `stated` one, not that of an earlier round, which was
@@ -65,7 +62,7 @@ def estimate(
     the noise model's.
     """
     enough = np.count_nonzero(solution.weights > 0, axis=0) >= photometry.REDUNDANT
-    design = _design(solution, ray_direction, lamps, enough)
+    design = _design(solution, enough)
     y, strength = values[:, enough].astype(np.float64), design.strength
     leverage = np.empty(y.shape)
     cosine = design.predicted / np.maximum(strength, 1e-9)
@@ -74,7 +71,7 @@ def estimate(
     added = extra[:, enough]
     for _ in range(ROUNDS):
         variance = noise.variance(np.maximum(y, 0), strength) + added
-        _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
+        _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), leverage)
         usable = used & (leverage < SETTINGS.max_leverage)
         unleveraged = residual**2 / np.maximum(1 - leverage, 0.05)
         bright, grazing = usable & (cosine > SETTINGS.bright_cosine), usable & (cosine < SETTINGS.grazing_cosine)
@@ -92,20 +89,19 @@ def estimate(
 
 
 def studentised_squares(
-    solution: Estimate, values: Float32Array, noise: Noise, ray_direction: Float32Array, lamps: Float32Array,
-    offset_sigma_m: float, extra: Float32Array,
-) -> tuple[FloatArray, FloatArray, BoolArray]:  # fmt: skip
+    solution: Estimate, values: Float32Array, noise: Noise, extra: Float32Array
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Squared residuals (F, K) over their expectation v (1 − h) in the given `noise`, over the squared value and 1 − h,
     and which of them count.
 
     Those of pixels with fewer than `min_lights` usable lights, or of leverage above `max_leverage`, do not count.
     Arguments as of `estimate`.
     """
-    design = _design(solution, ray_direction, lamps, np.ones(values.shape[1], np.bool_))
+    design = _design(solution, np.ones(values.shape[1], np.bool_))
     variance = noise.variance(np.maximum(values, 0), design.strength) + extra
     used = solution.weights > 0
     leverage = np.empty(values.shape)
-    _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
+    _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), leverage)
     counted = used & (leverage < SETTINGS.max_leverage) & (np.count_nonzero(used, axis=0) >= photometry.REDUNDANT)
     unleveraged = (values - design.predicted) ** 2 / np.maximum(1 - leverage, 0.05)
     return unleveraged / variance, unleveraged / np.maximum(values, 1e-6) ** 2, counted
@@ -113,25 +109,21 @@ def studentised_squares(
 
 @dataclass(frozen=True)
 class _Design:
-    """Least squares of K pixels: rows (F, 4, K) of g and depth offset, predicted values and ρ|s| (F, K)."""
+    """Least squares of K pixels: rows (F, 3, K) of g, predicted values and ρ|s| (F, K)."""
 
     rows: FloatArray
     predicted: FloatArray
     strength: FloatArray
 
 
-def _design(solution: Estimate, ray_direction: Float32Array, lamps: Float32Array, chosen: BoolArray) -> _Design:
+def _design(solution: Estimate, chosen: BoolArray) -> _Design:
     """The linearised least squares at the solution of the `chosen` pixels (N,)."""
-    light = solution.light[:, :, chosen]
-    change = pixel_solve.depth_derivative(light, solution.point[:, chosen], ray_direction[:, chosen], lamps)
-    g = solution.g[:, chosen].astype(np.float64)
-    bent = light.astype(np.float64) + change * solution.offset_m[chosen]
-    predicted = np.einsum("fck,ck->fk", bent, g)
+    light, g = (part[..., chosen].astype(np.float64) for part in (solution.light, solution.g))
+    predicted = np.einsum("fck,ck->fk", light, g)
     if solution.terms is not None:
         predicted += solution.terms.value[:, chosen]
-    slope = np.einsum("fck,ck->fk", change, g)
     strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
-    return _Design(np.ascontiguousarray(np.concatenate([bent, slope[:, None]], axis=1)), predicted, strength)
+    return _Design(np.ascontiguousarray(light), predicted, strength)
 
 
 def _median_matched_share(
@@ -148,22 +140,20 @@ def _median_matched_share(
     )
 
 
-@numba.njit(
-    "void(float64[:,:,::1], float64[:,::1], float64, float64[:,::1])", cache=True, fastmath=True, error_model="numpy"
-)
-def _leverage(rows: FloatArray, weight: FloatArray, offset_sigma_m: float, out: FloatArray) -> None:
-    """Leverage (F, K) of each measurement in its pixel's weighted least squares: rows (F, 4, K), weights (F, K)."""
+@numba.njit("void(float64[:,:,::1], float64[:,::1], float64[:,::1])", cache=True, fastmath=True, error_model="numpy")
+def _leverage(rows: FloatArray, weight: FloatArray, out: FloatArray) -> None:
+    """Leverage (F, K) of each measurement in its pixel's weighted least squares: rows (F, 3, K), weights (F, K)."""
     count = len(rows)
-    inner, own = np.empty((4, 4)), np.empty((4, count))
+    inner, own, regular = np.empty((3, 3)), np.empty((3, count)), np.full(3, 1e-6)
     for p in range(rows.shape[2]):
         for f in range(count):
             root = np.sqrt(weight[f, p])
-            for i in range(4):
+            for i in range(3):
                 own[i, f] = root * rows[f, i, p]
-        pixel_solve_kernels.orthonormalise(own, offset_sigma_m, inner)
+        pixel_solve_kernels.orthonormalise(own, regular, inner)
         for f in range(count):
             total = 0.0
-            for i in range(4):
+            for i in range(3):
                 total += own[i, f] * own[i, f]
             out[f, p] = total
 

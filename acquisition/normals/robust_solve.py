@@ -57,25 +57,22 @@ SETTINGS = RobustSettings()
 class PixelProblem:
     """Measurements of N pixels and what explains them, as arrays of the kernels.
 
-    Values y (F, N), their derivatives by g (F, 3, N), light vectors, points, ∂x/∂Z and directions to the camera (3, N),
-    variance beside the noise model's (F, N), lamps (F, 6). `least_albedo` bounds that of the prior; without a
-    `cauchy_scale` it is least squares.
+    Values y (F, N), their derivatives by g (F, 3, N), light vectors, points and directions to the camera (3, N),
+    variance beside the noise model's (F, N). `least_albedo` bounds that of the prior; without a `cauchy_scale` it is
+    least squares.
     """
 
     values: Float32Array
     by_g: Float32Array
     light: Float32Array
     point: Float32Array
-    ray_direction: Float32Array
     view: Float32Array
     extra: Float32Array | None
     terms: TermValues | None
     response: Float32Array | None
-    lamps: Float32Array
     noise: photometry.Noise
     least_albedo: float
     cauchy_scale: float | None
-    offset_sigma_m: float
     iterations: int
 
     def at(self, chosen: np.ndarray) -> "PixelProblem":
@@ -84,7 +81,7 @@ class PixelProblem:
             self,
             **{
                 name: np.ascontiguousarray(getattr(self, name)[..., chosen])
-                for name in ("values", "by_g", "light", "point", "ray_direction", "view")
+                for name in ("values", "by_g", "light", "point", "view")
             },
             extra=None if self.extra is None else self.extra[:, chosen],
             terms=None,
@@ -100,7 +97,6 @@ class PixelProblem:
         count = self.values.shape[1]
         out = Estimate(
             g=np.empty((3, count), np.float32),
-            offset_m=np.empty(count, np.float32),
             variance=np.empty(count, np.float32),
             residual=np.empty(count, np.float32),
             weights=np.empty(self.values.shape, np.float32),
@@ -111,15 +107,12 @@ class PixelProblem:
             response=self.response,
         )
         noise = self.noise
-        scalars = [noise.intensity, noise.direction, self.cauchy_scale or 0.0, self.offset_sigma_m]
+        scalars = [noise.intensity, noise.direction, self.cauchy_scale or 0.0]
         pixel_solve_kernels.estimate(
             np.ascontiguousarray(self.values, dtype=np.float32),
             np.ascontiguousarray(self.by_g, dtype=np.float32),
             usable.view(np.uint8),
             added,
-            self.point,
-            self.ray_direction,
-            self.lamps,
             noise.shot.astype(np.float32),
             noise.floor.astype(np.float32),
             np.array(scalars, dtype=np.float32),
@@ -127,21 +120,16 @@ class PixelProblem:
             (1.0 / (photometry.SETTINGS.prior_scale * albedo) ** 2).astype(np.float32),
             self.iterations,
             out.g,
-            out.offset_m,
             out.variance,
             out.residual,
             out.weights,
         )
         return out
 
-    def loss_and_weights(
-        self, g: Float32Array, offset_m: Float32Array, scale: float
-    ) -> tuple[FloatArray, Float32Array]:
+    def loss_and_weights(self, g: Float32Array, scale: float) -> tuple[FloatArray, Float32Array]:
         """Cauchy's loss c² ln(1 + r²/(c² v)) and weight 1/(v + r²/c²) of each measurement (F, N), for scale c; light
         that the solution does not have, since a surface turns away from the lamp, is none."""
-        change = np.empty(self.light.shape, np.float32)
-        pixel_solve_kernels.depth_derivative(self.light, self.point, self.ray_direction, self.lamps, change)
-        predicted = np.maximum(np.einsum("fck,ck->fk", self.by_g + change * offset_m, g), 0)
+        predicted = np.maximum(np.einsum("fck,ck->fk", self.by_g, g), 0)
         squared = (self.values - predicted) ** 2 / np.float32(scale**2)
         strength = np.sqrt(np.sum(g * g, axis=0) * np.sum(self.light * self.light, axis=1))
         variance = self.noise.variance(self.values.astype(np.float64), strength.astype(np.float64))
@@ -191,8 +179,8 @@ def _keep_better(
     usable, variance = np.ascontiguousarray(others.usable[:, doubtful]), others.variance[:, doubtful]
     second = part.solve(Classified(usable, np.ascontiguousarray(variance), others.peak[doubtful]))
     usable |= removed
-    loss, _ = part.loss_and_weights(first.g[:, doubtful], first.offset_m[doubtful], scale)
-    second_loss, weights = part.loss_and_weights(second.g, second.offset_m, scale)
+    loss, _ = part.loss_and_weights(first.g[:, doubtful], scale)
+    second_loss, weights = part.loss_and_weights(second.g, scale)
     second.weights[removed] = weights[removed]
     predicted = np.maximum(np.einsum("fck,ck->fk", part.by_g, second.g), 0)
     brighter = removed & (part.values > SETTINGS.highlight_ratio * predicted)
@@ -200,6 +188,6 @@ def _keep_better(
     less = np.sum((second_loss - loss) * (usable | first.usable[:, doubtful]), axis=0) < 0
     better = np.flatnonzero(is_highlight & less)
     chosen = doubtful[better]
-    for name in ("g", "offset_m", "variance", "residual", "weights"):
+    for name in ("g", "variance", "residual", "weights"):
         getattr(first, name)[..., chosen] = getattr(second, name)[..., better]
     first.usable[:, chosen] = usable[:, better]

@@ -43,6 +43,9 @@ class SelfCalibrationSettings:
 
 SETTINGS = SelfCalibrationSettings()
 
+OWN_PRECISION = 1e-6
+"""Precision of g where it is eliminated: it keeps the elimination regular."""
+
 STRONG_EVIDENCE = 3.0
 """Log Bayes factor from which evidence counts as strong (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995)."""
 
@@ -160,13 +163,12 @@ def normal_equations(
         position_derivative(estimate, lamps),
         np.ascontiguousarray(values if terms is None else values - terms.value, np.float32),
         estimate.g,
-        estimate.offset_m,
         estimate.weights,
         np.ascontiguousarray(by_g, np.float32),
         np.ascontiguousarray(added, np.float32),
         np.ascontiguousarray(np.concatenate(derivatives, axis=1) if columns else nothing, np.float32),
         enough,
-        offset_sigma_m,
+        np.array([OWN_PRECISION] * photometry.PIXEL_UNKNOWNS + [offset_sigma_m**-2]),
         sums,
     )
     matrix, right = (
@@ -272,8 +274,8 @@ def normal_variance(estimate: Estimate, lamps: Float32Array, covariance: FloatAr
 
 
 @numba.njit(
-    "void(float32[:,:,::1], float32[:,:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1],"
-    " float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,:,::1], boolean[::1], float64, float64[:,::1])",
+    "void(float32[:,:,::1], float32[:,:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1],"
+    " float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,:,::1], boolean[::1], float64[::1], float64[:,::1])",
     cache=True,
     fastmath=True,
     error_model="numpy",
@@ -284,21 +286,19 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
     by_position: Float32Array,  # (F, 3, K) of values by the lamps' positions
     values: Float32Array,  # (F, K)
     g: Float32Array,  # (3, K)
-    offset_m: Float32Array,  # (K,)
     weights: Float32Array,  # (F, K)
     by_g: Float32Array,  # (F, 3, K) of values beside Lambert's, or empty
     added: Float32Array,  # (F, K) values beside Lambert's that scale with the lamp, or empty
     by_lobe: Float32Array,  # (F, L, K) of values by the parameters of terms and lobe
     enough: BoolArray,  # (K,): the pixels that count
-    offset_sigma_m: float,
+    precision: FloatArray,  # (4,) of the prior of a pixel's own unknowns
     sums: FloatArray,  # (M + 1, M + 1), M = 4F + 1 + L: intensities, positions, shift, terms and lobe; residuals
 ) -> None:
     """Sums the normal equations of the shared parameters, each pixel's own unknowns eliminated (Schur complement).
 
     With a pixel's whitened rows O (F, 4) of its own unknowns and C (F, M + 1) of the shared ones and, last, of the
-    residuals, these are CᵀC − CᵀO (OᵀO + prior)⁻¹ OᵀC, where the offset's pull towards its prior's zero is taken from
-    the residuals' OᵀC. Only its own row has anything in a lamp's columns, so that CᵀC is kept lamp by lamp until the
-    end.
+    residuals, these are CᵀC − CᵀO (OᵀO + prior)⁻¹ OᵀC. Only its own row has anything in a lamp's columns, so that CᵀC
+    is kept lamp by lamp until the end.
     """
     count, lobes, size = light.shape[0], by_lobe.shape[1], len(sums)
     lamp_columns, wide = 4 * count, 6 + lobes  # columns of the lamps; columns of one of them, and those of all
@@ -308,17 +308,14 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
     for p in range(light.shape[2]):
         if not enough[p]:
             continue
-        offset = np.float64(offset_m[p])
         for f in range(count):
             root = np.sqrt(np.float64(weights[f, p]))
             slope, direct = 0.0, 0.0
             for c in range(3):
                 slope += by_depth[f, c, p] * np.float64(g[c, p])
                 direct += light[f, c, p] * np.float64(g[c, p])
-                bent = light[f, c, p] + by_depth[f, c, p] * offset
-                own[c, f] = root * (bent + by_g[f, c, p] if lobes else bent)
+                own[c, f] = root * (light[f, c, p] + by_g[f, c, p] if lobes else light[f, c, p])
                 columns[1 + c, f] = root * by_position[f, c, p]
-            direct += slope * offset
             columns[0, f] = root * (direct + added[f, p] if lobes else direct)
             own[3, f] = columns[4, f] = root * slope
             for one in range(lobes):
@@ -328,7 +325,7 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
             for b in range(wide):
                 for f in range(count):
                     by_lamp[a, b, f] += columns[a, f] * columns[b, f]
-        pixel_solve_kernels.orthonormalise(own, offset_sigma_m, inner)
+        pixel_solve_kernels.orthonormalise(own, precision, inner)
         for i in range(4):
             for a in range(4):
                 for f in range(count):
@@ -338,7 +335,6 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
                 for f in range(count):
                     total += own[i, f] * columns[a, f]
                 across[i, lamp_columns + a - 4] = total
-        across[3, size - 1] -= offset * offset_sigma_m**-2 / inner[3, 3]
         for a in range(size):
             first, second, third, fourth = across[0, a], across[1, a], across[2, a], across[3, a]
             for b in range(a + 1):  # most of the time goes here: from zero and without branches, it is vectorised

@@ -107,19 +107,17 @@ def _responding(values: Float32Array, estimate: Estimate) -> Float32Array:
     return values if estimate.response is None else values * estimate.response
 
 
-def fit(
-    pixels: Pixels, values: Float32Array, depth_m: Float32Array, scene: Scene, threshold: float, start: Lobe
-) -> Lobe:
+def fit(pixels: Pixels, values: Float32Array, depth_m: Float32Array, scene: Scene, start: Lobe) -> Lobe:
     """Least-squares Blinn–Phong lobe of K pixels from values (F, K) without indirect light; `NO_LOBE` if diffuse.
 
-    Alternates with the pixels' solve at depth (K,), shadow threshold `threshold`, from the lobe `start`. It needs
-    `min_lights` usable lights at `min_pixels` pixels, else it is `NO_LOBE`, as where the scene's terms have a lobe of
-    their own.
+    Alternates with the pixels' solve at depth (K,) from the lobe `start`. It needs `min_lights` usable lights at
+    `min_pixels` pixels, else it is `NO_LOBE`, as where the scene's terms have a lobe of their own.
     """
     if scene.terms is not None and scene.terms.specular:
         return NO_LOBE
     lighting = Lighting.at(pixels, depth_m, scene)
     ray_direction = lighting.ray_direction
+    threshold = scene.settings.shadow_threshold
     robust, wide = PixelSolveOptions(threshold), PixelSolveOptions(threshold, cauchy_scale=SETTINGS.wide_cauchy_scale)
     lobe = start
     for _ in range(FIT_ROUNDS):

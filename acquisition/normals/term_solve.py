@@ -121,6 +121,6 @@ def _robust_cost(problem: TermProblem, estimate: Estimate) -> Float32Array:
 
 def _chosen(where: BoolArray, one: Estimate, other: Estimate) -> Estimate:
     """`one` at some pixels (N,), elsewhere the `other`; their light vectors and points are the same."""
-    names = ("g", "offset_m", "variance", "residual", "weights", "usable")
+    names = ("g", "variance", "residual", "weights", "usable")
     parts = {name: np.where(where, getattr(one, name), getattr(other, name)) for name in names}
     return replace(one, **parts, terms=image_terms.chosen(where, one.terms, other.terms))

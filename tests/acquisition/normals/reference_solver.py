@@ -1,6 +1,6 @@
 """Reference of the solve of one pixel: the energy of docs/explanation/solver.md, minimised slowly in plain NumPy.
 
-    E(g, ζ) = Σ_i c² ln(1 + r_i²/(c² v_i)) + |g − ρ̄ n̄|²/(ρ̄/2)² + (ζ/σ_z)²,   r_i = y_i − g·s_i(Z + ζ)
+    E(g) = Σ_i c² ln(1 + r_i²/(c² v_i)) + |g − ρ̄ n̄|²/(ρ̄/2)²,   r_i = y_i − g·s_i
 
 Descents start from the solution of every three measurements, so that the lowest of Cauchy's minima is found. Each is
 Gauss–Newton with reweighting (Holland and Welsch 1977) until the state stays. One pixel at a time, images by rows.
@@ -17,14 +17,11 @@ STEPS = 60
 
 @dataclass(frozen=True)
 class Pixel:
-    """What one pixel measured: values y (F,), light vectors s (F, 3) at its depth and ∂s/∂Z (F, 3) per m, the unit
-    direction to the camera (3,), and 1 σ of its depth offset in m."""
+    """What one pixel measured: values y (F,), light vectors s (F, 3), and the unit direction to the camera (3,)."""
 
     values: np.ndarray
     light: np.ndarray
-    by_depth: np.ndarray
     view: np.ndarray
-    offset_sigma_m: float
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,7 @@ class NoiseModel:
 
 
 class PixelEnergy:
-    """The energy of one pixel; states are (g, ζ) (4,), ζ in m."""
+    """The energy of one pixel; states are g (3,)."""
 
     def __init__(self, pixel: Pixel, noise: NoiseModel) -> None:
         strength = np.linalg.norm(pixel.light, axis=1)
@@ -51,16 +48,12 @@ class PixelEnergy:
         self.pixel, self.noise, self.strength = pixel, noise, strength
         self.lit = np.flatnonzero(lit)
         self.albedo = max(ratio.max(), 0.2 * noise.median_albedo)  # ρ̄
-        self.prior_mean = np.append(self.albedo * pixel.view, 0.0)
-        self.prior_precision = np.array([*3 * [(2 / self.albedo) ** 2], pixel.offset_sigma_m**-2])
-
-    def light(self, offset_m: float) -> np.ndarray:
-        """Light vectors (F, 3) at another depth, to first order."""
-        return self.pixel.light + offset_m * self.pixel.by_depth
+        self.prior_mean = self.albedo * pixel.view
+        self.prior_precision = np.full(3, (2 / self.albedo) ** 2)
 
     def residual(self, state: np.ndarray) -> np.ndarray:
         """Residuals (L,) of the lit measurements."""
-        return (self.pixel.values - self.light(state[3]) @ state[:3])[self.lit]
+        return (self.pixel.values - self.pixel.light @ state)[self.lit]
 
     def variance(self, albedo: float) -> np.ndarray:
         """Variance (L,) of the lit measurements of a surface of an albedo."""
@@ -76,10 +69,8 @@ class PixelEnergy:
 
     def step(self, state: np.ndarray) -> np.ndarray:
         """The state after one Gauss–Newton step with the weights of the present residuals."""
-        bent = self.light(state[3])
-        slope = self.pixel.by_depth @ state[:3]
-        rows = np.column_stack([bent, slope])[self.lit]  # ∂(g·s)/∂(g, ζ)
-        variance = self.variance(float(np.linalg.norm(state[:3])))
+        rows = self.pixel.light[self.lit]
+        variance = self.variance(float(np.linalg.norm(state)))
         weight = 1 / (variance + self.residual(state) ** 2 / self.noise.cauchy_scale**2)
         matrix = (rows.T * weight) @ rows + np.diag(self.prior_precision)
         downhill = rows.T @ (weight * self.residual(state)) + self.prior_precision * (self.prior_mean - state)
@@ -100,6 +91,6 @@ class PixelEnergy:
         for three in combinations(self.lit, 3):
             rows = self.pixel.light[list(three)]
             if abs(np.linalg.det(rows)) > 1e-3 * np.prod(self.strength[list(three)]):
-                starts.append(np.append(np.linalg.solve(rows, self.pixel.values[list(three)]), 0.0))
+                starts.append(np.linalg.solve(rows, self.pixel.values[list(three)]))
         ends = [self.descend(start) for start in starts]
-        return min(ends, key=lambda state: self.value(state, float(np.linalg.norm(state[:3]))))
+        return min(ends, key=lambda state: self.value(state, float(np.linalg.norm(state))))

@@ -9,7 +9,6 @@ from acquisition.normals.pixel_solve import Pixels, PixelSolveOptions
 from tests.acquisition.normals.reference_solver import NoiseModel, Pixel, PixelEnergy
 from tests.acquisition.normals.shared_scene import DEPTH_M, MeasuredPixels, measured
 
-OFFSET_SIGMA_M = 0.003
 THRESHOLD = 0.08
 PIXELS = 30
 
@@ -33,13 +32,11 @@ def drawn(count: int, outliers: float) -> tuple[MeasuredPixels, Pixels]:
 
 def solved(made: MeasuredPixels, pixels: Pixels) -> Estimate:
     depth = np.full(len(pixels.index), DEPTH_M, np.float32)
-    options = PixelSolveOptions(THRESHOLD, OFFSET_SIGMA_M)
-    return pixel_solve.solve(pixels, pixels.values, depth, made.scene, options)
+    return pixel_solve.solve(pixels, pixels.values, depth, made.scene, PixelSolveOptions(THRESHOLD))
 
 
 def energies(made: MeasuredPixels, pixels: Pixels, estimate: Estimate) -> list[PixelEnergy]:
     ray_direction = made.ray_direction[:, pixels.index]
-    by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, made.lamp)
     view = -ray_direction / np.linalg.norm(ray_direction, axis=0)
     scale = made.scene.cauchy_scale
     assert scale is not None
@@ -48,12 +45,9 @@ def energies(made: MeasuredPixels, pixels: Pixels, estimate: Estimate) -> list[P
         made.noise.shot, made.noise.floor, made.noise.intensity, made.noise.direction, scale, THRESHOLD,
         float(np.median(peak)),
     )  # fmt: skip
-    every = (values.astype(float) for values in (pixels.values, estimate.light, by_depth, view))
-    y, light, change, to_camera = every
-    return [
-        PixelEnergy(Pixel(y[:, n], light[:, :, n], change[:, :, n], to_camera[:, n], OFFSET_SIGMA_M), noise)
-        for n in range(y.shape[1])
-    ]
+    every = (values.astype(float) for values in (pixels.values, estimate.light, view))
+    y, light, to_camera = every
+    return [PixelEnergy(Pixel(y[:, n], light[:, :, n], to_camera[:, n]), noise) for n in range(y.shape[1])]
 
 
 @pytest.mark.parametrize(("count", "outliers", "share"), [(5, 0.0, 1.0), (8, 0.0, 1.0), (8, 0.5, 0.9), (12, 0.5, 0.9)])
@@ -63,10 +57,10 @@ def test_solve_reaches_the_lowest_minimum_of_the_energy(count: int, outliers: fl
     excess, angle = np.empty(PIXELS), np.empty(PIXELS)
     for n, energy in enumerate(energies(made, pixels, estimate)):
         lowest = energy.minimum()
-        albedo = float(np.linalg.norm(lowest[:3]))
-        state = np.append(estimate.g[:, n], estimate.offset_m[n]).astype(float)
+        albedo = float(np.linalg.norm(lowest))
+        state = estimate.g[:, n].astype(float)
         excess[n] = energy.value(state, albedo) / energy.value(lowest, albedo) - 1
-        cosine = state[:3] @ lowest[:3] / (np.linalg.norm(state[:3]) * albedo)
+        cosine = state @ lowest / (np.linalg.norm(state) * albedo)
         angle[n] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
     same = (excess < 0.01) & (angle < 0.1)
     assert np.mean(same) >= share

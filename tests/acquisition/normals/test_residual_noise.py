@@ -10,8 +10,6 @@ from acquisition.normals.pixel_solve import Estimate, PixelSolveOptions
 from acquisition.photometry import Noise
 from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
 
-OFFSET_M = 0.003
-
 
 def solved(made: MeasuredPixels, values: np.ndarray, assumed: Noise) -> Estimate:
     return pixel_solve.solve(
@@ -19,7 +17,7 @@ def solved(made: MeasuredPixels, values: np.ndarray, assumed: Noise) -> Estimate
         values,
         made.depth_m,
         replace(made.scene, noise=assumed),
-        PixelSolveOptions(0.08, offset_sigma_m=OFFSET_M),
+        PixelSolveOptions(0.08),
     )
 
 
@@ -33,9 +31,7 @@ def test_estimate_intensity_errors_recovers_share(true: float, assumed: float) -
     model = stated = Noise(made.noise.shot, made.noise.floor, assumed, 0.001)
     for _ in range(3):
         solution = solved(made, values, model)
-        model = residual_noise.estimate(
-            solution, values, model, stated, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(values)
-        )
+        model = residual_noise.estimate(solution, values, model, stated, np.zeros_like(values))
     assert model.intensity == pytest.approx(true, rel=0.2)
 
 
@@ -43,9 +39,7 @@ def test_estimate_too_few_lights_keeps_stated_noise() -> None:
     made = measured(count=4)
     solution = solved(made, made.values, made.noise)
     before = replace(made.noise, intensity=0.02, direction=0.04)
-    estimated = residual_noise.estimate(
-        solution, made.values, before, made.noise, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(made.values)
-    )
+    estimated = residual_noise.estimate(solution, made.values, before, made.noise, np.zeros_like(made.values))
     assert estimated == made.noise
 
 
@@ -57,9 +51,7 @@ def test_estimate_few_grazing_pixels_keep_stated_direction(largest_slant: float,
     estimated = made.noise
     for _ in range(3):
         solution = solved(made, values, estimated)
-        estimated = residual_noise.estimate(
-            solution, values, estimated, made.noise, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(values)
-        )
+        estimated = residual_noise.estimate(solution, values, estimated, made.noise, np.zeros_like(values))
     if believed:
         assert estimated.direction == pytest.approx(0.03, rel=0.25)
     else:

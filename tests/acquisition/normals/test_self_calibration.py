@@ -91,9 +91,7 @@ def test_step_eliminated_pixels_equals_dense_solution() -> None:
     """The step with each pixel's unknowns eliminated equals the dense solution of the full system."""
     made, rng, offset_sigma, shift_sigma = measured(size=9), np.random.default_rng(2), 0.003, 0.03
     values = (made.values * (1 + rng.normal(0, 0.001, made.values.shape))).astype(np.float32)
-    solution = pixel_solve.solve(
-        made.pixels, values, made.depth_m, made.scene, PixelSolveOptions(0.08, offset_sigma_m=offset_sigma)
-    )
+    solution = pixel_solve.solve(made.pixels, values, made.depth_m, made.scene, PixelSolveOptions(0.08))
     change = pixel_solve.depth_derivative(solution.light, solution.point, made.ray_direction, made.lamp)
     start, aside, shift = rng.normal(0, 0.001, 8), rng.normal(0, 0.001, (8, 3)), 0.002
     present = SharedParameters(start, aside, shift, np.zeros((32, 32)))
@@ -103,8 +101,7 @@ def test_step_eliminated_pixels_equals_dense_solution() -> None:
     count = values.shape[1]
     s, d, g = (one.astype(float) for one in (solution.light, change, solution.g))
     slope = np.einsum("fck,ck->fk", d, g)
-    bent = s + d * solution.offset_m
-    predicted = np.einsum("fck,ck->fk", bent, g)
+    predicted = np.einsum("fck,ck->fk", s, g)
     by_position = self_calibration.position_derivative(solution, made.lamp)
     root = np.sqrt(solution.weights)
     rows = np.zeros((8, count, 33 + 4 * count))
@@ -114,12 +111,11 @@ def test_step_eliminated_pixels_equals_dense_solution() -> None:
             rows[:, pixel, 8 + 8 * axis : 16 + 8 * axis] = np.diag(by_position[:, axis, pixel])
         own = slice(33 + 4 * pixel, 37 + 4 * pixel)
         rows[:, pixel, 32] = slope[:, pixel]
-        rows[:, pixel, own] = np.concatenate([bent[:, :, pixel], slope[:, None, pixel]], axis=1)
+        rows[:, pixel, own] = np.concatenate([s[:, :, pixel], slope[:, None, pixel]], axis=1)
     rows = (rows * root[:, :, None]).reshape(8 * count, -1)
     shared = [np.full(8, STATED**-2), np.full(24, 0.001**-2), [shift_sigma**-2]]
     prior = np.concatenate([*shared, np.tile([1e-6] * 3 + [offset_sigma**-2], count)])
-    offsets = np.stack([*np.zeros((3, count)), solution.offset_m], axis=1).ravel()
-    held = np.concatenate([start, aside.T.ravel(), [shift], offsets])
+    held = np.concatenate([start, aside.T.ravel(), [shift], np.zeros(4 * count)])
     # Evidence of pixels counts a twentieth, with their own priors, against the priors of what they share.
     prior[33:] /= self_calibration.SETTINGS.effective_sample_divisor
     matrix = rows.T @ rows / self_calibration.SETTINGS.effective_sample_divisor + np.diag(prior)
@@ -146,8 +142,8 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
     lamp = random(count, 6)
     weights = rng.uniform(0, 1e4, (count, pixels)) * (rng.random((count, pixels)) < 0.8)
     solution = Estimate(
-        g=random(3, pixels), offset_m=random(pixels) * np.float32(0.003),
-        variance=random(pixels), residual=random(pixels), weights=weights.astype(np.float32), usable=weights > 0,
+        g=random(3, pixels), variance=random(pixels), residual=random(pixels),
+        weights=weights.astype(np.float32), usable=weights > 0,
         light=random(count, 3, pixels), point=random(3, pixels) - np.array([[0], [0], [5]], np.float32),
     )  # fmt: skip
     change, values = random(count, 3, pixels), random(count, pixels)
@@ -162,19 +158,17 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
     aside = self_calibration.position_derivative(solution, lamp).astype(float)
     pixel_prior = np.diag([1e-6] * 3 + [offset_sigma**-2])
     for p in np.flatnonzero(np.count_nonzero(weights, axis=0) >= 4):
-        g, offset = solution.g[:, p].astype(float), float(solution.offset_m[p])
         root = np.sqrt(solution.weights[:, p].astype(float))
-        slope, bent = change[:, :, p] @ g, solution.light[:, :, p] + offset * change[:, :, p].astype(float)
-        predicted = bent @ g
+        slope, predicted = (rows[:, :, p].astype(float) @ solution.g[:, p] for rows in (change, solution.light))
         bright = predicted if gloss is None else predicted + gloss.by_lobe[:, 0, p]
-        turning = bent if gloss is None else bent + gloss.by_g[:, :, p]
+        turning = solution.light[:, :, p] + (0 if gloss is None else gloss.by_g[:, :, p])
         own = np.column_stack([turning, slope])
         each = [np.diag(bright), *(np.diag(along) for along in aside[:, :, p].T)]
         shared = np.column_stack([*each, slope, *([] if gloss is None else gloss.by_lobe[:, :, p].T)])
         own, shared, left = root[:, None] * own, root[:, None] * shared, root * (values[:, p] - predicted)
         inner = np.linalg.inv(own.T @ own + pixel_prior)
         matrix += shared.T @ shared - shared.T @ own @ inner @ own.T @ shared
-        right += shared.T @ left - shared.T @ own @ inner @ (own.T @ left - pixel_prior @ [0, 0, 0, offset])
+        right += shared.T @ left - shared.T @ own @ inner @ own.T @ left
     prior = np.array(
         [9.0**-2] * count + [5.0**-2] * 3 * count + [3.0**-2] + [self_calibration.SETTINGS.lobe_log_sigma**-2] * lobes
     )

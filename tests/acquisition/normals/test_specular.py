@@ -23,7 +23,7 @@ def blinn(made: MeasuredPixels, strength: float, exponent: float) -> np.ndarray:
 def fitted(made: MeasuredPixels, values: np.ndarray, off_m: float = 0.0) -> Lobe:
     noisy = values + np.random.default_rng(0).normal(0, 0.003, values.shape)
     depth_m = made.depth_m + np.float32(off_m)
-    return specular.fit(made.pixels, noisy.astype(np.float32), depth_m, made.scene, 0.15, specular.NO_LOBE)
+    return specular.fit(made.pixels, noisy.astype(np.float32), depth_m, made.scene, specular.NO_LOBE)
 
 
 @pytest.mark.parametrize(("strength", "exponent"), [(0.2, 35.0), (0.1, 25.0), (0.3, 50.0)])
