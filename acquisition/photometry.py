@@ -45,7 +45,7 @@ class SharedSettings:
     """1 σ of a pixel's depth after integration that the direction term allows for; larger errors are the depth
     column's."""
     offset_sigma_m: float = tuned(0.003, "m")
-    """1 σ prior (m) of a pixel's depth offset, the nuisance parameter beside g in planner and solver alike."""
+    """1 σ prior (m) of a pixel's depth offset, the nuisance parameter beside g in forecasts and score tests."""
     prior_scale: float = tuned(0.5, "of the albedo")
     """1 σ of the weak prior of g = ρn in units of the albedo: it keeps σ finite (about 40°) where no light reaches."""
     flat_field_sigma: float = tuned(0.005, "share")

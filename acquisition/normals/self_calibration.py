@@ -43,9 +43,6 @@ class SelfCalibrationSettings:
 
 SETTINGS = SelfCalibrationSettings()
 
-OWN_PRECISION = 1e-6
-"""Precision of g where it is eliminated: it keeps the elimination regular."""
-
 STRONG_EVIDENCE = 3.0
 """Log Bayes factor from which evidence counts as strong (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995)."""
 
@@ -168,7 +165,7 @@ def normal_equations(
         np.ascontiguousarray(added, np.float32),
         np.ascontiguousarray(np.concatenate(derivatives, axis=1) if columns else nothing, np.float32),
         enough,
-        np.array([OWN_PRECISION] * photometry.PIXEL_UNKNOWNS + [offset_sigma_m**-2]),
+        np.array([1e-6] * photometry.PIXEL_UNKNOWNS + [offset_sigma_m**-2]),
         sums,
     )
     matrix, right = (

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import ModuleType
 
-from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import SolveSettings
 from acquisition.normals import (
@@ -181,24 +180,14 @@ STAGES = (
         (NO_DISCONTINUITY,),
     ),
     Stage(
-        "depth offset in the last solve",
-        "A pixel's depth is the integrated one exactly.",
-        (_setting(photometry, offset_sigma_m=pixel_solve.NO_OFFSET_SIGMA_M),),
-    ),
-    Stage(
         "depth integration",
         "The object stays flat at its rough depth; its shift is estimated, and there are no discontinuities.",
         (Patch(integration, "depth", _start_depth), NO_DISCONTINUITY),
     ),
     Stage(
-        "high first shadow threshold",
-        "The first round, and the fit of the lobe, have the last round's low threshold.",
-        (_setting(alternation, initial_shadow_threshold=SolveSettings().shadow_threshold),),
-    ),
-    Stage(
-        "low last shadow threshold",
-        "All rounds have the first one's high threshold.",
-        settings=SolveSettings(shadow_threshold=alternation.SETTINGS.initial_shadow_threshold),
+        "low shadow threshold",
+        "What is below 15 % of a pixel's peak counts as shadow.",
+        settings=SolveSettings(shadow_threshold=0.15),
     ),
     Stage(
         "model selection",
