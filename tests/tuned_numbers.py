@@ -25,7 +25,7 @@ REASONS: dict[str, str] = {
         residual_noise.GAUSSIAN_MEDIAN_DEVIATION self_calibration.STRONG_EVIDENCE pixel_solve_kernels.CAUCHY_MEAN_WEIGHT
         surface_diffusion.MAX_EIGENVALUE
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
-        light_tests.STATED_AXES light_tests.OPPOSITE_AXES error_variance.FOUR_NEIGHBOURS
+        light_tests.STATED_AXES light_tests.TURN_SIGNIFICANCE error_variance.FOUR_NEIGHBOURS
         error_variance.NOISE_DETAIL error_variance.POSTERIOR error_variance.CREASE error_variance.DETAIL
         baselines.VIEWING_AXIS
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
@@ -48,7 +48,7 @@ REASONS: dict[str, str] = {
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
         photometry.LOBE_SAMPLES distant.SAMPLE_ROWS
-        lit_mask.SAMPLE_ROWS reflectance_fit.CHUNK
+        lit_mask.SAMPLE_ROWS reflectance_fit.CHUNK light_tests.REGIONS
         reflectance_solve.SAMPLE_PIXELS error_variance.STRIP_ROWS
         error_variance.NEIGHBOUR_ROWS final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS
         integrability.OVERLAP_ROWS integration.STRIP_ROWS interreflection.AZIMUTHS
@@ -81,10 +81,10 @@ REASONS: dict[str, str] = {
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
         reflectance_fit.FINAL_STEP
         image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP model_alternatives.GLOSS_START
-        model_alternatives.METAL_START""",
+        model_alternatives.METAL_START model_alternatives.REFINEMENTS model_alternatives.REFINED_DEG""",
     "grids of what may be chosen": """
         exposure_options.SHORTEST exposure_options.LONGEST exposure_options.FRAMES exposure_options.RATIOS
-        translucency.LENGTHS_PX translucency.TESTED_PX model_alternatives.SECOND_STARTS""",
+        translucency.LENGTHS_PX translucency.TESTED_PX light_tests.TURNS_DEG model_alternatives.SECOND_STARTS""",
     "pictures": """
         explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE explain.SHOWN_RANGE""",
 }

@@ -108,23 +108,51 @@ def other_axes(present: Solution) -> list[Alternative]:
     """
     if photometry.METAL in present.problem.corrected and not present.badly_fitting:
         return []
-    coarse, nominal, normals = present.problem.level.coarse, present.problem.nominal, present.state.normals
-    trials, most = light_tests.integrable_axes(coarse, normals), AXES_BETTER
-    if light_tests.STATED_AXES in trials:
+    problem, coarse, normals = present.problem, present.problem.level.coarse, present.state.normals
+    found = light_tests.integrable_axes(coarse, normals)
+    if TURNED in problem.corrected:
+        # The normals of turned lamps are not turned by quite as much, since light from near fits others worse.
+        again = sum(kind.startswith(REFINED) for kind in problem.corrected) + 1
+        if again > REFINEMENTS or abs(light_tests.turn_deg(found.unmirrored)) < REFINED_DEG:
+            return []
+        return [_relit(problem, f"{REFINED} {again}", found.unmirrored, 1.0, sound_enough=True, silent=True)]
+    turned = replace(problem, corrected=(*problem.corrected, TURNED))
+    alternatives = [
+        _relit(turned, AXES, sign * axes, AXES_BETTER, sound_enough=found.sure and axes is found.best)
+        for axes in found.turned
+        for sign in (1, -1)
+    ]
+    if found.sure:
+        return alternatives
+    trials, most = (found.quarter, -found.quarter), AXES_BETTER
+    if np.array_equal(found.quarter, light_tests.STATED_AXES):
         trials = trials[1:]
         outwards = light_tests.outwardness(normals, light_tests.outline(coarse))
         if outwards is None or outwards >= LEAST_OUTWARDNESS:
             if not present.badly_fitting:
-                return []
+                return alternatives
             # A hollow object under opposite lamps is taken for a raised one, whose normals point outwards.
             most = model_trial.SETTINGS.better_at_least
+    alternatives += [_relit(problem, AXES, axes, most) for axes in trials]
+    return [*alternatives, *_metal(present)]
+
+
+def _relit(
+    problem: Problem, kind: str, axes: FloatArray, most: float, *, sound_enough: bool = False, silent: bool = False
+) -> Alternative:
+    """The lamps' axes multiplied by a matrix (2, 2)."""
+    relit = problem.relit(light_tests.transformed(problem.nominal.lamps, axes))
+    return Alternative(kind, _axes_sentence(axes), relit, most, sound_enough=sound_enough, silent=silent)
+
+
+def _axes_sentence(axes: FloatArray) -> str:
+    """What is said of lamps' axes (2, 2) that were others than stated."""
     names = {(1, 0): "x", (-1, 0): "−x", (0, 1): "y", (0, -1): "−y"}
-    found: list[Alternative] = []
-    for axes in trials:
-        message = f"the lamps' axes are mirrored or turned: {names[axes[0]]}, {names[axes[1]]} are taken for their x, y"
-        problem = present.problem.relit(light_tests.transformed(nominal.lamps, axes))
-        found.append(Alternative("axes of the lamps", message, problem, most))
-    return [*found, *_metal(present)]
+    rows = [names.get((round(row[0]), round(row[1]))) for row in axes if np.max(np.abs(row)) == 1]
+    if len(rows) == 2:
+        return f"the lamps' axes are mirrored or turned: {rows[0]}, {rows[1]} are taken for their x, y"
+    first = "their x is mirrored, and then they are " if np.linalg.det(axes) < 0 else "they are "
+    return f"the lamps' axes are others than the camera's: {first}turned by {light_tests.turn_deg(axes):+.0f}°"
 
 
 def swapped_lamps(present: Solution) -> list[Alternative]:
@@ -191,6 +219,12 @@ def _full_surface(present: Solution, shading: Float32Array) -> tuple[SurfaceGrap
         depth[rows] = pixels.image(level.interpolate(state.depth_m, pixels, rows.start))
     return surface_diffusion.graph(albedo > 0, masked.ray, depth), albedo
 
+
+AXES, TURNED, REFINED = "axes of the lamps", "turned lamps", "angle of turned lamps"
+"""Kind of the finding, and marks of a problem whose lamps were turned by an angle, and turned once more."""
+
+REFINEMENTS, REFINED_DEG = 2, 0.5
+"""Times that such an angle is measured again, and what is left of it, degrees, that ends it: a fifth of each is left."""
 
 TRANSLUCENT = "translucent surface"
 

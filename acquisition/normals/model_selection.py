@@ -38,7 +38,7 @@ def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
     corrected findings first."""
     present = solve(problem)
     findings: list[ModelFinding] = []
-    for _ in range(SETTINGS.max_selections):
+    while len(findings) < SETTINGS.max_selections:
         accepted = _best_trial(present)
         if accepted is None:
             break
@@ -112,7 +112,7 @@ def _best_trial(present: Solution) -> tuple[Alternative, Solution] | None:
         accepted: list[tuple[float, Alternative, Solution]] = []
         alternatives = [alternative for alternative in propose(present) if alternative.kind not in tried]
         for alternative in alternatives:
-            corrected = (*present.problem.corrected, alternative.kind)
+            corrected = (*alternative.problem.corrected, alternative.kind)
             trial = solve(replace(alternative.problem, corrected=corrected))
             if alternative.accepted(present, trial):
                 accepted.append((trial.fit.misfit * trial.fit.share / alternative.coding, alternative, trial))

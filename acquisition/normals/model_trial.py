@@ -152,6 +152,8 @@ class Alternative:
 
     `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one
     step promised of the term that it estimates from zero. `silent`: it corrects the solver, not the capture.
+    `sound_enough`: its fit need not be better than a sound one, because a test demands it that does not look at
+    residuals.
     """
 
     kind: str
@@ -162,6 +164,7 @@ class Alternative:
     coding: float = 1.0
     step: float = 0.0
     silent: bool = False
+    sound_enough: bool = False
 
     def accepted(self, before: Solution, trial: Solution) -> bool:
         """Whether a trial replaces the solution before it: the object is in its place, and the fit good enough.
@@ -175,6 +178,8 @@ class Alternative:
             return False
         if before.unjudged:
             return after.probability > SETTINGS.min_probability
+        if self.sound_enough and not trial.badly_fitting:
+            return True
         if not after.misfit <= self.worse_at_most * before_fit.misfit:
             return False
         if self.step > 0:

@@ -21,22 +21,38 @@ def ball() -> tuple[Pixels, np.ndarray]:
     return Pixels((SIZE, SIZE), index, np.zeros((2, len(index)), np.float32), nothing, nothing > 0), normals
 
 
-ALL_AXES = [axes for pair in light_tests.OPPOSITE_AXES for axes in pair]
-
-
-@pytest.mark.parametrize("axes", ALL_AXES)
-def test_integrable_axes_of_transformed_saddle_contain_the_inverse(axes: light_tests.Axes) -> None:
-    row, column = np.mgrid[:SIZE, :SIZE]
-    x, y = (column / SIZE - 0.5).ravel(), -(row / SIZE - 0.5).ravel()
-    slopes = np.array(axes, np.float32) @ np.stack([x + 2 * y, 2 * x - 0.5 * y])
+def sloping(slopes: np.ndarray) -> tuple[Pixels, np.ndarray]:
+    """Pixels of a square and normals (3, N) of slopes (2, N)."""
     normals = np.stack([-slopes[0], -slopes[1], np.ones(SIZE**2)]).astype(np.float32)
-    normals /= np.linalg.norm(normals, axis=0)
     nothing = np.zeros((1, SIZE**2), np.float32)
     pixels = Pixels((SIZE, SIZE), np.arange(SIZE**2), np.zeros((2, SIZE**2), np.float32), nothing, nothing > 0)
-    found = light_tests.integrable_axes(pixels, normals)
-    inverse = np.linalg.inv(np.array(axes))
-    assert any(np.array_equal(one, inverse) for one in found)
-    assert np.array_equal(np.array(found[0]), -np.array(found[1]))
+    return pixels, normals / np.linalg.norm(normals, axis=0)
+
+
+def saddle() -> np.ndarray:
+    """Slopes (2, N) of a surface."""
+    row, column = np.mgrid[:SIZE, :SIZE]
+    x, y = (column / SIZE - 0.5).ravel(), -(row / SIZE - 0.5).ravel()
+    return np.stack([x + 2 * y, 2 * x - 0.5 * y])
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 90.0, 180.0, 270.0, 10.0, -23.0, 130.0])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_integrable_axes_of_transformed_saddle_are_the_inverse_or_its_opposite(turn_deg: float, mirrored: bool) -> None:
+    axes = light_tests.turned_by(turn_deg) @ np.diag([-1.0 if mirrored else 1.0, 1.0])
+    found = light_tests.integrable_axes(*sloping(axes @ saddle()))
+    product = (found.best if found.sure else found.quarter) @ axes
+    assert product * np.sign(product[0, 0]) == pytest.approx(np.eye(2), abs=0.02)
+    assert found.sure == (turn_deg % 90 != 0)
+
+
+def test_integrable_axes_of_a_noisy_plane_are_not_turned() -> None:
+    """Its slopes are noise, which has as much circulation under any axes."""
+    for seed in range(10):
+        slopes = np.random.default_rng(seed).normal(0.3, 0.02, (2, SIZE**2))
+        found = light_tests.integrable_axes(*sloping(slopes))
+        assert not found.turned
+        assert not found.sure
 
 
 def test_outwardness_of_ball_is_near_one_and_negative_turned_over() -> None:
@@ -58,7 +74,7 @@ def test_outwardness_of_short_outline_is_unknown() -> None:
 
 def test_transformed_lamps_turn_places_and_optical_axes() -> None:
     lamps = np.array([[0.1, 0.2, -0.3, 0.6, 0.0, -0.8]], np.float32)
-    out = light_tests.transformed(lamps, ((0, -1), (1, 0)))
+    out = light_tests.transformed(lamps, light_tests.turned_by(90))
     assert out == pytest.approx(np.array([[-0.2, 0.1, -0.3, 0.0, 0.6, -0.8]]))
 
 

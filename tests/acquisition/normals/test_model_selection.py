@@ -1,5 +1,6 @@
 """Model selection: each fault of a capture is put right or named, and a sound capture is left alone."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ import pytest
 from acquisition import normals, photometry
 from acquisition.models.light_plan import Light
 from acquisition.models.result import ATTACHED, CAST, NormalMap, SolveSettings
-from acquisition.normals import ImageStack, session_images
+from acquisition.normals import ImageStack, light_tests, session_images
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
 from tests.acquisition.normals.test_solve import ROUGH_DEPTH_M, two_rings
@@ -78,6 +79,21 @@ def test_solve_sound_capture_has_no_findings(sound: NormalMap) -> None:
 def test_solve_mirrored_lamps_are_mirrored_back(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
     result = solved(cushion, replace(images, lights=relit(images.lights, range(8), (1, -1))))
     assert kinds(result) == [("axes of the lamps", True)]
+    assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
+
+
+@pytest.mark.parametrize("turn_deg", [10, 45, -130])
+def test_solve_turned_lamps_are_turned_back(
+    cushion: scenes.Scene, images: ImageStack, sound: NormalMap, turn_deg: float
+) -> None:
+    """The images fit as well: lamps and normals are turned alike."""
+    turned = light_tests.transformed(photometry.lamps(images.lights), light_tests.turned_by(turn_deg))
+    lights = tuple(Light(position=tuple(lamp[:3].tolist()), axis=tuple(lamp[3:].tolist())) for lamp in turned)
+    result = solved(cushion, replace(images, lights=lights))
+    assert kinds(result) == [("axes of the lamps", True)]
+    stated = re.search(r"turned by (.+)°", result.findings[0].message)
+    assert stated is not None
+    assert float(stated[1]) == pytest.approx(-turn_deg, abs=5)
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
