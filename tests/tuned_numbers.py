@@ -27,7 +27,6 @@ REASONS: dict[str, str] = {
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
         light_tests.STATED_AXES light_tests.TURN_SIGNIFICANCE error_variance.FOUR_NEIGHBOURS
         error_variance.NOISE_DETAIL error_variance.POSTERIOR error_variance.CREASE error_variance.DETAIL
-        baselines.VIEWING_AXIS
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENT""",
     "counts of unknowns, marks and definitions": """
@@ -58,8 +57,8 @@ REASONS: dict[str, str] = {
         pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS
         sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS session_images.BYTES_PER_EXTRA
         session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES
-        criterion_kernels.BLOCK stopping_rule.COUNTS optimise.COARSE_PIXELS
-        optimise.RANDOM_START_LIGHTS planner.CERTIFICATE_PIXELS design_problem.SAMPLE_PIXELS
+        criterion_kernels.BLOCK stopping_rule.COUNTS criterion.COARSE_PIXELS
+        optimise.RANDOM_START_LIGHTS design_problem.SAMPLE_PIXELS
         design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
         visibility.MAP_SIZE translucency.GRID photon_transfer.BINS
@@ -76,7 +75,7 @@ REASONS: dict[str, str] = {
         integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS pixel_solve.IRLS_ITERATIONS
         relaxation.MAX_GAP relaxation.MAX_ROUNDS relaxation.MAX_EXPONENT
         relaxation.MIN_RELATIVE_WEIGHT optimise.MIN_IMPROVEMENT optimise.MAX_PASSES baselines.AZIMUTH_STEPS
-        baselines.PAPER_STARTS registration.ROUNDS registration.ROBUST_ROUNDS
+        registration.ROUNDS registration.ROBUST_ROUNDS
         translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS specular.FIT_ROUNDS term_solve.ROUNDS
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
         reflectance_fit.FINAL_STEP
@@ -114,12 +113,12 @@ STRAYS = (
 """Tuned numbers that are not in settings yet."""
 
 INLINE = {
-    "alternation": 1, "baselines": 2, "cast_shadows": 2, "criterion": 4, "discontinuity": 1,
+    "alternation": 1, "cast_shadows": 2, "discontinuity": 1,
     "distant": 2, "lit_mask": 1, "reflectance_fit": 6, "reflectance_kernels": 14, "exposure_plan": 2,
     "grey_tile": 1, "image_terms": 4,
     "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "photometry": 1,
-    "photon_transfer": 3, "pixel_solve": 1, "planner": 2, "prior_forecast": 2, "relaxation": 2, "residual_noise": 2,
-    "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,
+    "photon_transfer": 3, "pixel_solve": 1, "planned_images": 2, "planner": 2, "prior_forecast": 2, "relaxation": 2,
+    "residual_noise": 2, "sample_pixels": 2, "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,
 }  # fmt: skip
 """Numbers within functions that are not plain, by module."""
 

@@ -1,8 +1,7 @@
 """Fixed light patterns for comparison: two rings, one ring, Drbohlav–Chantler, Gardi–Walter–Garbe, maximin, random.
 
-Each is a set of ideal directions, assigned to the nearest reachable positions, so that all methods run through the same
-session. The strongest from eight lights on is `two-rings`: a third of the lights at 25° and the rest at 55°, staggered;
-completed to the captured lights it is a start of the planner's search, and its reference.
+Each is a set of ideal directions, assigned to the nearest reachable positions. The strongest from eight lights on is
+`two-rings`; completed to the captured lights it is a start of the planner's search, and its reference.
 """
 
 import numpy as np
@@ -20,15 +19,8 @@ INNER_SLANT_DEG, OUTER_SLANT_DEG = 25.0, 55.0
 DRBOHLAV_SLANT_DEG = 54.74
 """arccos(1/√3): orthogonal lights when there are three (Drbohlav and Chantler 2005)."""
 
-VIEWING_AXIS = np.array([0.0, 0.0, 1.0])
-"""Unit vector to the camera, view frame."""
-
-
 AZIMUTH_STEPS = 12
 """Azimuths of a ring pattern, as fractions of its step, that are tried."""
-
-PAPER_STARTS = 20
-"""Random starts of the gradient descent on the paper's criterion."""
 
 
 def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightPlan:
@@ -47,12 +39,20 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
     if method == "max-distance":
         chosen = _maximin(units, count)
         return _plan(method, chosen, units, reach, ["maximin distance to the other lights"] * count, [])
+    if method == "optimal":
+        raise RigError(ErrorCode.REQUEST_INVALID, "method `optimal` is planned from a normal map, not from a pattern")
+    slants = {
+        "ring": np.radians(recipe.slant_deg),
+        "drbohlav": np.radians(DRBOHLAV_SLANT_DEG),
+        "paper": np.max(geometry.slant_azimuth(units)[0]),
+    }
+    ideals = [
+        two_rings(count, turn) if method == "two-rings" else ring(count, slants[method], turn)
+        for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS
+    ]
+    why = f"position in the pattern {method}"
     if method == "paper":
-        ideals = [least_trace_directions(count, float(np.max(geometry.slant_azimuth(units)[0])), rng)]
         why = "least trace of the inverse Gram matrix, unit lights"
-    else:
-        ideals = [_rings(method, count, recipe.slant_deg, turn) for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS]
-        why = f"position in the pattern {method}"
     options = [lamp_pose.nearest_distinct(ideal, units) for ideal in ideals]
     chosen, miss = min(options, key=lambda option: float(np.sum(option[1] ** 2)))
     reasons = [f"{why}, missed by {np.degrees(angle):.0f}°" for angle in miss]
@@ -73,11 +73,18 @@ def two_rings(count: int, turn: float = 0.0) -> FloatArray:
     inner = round(count / 3) if count > 3 else 0
     outer = count - inner
     step = 2 * np.pi / outer
-    rings = [geometry.direction(np.radians(OUTER_SLANT_DEG), (turn + np.arange(outer)) * step)]
-    if inner:
-        around = (turn + 0.5) * step + np.arange(inner) * 2 * np.pi / inner
-        rings.insert(0, geometry.direction(np.radians(INNER_SLANT_DEG), around))
-    return np.concatenate(rings)
+    around = (turn + 0.5) * step + np.arange(inner) * 2 * np.pi / max(inner, 1)
+    outside = geometry.direction(np.radians(OUTER_SLANT_DEG), (turn + np.arange(outer)) * step)
+    return np.concatenate([geometry.direction(np.radians(INNER_SLANT_DEG), around), outside])
+
+
+def ring(count: int, slant_rad: float, turn: float = 0.0) -> FloatArray:
+    """One ring: unit directions (count, 3) at equal steps of azimuth, the first at `turn` of a step.
+
+    At the greatest slant allowed it is the criterion of Gardi, Walter and Garbe for a surface that faces the camera: of
+    unit lights S, tr(B(SᵀS)⁻¹Bᵀ) with B = I − n nᵀ is at least 4/(m sin²θ), which an even ring of three or more attains.
+    """
+    return geometry.direction(slant_rad, (turn + np.arange(count)) * 2 * np.pi / count)
 
 
 def two_ring_completions(captured: FloatArray, units: FloatArray, count: int) -> list[list[int]]:
@@ -94,49 +101,6 @@ def two_ring_completions(captured: FloatArray, units: FloatArray, count: int) ->
         chosen, _ = lamp_pose.nearest_distinct(np.delete(ideal, filled, axis=0), units)
         scored.append((float(np.sum(squared[rows, filled])), chosen))
     return [chosen for _, chosen in sorted(scored)]
-
-
-def least_trace_directions(count: int, max_slant_rad: float, rng: np.random.Generator) -> FloatArray:
-    """Criterion of Gardi, Walter and Garbe: unit directions (count, 3) minimising tr(B(SᵀS)⁻¹Bᵀ), B = I − n nᵀ.
-
-    n is the viewing axis, so the surface faces the camera. Gradient descent on the sphere of unit lights from random
-    starts, no light steeper than `max_slant_rad`, since the minimum lies at the horizon; without the unit constraint
-    the criterion has none, because longer light vectors always lower it.
-    """
-    tangential = np.diag([1.0, 1.0, 0.0])
-
-    def upper(lights: FloatArray) -> FloatArray:
-        slant, azimuth = geometry.slant_azimuth(lights)
-        return geometry.direction(np.minimum(slant, max_slant_rad), azimuth)
-
-    def value(lights: FloatArray) -> float:
-        return float(np.trace(tangential @ np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))))
-
-    best = upper(rng.normal(size=(count, 3)) + VIEWING_AXIS)
-    for _ in range(PAPER_STARTS):
-        lights = upper(rng.normal(size=(count, 3)) + VIEWING_AXIS)
-        rate = 0.3
-        for _ in range(200):
-            inverse = np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))
-            gradient = -2 * lights @ inverse @ tangential @ inverse
-            gradient -= np.sum(gradient * lights, axis=1, keepdims=True) * lights
-            moved = upper(lights - rate * gradient / (np.linalg.norm(gradient) + 1e-12))
-            if value(moved) < value(lights):
-                lights = moved
-            else:
-                rate *= 0.7
-        if value(lights) < value(best):
-            best = lights
-    return best
-
-
-def _rings(method: Method, count: int, slant_deg: float, turn: float) -> FloatArray:
-    if method == "two-rings":
-        return two_rings(count, turn)
-    slants: dict[str, float] = {"ring": slant_deg, "drbohlav": DRBOHLAV_SLANT_DEG}
-    if method not in slants:
-        raise RigError(ErrorCode.REQUEST_INVALID, f"method `{method}` is planned from a normal map, not from a pattern")
-    return geometry.direction(np.radians(slants[method]), (turn + np.arange(count)) * 2 * np.pi / count)
 
 
 def _maximin(units: FloatArray, count: int) -> list[int]:

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
 
 from acquisition import geometry
 from acquisition.models.base import FloatArray
@@ -70,10 +72,5 @@ class ListedLights:
 
     def numbers(self, lights: Sequence[Light]) -> list[int]:
         """The number in the list of each light, each number once."""
-        free = np.ones(len(self.candidates), np.bool_)
-        numbers: list[int] = []
-        for light in lights:
-            distance = np.linalg.norm(self.candidates - np.array(light.position), axis=1)
-            numbers.append(int(np.argmin(np.where(free, distance, np.inf))))
-            free[numbers[-1]] = False
-        return numbers
+        places = np.array([light.position for light in lights])
+        return linear_sum_assignment(cdist(places, self.candidates))[1].tolist()

@@ -1,21 +1,14 @@
 """σ expected of a result after planned lights: the variance components of a result, as far as the images so far tell.
 
-A result's σ consists of components (`acquisition.normals.error_variance`): the posterior times a factor that rises with
-χ², the misfit of the pixel's images, and variances that no posterior contains. A plan knows the posterior of its
-design, how many lights will reach each pixel, and the misfit of the images so far:
-
     σ² = (1 + B m (κ − 1)) (v + C²) + S² + D² [fewer than four lights expected] + E²
 
 v is the posterior's variance and m the number of lights that will reach the pixel. κ is χ² of the images so far over
-the whole object, between 1 and `max_misfit`, because few images have few residuals: a pixel's own χ² after a pilot of
-four says next to nothing, and where half of the pixels are lit by three lights it does not exist. What raises it
-(shadow edges, steps, indirect light, lobes of the lamps) is shared by images, so that its part does not fall with their
-number. C is what the calibration leaves uncertain of all lamps alike, E what is wrong with the capture
-(`photometry.capture_sigma_deg`). S is what creases and detail make of σ in the images so far, mean over the pixels:
-they are the surface's, and a pilot's are nearly those of the result, once what its noise makes is taken off. Without S
-the mean error that is forecast is 0.61 of what is found, with it 0.83 (geometric means of 16 plans of eight lights,
-design seeds 46 and 47; scratch evaluation, November 2026). As in a result, σ stays below that of a normal of which
-nothing is known.
+the whole object, between 1 and `max_misfit`: few images have few residuals, so that a pixel's own χ² says next to
+nothing. What raises it is shared by images, so that its part does not fall with their number. C is what the calibration
+leaves uncertain of all lamps alike, E what is wrong with the capture (`photometry.capture_sigma_deg`). S is what
+creases and detail make of σ in the images so far, mean over the pixels; without it the mean error that is forecast is
+0.61 of what is found, with it 0.83 (geometric means of 16 plans of eight lights, design seeds 46 and 47; scratch
+evaluation, November 2026). As in a result, σ stays below that of a normal of which nothing is known.
 """
 
 from dataclasses import dataclass
@@ -50,6 +43,16 @@ class ExpectedSigma:
     structure_deg: float = 0.0
     calibration_rad: float = 0.0
 
+    @classmethod
+    def of(cls, normal_map: NormalMap, calibration_rad: float = 0.0) -> "ExpectedSigma":
+        """Misfit and findings of the images so far; a misfit of 1, that of a model that holds, where none is stated."""
+        return cls(
+            misfit=float(np.clip(normal_map.noise.get("misfit", 1.0), 1.0, SETTINGS.max_misfit)),
+            structure_deg=normal_map.noise.get("structure_deg", 0.0),
+            capture_deg=photometry.capture_sigma_deg(normal_map.findings),
+            calibration_rad=calibration_rad,
+        )
+
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
         """Expected σ (P,) in degrees of pixels with a posterior, mean over its visibility scenarios."""
         settings = photometry.SETTINGS
@@ -57,20 +60,6 @@ class ExpectedSigma:
         few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, settings.unchecked_sigma_deg**2, 0.0)
         # Both tangential directions of a normal, as the posterior's variance counts them.
         shared = 2 * self.calibration_rad**2
-        variance = (
-            factor * np.degrees(1) ** 2 * (posterior.variance + shared)
-            + few
-            + self.capture_deg**2
-            + self.structure_deg**2
-        )
+        of_model = few + self.capture_deg**2 + self.structure_deg**2
+        variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + of_model
         return np.asarray(np.mean(np.sqrt(photometry.bounded_variance(variance)), axis=0))
-
-
-def of(normal_map: NormalMap, calibration_rad: float = 0.0) -> ExpectedSigma:
-    """Misfit and findings of the images so far; a misfit of 1, that of a model that holds, where none is stated."""
-    return ExpectedSigma(
-        misfit=float(np.clip(normal_map.noise.get("misfit", 1.0), 1.0, SETTINGS.max_misfit)),
-        structure_deg=normal_map.noise.get("structure_deg", 0.0),
-        capture_deg=photometry.capture_sigma_deg(normal_map.findings),
-        calibration_rad=calibration_rad,
-    )

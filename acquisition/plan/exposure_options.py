@@ -3,12 +3,13 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from acquisition.models.light_plan import FrameExposure
 from acquisition.models.recipe import Exposure
-from acquisition.models.shot import Observations, Shot
+from acquisition.models.shot import Shot
 
 Exposures = Sequence[FrameExposure]
 """The exposures of one light."""
@@ -42,11 +43,6 @@ class CaptureTimes:
         times = {one.exposure_s for exposures in lights for one in exposures}
         return sum(self.move_s + self.of_light(one) for one in lights) + sum(times) + len(times) * self.frame_s
 
-    def so_far(self, observations: Observations) -> float:
-        """Time of the images captured so far, s."""
-        frames = [of_frames(observations.frames_of(shot)) for shot in observations.shots]
-        return self.of_pass(frames) if frames else 0.0
-
 
 def of_frames(frames: Sequence[Shot]) -> list[FrameExposure]:
     """The exposures of one light's frames."""
@@ -57,22 +53,18 @@ def of_frames(frames: Sequence[Shot]) -> list[FrameExposure]:
 def options(automatic_s: float, wanted: Exposure, times: CaptureTimes) -> list[list[FrameExposure]]:
     """All exposures that one light may get: equal frames of one time, or these and one longer frame, in octaves."""
     base = np.floor(np.log2(automatic_s) + 1e-9)
+
+    def exposure(octave: int, frames: int = 1) -> FrameExposure:
+        return FrameExposure(exposure_s=round(float(2.0 ** (base + octave)), 6), frames=frames)
+
+    def is_allowed(exposures: Exposures) -> bool:
+        within = all(times.shortest_s <= one.exposure_s <= times.longest_s for one in exposures)
+        few = sum(one.frames for one in exposures) <= wanted.max_frames_per_light
+        return within and few and sum(one.frames * one.exposure_s for one in exposures) <= wanted.seconds_per_light
+
     found: list[list[FrameExposure]] = []
-    for octave in range(SHORTEST, LONGEST + 1):
-        seconds = round(float(2.0 ** (base + octave)), 6)
-        for frames in FRAMES:
-            found.append([FrameExposure(exposure_s=seconds, frames=frames)])
-            found += [
-                [*found[-1], FrameExposure(exposure_s=round(float(2.0 ** (base + octave + ratio)), 6))]
-                for ratio in RATIOS
-                if octave + ratio <= LONGEST and octave <= 0
-            ]
-    allowed = [one for one in found if _is_allowed(one, wanted, times)]
-    return allowed or [[FrameExposure(exposure_s=automatic_s)]]
-
-
-def _is_allowed(exposures: list[FrameExposure], wanted: Exposure, times: CaptureTimes) -> bool:
-    seconds = sum(one.frames * one.exposure_s for one in exposures)
-    within = all(times.shortest_s <= one.exposure_s <= times.longest_s for one in exposures)
-    few = sum(one.frames for one in exposures) <= wanted.max_frames_per_light
-    return within and few and seconds <= wanted.seconds_per_light
+    for octave, frames in product(range(SHORTEST, LONGEST + 1), FRAMES):
+        one = exposure(octave, frames)
+        longer = [octave + ratio for ratio in RATIOS if octave <= 0 and octave + ratio <= LONGEST]
+        found += [[one], *([one, exposure(further)] for further in longer)]
+    return [one for one in found if is_allowed(one)] or [[FrameExposure(exposure_s=automatic_s)]]

@@ -15,13 +15,10 @@ import numpy as np
 
 from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import FrameExposure, LightExposure
-from acquisition.models.shot import Observations
 from acquisition.models.tuned import tuned
-from acquisition.plan import criterion, exposure_options
-from acquisition.plan.criterion import Candidates, Samples
+from acquisition.plan import exposure_options
 from acquisition.plan.design_problem import Problem
 from acquisition.plan.exposure_options import CaptureTimes
-from acquisition.plan.objective import Loss
 
 
 @dataclass(frozen=True)
@@ -39,57 +36,59 @@ SWEEPS = 3
 """Most rounds of the coordinate descent; most plans are settled after two."""
 
 
-@dataclass(frozen=True)
-class LightOptions:
-    """Options of one light, and its design rows with each of them at the sample pixels."""
-
-    exposures: list[list[FrameExposure]]
-    rows: Candidates
-
-
 def choose(
-    problem: Problem, positions: FloatArray, loss: Loss, times: CaptureTimes | None, observations: Observations
+    problem: Problem, positions: FloatArray, inverse_cap: float, times: CaptureTimes | None
 ) -> list[LightExposure] | None:
     """The exposures of lights at positions (M, 3), each with its time, and with its gain at the held-out pixels.
 
     None where the recipe has fixed exposures, or nothing is known of the capture's `times`.
     """
-    wanted, sample = problem.recipe.exposure, problem.search_sample
+    wanted = problem.recipe.exposure
     if wanted.plan == "fixed" or times is None:
         return None
-    usual_s = np.clip(problem.automatic_seconds(positions), times.shortest_s, times.longest_s)
-    choices: list[LightOptions] = []
-    for position, seconds in zip(positions, usual_s, strict=True):
-        allowed = exposure_options.options(float(seconds), wanted, times)
-        places = np.repeat(position[None], len(allowed), axis=0)
-        choices.append(LightOptions(allowed, problem.design_rows(sample, places, allowed)))
-    chosen = descend(choices, sample, loss, times, times.so_far(observations))
-    planned = problem.holdout_candidates(positions, chosen)
-    usual = problem.holdout_candidates(positions, [[FrameExposure(exposure_s=float(one))] for one in usual_s])
+    automatic_s = problem.images.automatic_seconds(problem.search_sample, problem.lights(positions))
+    usual_s = np.clip(automatic_s, times.shortest_s, times.longest_s).tolist()
+    chosen = _descend(
+        problem, positions, [exposure_options.options(one, wanted, times) for one in usual_s], inverse_cap, times
+    )
+    count, usual = len(positions), [[FrameExposure(exposure_s=one)] for one in usual_s]
+    both = problem.rows(problem.holdout_sample, np.concatenate([positions, positions]), [*chosen, *usual])
+
+    def mean_deg(numbers: Sequence[int]) -> float:
+        return float(np.mean(problem.expected.sigma_deg(both.posterior(numbers))))
+
+    with_all = mean_deg(range(count))
+    swapped = [mean_deg([*(other for other in range(count) if other != one), count + one]) for one in range(count)]
     return [
-        LightExposure(frames=one, seconds=times.of_light(one), gain=gain)
-        for one, gain in zip(chosen, problem.gains(planned, usual), strict=True)
+        LightExposure(frames=frames, seconds=times.of_light(frames), gain=without / with_all - 1)
+        for frames, without in zip(chosen, swapped, strict=True)
     ]
 
 
-def descend(
-    light_options: Sequence[LightOptions], sample: Samples, loss: Loss, times: CaptureTimes, spent_s: float
-) -> list[list[FrameExposure]]:
-    """Coordinate descent of loss · time^1.26 over the options of all lights, after `spent_s` of capture."""
-    chosen = [0] * len(light_options)
+def _descend(
+    problem: Problem, positions: FloatArray, options: Sequence[list[list[FrameExposure]]], inverse_cap: float,
+    times: CaptureTimes,
+) -> list[list[FrameExposure]]:  # fmt: skip
+    """Coordinate descent of loss · time^1.26 over the exposure options of each light."""
+    sample, count = problem.search_sample, len(positions)
+    spent_s = times.of_pass(problem.exposures) if problem.exposures else 0.0
+    rows = [
+        problem.rows(sample, np.repeat(position[None], len(some), axis=0), some)
+        for position, some in zip(positions, options, strict=True)
+    ]
+    chosen = [some[0] for some in options]
     for sweep in range(SWEEPS):
         before = list(chosen)
-        for number, light in enumerate(light_options):
-            others = [one for one in range(len(chosen)) if one != number and (sweep > 0 or one < number)]
-            known = [light_options[one].exposures[chosen[one]] for one in others]
-            present = criterion.joined(sample, [light_options[one].rows.only([chosen[one]]) for one in others])
-            losses = loss.scan(sample, criterion.posterior(sample, present), light.rows)
-            later = (len(chosen) - 1 - len(others)) * times.move_s
-            seconds = np.array([spent_s + later + times.of_pass([*known, one]) for one in light.exposures])
-            chosen[number] = int(np.argmin(np.log(losses) + SETTINGS.time_exponent * np.log(seconds)))
+        for number, some in enumerate(options):
+            others = [one for one in range(count) if one != number and (sweep > 0 or one < number)]
+            known = [chosen[one] for one in others]
+            losses = rows[number].scan(problem.rows(sample, positions[others], known).posterior(), inverse_cap)
+            later_s = (count - 1 - len(others)) * times.move_s
+            seconds = np.array([spent_s + later_s + times.of_pass([*known, one]) for one in some])
+            chosen[number] = some[int(np.argmin(np.log(losses) + SETTINGS.time_exponent * np.log(seconds)))]
         if sweep > 0 and chosen == before:
             break
-    return [light.exposures[index] for light, index in zip(light_options, chosen, strict=True)]
+    return chosen
 
 
 def sentence(exposures: Sequence[LightExposure]) -> str:

@@ -17,10 +17,11 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import ForecastPoint, Light, PriorForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Reach
-from acquisition.plan import baselines, criterion, design_problem, planned_noise, planner, visibility
+from acquisition.plan import baselines, criterion, design_problem, planner, visibility
 from acquisition.plan.criterion import Samples
 from acquisition.plan.design_problem import Problem
 from acquisition.plan.expected_sigma import ExpectedSigma
+from acquisition.plan.planned_images import PlannedImages
 from acquisition.plan.visibility import Surface
 
 SAMPLE_PIXELS = 450
@@ -44,10 +45,6 @@ ASSUMPTION = (
     "the forecast after the pilot takes the place of this one."
 )
 """What is assumed, for people."""
-
-FIXED_NUMBER = ("user", "paper")
-"""Methods whose forecast has the recipe's own number of lights alone: a person's own lights are as many as they are,
-and the gradient descent of the paper's criterion takes a second for each number."""
 
 
 def assumed_sphere(center: FloatArray, radius_m: float, seed: int) -> tuple[Samples, Surface]:
@@ -104,53 +101,47 @@ def forecast(
     too few positions for the recipe's lights.
     """
     sample, surface = assumed_sphere(reach.center, radius_m, recipe.seed)
-    counts = _counts(recipe, len(reach.candidates))
     optimal = recipe.method == "optimal"
-    known = first_lights if optimal else []
-    positions, units = design_problem.candidate_positions(reach, counts[-1] - len(known))
+    counts, known = _counts(recipe, len(reach.candidates)), first_lights if optimal else []
+    images = PlannedImages(surface, calibration, recipe.exposure)
+    if optimal:
+        piloted = images.candidates(sample, first_lights)
+        seen = piloted.visibility > 0.5
+        own = piloted.row.astype(np.float64) * seen[:, None]
+        sample = replace(
+            sample,
+            information=sample.information + np.einsum("kap,kbp->abp", own, own),
+            lit=np.count_nonzero(seen, axis=0).astype(np.float32),
+        )
+    positions, units = design_problem.candidates_of(reach)
     problem = Problem(
+        recipe=recipe,
+        reach=reach,
+        positions=positions,
+        units=units,
         captured=design_problem.directions(known, reach),
-        surface=surface,
-        gloss=planned_noise.DIFFUSE,
+        exposures=[],
+        images=images,
         expected=ExpectedSigma(
             calibration_rad=lamp_pose.common_direction_sigma_rad(reach.candidates, reach.center, calibration)
         ),
-        calibration=calibration,
-        recipe=recipe,
-        reach=reach,
         search_sample=sample,
         holdout_sample=sample,
-        positions=positions,
-        units=units,
     )
     if optimal:
-        piloted = problem.holdout_candidates(np.array([light.position for light in first_lights]))
-        seen = piloted.visibility > 0.5
-        own = piloted.row.astype(np.float64) * seen[:, None]
-        lit = replace(
-            sample,
-            information=sample.information + np.einsum("kap,kbp->pab", own, own),
-            lit=np.count_nonzero(seen, axis=0).astype(np.float32),
-        )
-        problem = replace(problem, search_sample=lit, holdout_sample=lit)
-        candidates = problem.design_rows(problem.search_sample, positions)
-        curve = planner.forecast_curve(problem, candidates, [count - len(first_lights) for count in counts])
+        sigma_deg = [one.sigma_deg for one in planner.forecast(problem, [count - len(known) for count in counts])]
     else:
         patterns = [_pattern(recipe, first_lights, reach, count) for count in counts]
         places = [np.array([light.position for light in pattern]) for pattern in patterns]
-        sigma_deg = [float(np.mean(problem.predicted_deg(place))) for place in places]
-        curve = [
-            ForecastPoint(added=count, lights=count, sigma_deg=one)
-            for count, one in zip(counts, sigma_deg, strict=True)
-        ]
-    points = [point.model_copy(update={"added": point.lights}) for point in curve]
+        sigma_deg = [float(np.mean(problem.sigma_deg(place))) for place in places]
+    points = [ForecastPoint(added=n, lights=n, sigma_deg=one) for n, one in zip(counts, sigma_deg, strict=True)]
     return PriorForecast(points=points, assumption=ASSUMPTION.format(diameter_mm=2e3 * radius_m))
 
 
 def _counts(recipe: Recipe, reachable: int) -> list[int]:
     """Numbers of images, ascending, the recipe's own among them."""
     total = recipe.lights_total
-    if recipe.method in FIXED_NUMBER:
+    if recipe.method == "user":  # as many lights as there are
         return [total]
     fewest = recipe.pilot_lights if recipe.method == "optimal" else criterion.MIN_LIGHTS
     most = max(total, min(SHOWN_LIGHTS, reachable))

@@ -8,13 +8,10 @@ far they are from optimal is the relaxation's own gap. The bound is of the plain
 Multiplicative updates: S. D. Silvey, D. M. Titterington and B. Torsney, J. Statist. Plann. Inference 2 (1978).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from acquisition.models.base import FloatArray
-from acquisition.plan import criterion
-from acquisition.plan.criterion import Candidates, Samples
+from acquisition.plan.criterion import Candidates
 
 MAX_GAP = 0.001
 """Relative gap of the relaxation at which the iteration stops."""
@@ -29,53 +26,35 @@ MIN_RELATIVE_WEIGHT = 1e-4
 """Weights below this fraction of the largest are set to zero. The bound remains valid; the gap shows if they matter."""
 
 
-@dataclass(frozen=True)
-class Bound:
-    """Lower bound of the mean variance (rad²) of any `count` of the candidates, and the design weights (K,) of it.
-
-    `gap` is the relaxation's own: the fraction by which the value at the best weights exceeds the bound.
-    """
-
-    variance: float
-    weights: FloatArray
-    gap: float
-
-    @property
-    def sigma_deg(self) -> float:
-        """Square root of the bound, degrees."""
-        return float(np.degrees(np.sqrt(self.variance)))
-
-
-def bound(sample: Samples, options: Candidates, count: int) -> Bound:
+def bound(options: Candidates, count: int) -> tuple[float, float]:
     """Multiplicative updates (Silvey, Titterington and Torsney 1978) until the gap closes.
 
-    Returns the best lower bound for `count` of the candidates (K ≥ count ≥ 1).
+    Returns the best lower bound of the mean variance (rad²) of any `count` of the candidates (K ≥ count ≥ 1), and the
+    relaxation's own gap: the fraction by which the variance at the best weights exceeds the bound.
     """
     weights = np.full(len(options.row), count / len(options.row))
-    value, gradient = _value_and_gradient(sample, options, weights)
-    lower, best, best_weights = -np.inf, value, weights
-    exponent = 2.0
+    value, gradient = _value_and_gradient(options, weights)
+    lower, best, exponent = -np.inf, value, 2.0
     for _ in range(MAX_ROUNDS):
         lower = max(lower, value - float(gradient @ weights) + float(np.sum(np.partition(gradient, count - 1)[:count])))
         if best - lower <= MAX_GAP * best:
             break
         trial = _scaled_to_sum(weights * (gradient / np.mean(gradient)) ** exponent, count)
-        trial_value, trial_gradient = _value_and_gradient(sample, options, trial)
+        trial_value, trial_gradient = _value_and_gradient(options, trial)
         if trial_value > value * (1 + 1e-9) and exponent > 0.05:
             exponent *= 0.5
             continue
         exponent = min(exponent * 1.15, MAX_EXPONENT)
         weights, value, gradient = trial, trial_value, trial_gradient
-        if value < best:
-            best, best_weights = value, weights
-    return Bound(max(lower, 0.0), best_weights, float((best - lower) / best))
+        best = min(best, value)
+    return max(lower, 0.0), float((best - lower) / best)
 
 
-def _value_and_gradient(sample: Samples, options: Candidates, weights: FloatArray) -> tuple[float, FloatArray]:
+def _value_and_gradient(options: Candidates, weights: FloatArray) -> tuple[float, FloatArray]:
     """Mean variance of the weighted design, and its gradient (K,) in the weights."""
     used = np.flatnonzero(weights)
-    relaxed = criterion.posterior(sample, options.only(used), weights[used])
-    return float(np.mean(relaxed.variance)), criterion.scan(sample, relaxed, options, 0.0, slope=True)
+    relaxed = options.posterior(used, weights[used])
+    return float(np.mean(relaxed.variance)), options.gradient(relaxed)
 
 
 def _scaled_to_sum(weights: FloatArray, count: int) -> FloatArray:

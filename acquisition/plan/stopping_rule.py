@@ -8,22 +8,14 @@ mean σ, the components that no light lowers included. Decision 0031.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from acquisition import photometry
-from acquisition.models.base import BoolArray
-from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import ForecastPoint, LightPlan
-from acquisition.models.recipe import Recipe
-from acquisition.models.result import NormalMap
-from acquisition.models.route import Reach
-from acquisition.models.shot import Observations
 from acquisition.models.tuned import tuned
 from acquisition.plan import planner
-from acquisition.plan.design_problem import PlanOptions
+from acquisition.plan.design_problem import Problem
 from acquisition.plan.exposure_options import CaptureTimes
 
 COUNTS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 28, 40, 76)
@@ -48,51 +40,39 @@ class StoppingRuleSettings:
 SETTINGS = StoppingRuleSettings()
 
 
-def plan_to_target(
-    normal_map: NormalMap,
-    observations: Observations,
-    recipe: Recipe,
-    reach: Reach,
-    calibration: Calibration,
-    *,
-    region: BoolArray | None = None,
-    times: CaptureTimes | None = None,
-) -> LightPlan:
+def plan_to_target(problem: Problem, achieved_deg: float, times: CaptureTimes | None = None) -> LightPlan:
     """Sequential design towards the recipe's `target_sigma_deg`: the next lights, or an empty plan with a `conclusion`.
 
-    `region` (H, W) is the part of the image whose mean σ counts, none: the full object; `times` as of `PlanOptions`.
-    Raises RigError request.invalid when the recipe has no target, plan.infeasible as `choose` does.
+    `achieved_deg` is the mean σ so far of the pixels that count, `times` as of `choose`. Raises RigError
+    request.invalid when the recipe has no target, plan.infeasible as `choose` does.
     """
+    recipe, captured = problem.recipe, len(problem.captured)
     target = recipe.target_sigma_deg
     if target is None:
         raise RigError(ErrorCode.REQUEST_INVALID, "the recipe has no target_sigma_deg")
-    captured = sum(shot.kind == "light" for shot in observations.shots)
-    achieved = photometry.mean_sigma_deg(normal_map, calibration, region)
-    state = f"mean σ {achieved:.2f}°"
+    state = f"mean σ {achieved_deg:.2f}°"
     allowed = recipe.max_lights - captured
     first = captured <= recipe.pilot_lights and allowed > 0
-    if achieved <= (target / (1 + SETTINGS.first_slack) if first else target * (1 + SETTINGS.tolerance)):
+    if achieved_deg <= (target / (1 + SETTINGS.first_slack) if first else target * (1 + SETTINGS.tolerance)):
         return _conclusion(f"target met with {captured} images: {state}, wanted {target:.3g}°")
     if allowed <= 0:
         return _conclusion(f"all lights allowed were captured ({captured}): {state} > {target:.3g}°")
     counts = [count for count in COUNTS if count < allowed] + [allowed]
-    now, *curve = planner.forecast(normal_map, observations, recipe, reach, calibration, [0, *counts], region=region)
+    now, *curve = planner.forecast(problem, [0, *counts])
     slack = SETTINGS.first_slack
     if not first:
-        curve = [point.model_copy(update={"sigma_deg": point.sigma_deg * achieved / now.sigma_deg}) for point in curve]
+        scale = achieved_deg / now.sigma_deg
+        curve = [point.model_copy(update={"sigma_deg": point.sigma_deg * scale}) for point in curve]
         slack = SETTINGS.tolerance
     lowest_deg = min(point.sigma_deg for point in curve)
     unreachable = lowest_deg > target
     aim_deg = (1 + SETTINGS.tolerance) * lowest_deg if unreachable else target
-    if unreachable and achieved <= aim_deg:
+    if unreachable and achieved_deg <= aim_deg:
         return _conclusion(
             f"no further light is worth its time after {captured} images: {state}, with all "
             f"{recipe.max_lights} lights allowed {lowest_deg:.2f}° would be expected; wanted {target:.3g}°"
         )
-    count = _fewest_lights_meeting(curve, (1 + slack) * aim_deg)
-    chosen = planner.choose(
-        normal_map, observations, recipe, reach, calibration, count, PlanOptions(region=region, times=times)
-    )
+    chosen = planner.choose(problem, _fewest_lights_meeting(curve, (1 + slack) * aim_deg), times=times)
     notes = [f"{state} with {captured} images; {target:.3g}° is wanted"]
     if unreachable:
         notes.append(
@@ -103,17 +83,11 @@ def plan_to_target(
 
 def _fewest_lights_meeting(curve: Sequence[ForecastPoint], target_deg: float) -> int:
     """Smallest number of further lights whose expected σ meets the target; the last of the curve if none does."""
-    if curve[0].sigma_deg <= target_deg:
-        return curve[0].added
-    for before, after in pairwise(curve):
-        if after.sigma_deg > target_deg:
-            continue
-        added = np.arange(before.added, after.added + 1)
-        captured = after.lights - after.added
-        log_lights = np.log([captured + before.added, captured + after.added])
-        sigma = np.exp(np.interp(np.log(captured + added), log_lights, np.log([before.sigma_deg, after.sigma_deg])))
-        return int(added[np.argmax(sigma <= target_deg * (1 + 1e-9))])
-    return curve[-1].added
+    added = np.arange(curve[0].added, curve[-1].added + 1)
+    captured = curve[0].lights - curve[0].added
+    log_lights, log_sigma = np.log([(point.lights, point.sigma_deg) for point in curve]).T
+    meets = np.exp(np.interp(np.log(captured + added), log_lights, log_sigma)) <= target_deg * (1 + 1e-9)
+    return int(added[np.argmax(meets)] if np.any(meets) else added[-1])
 
 
 def _conclusion(reason: str) -> LightPlan:

@@ -57,23 +57,15 @@ def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
     )
     low, high = corners.min(axis=1), corners.max(axis=1)
     pitch = float(np.max(high - low)) / MAP_SIZE
-    size = np.ceil((high - low) / pitch).astype(int) + 3
-    first = low - pitch
-    grid = np.meshgrid(first[0] + pitch * np.arange(size[0]), first[1] + pitch * np.arange(size[1]))
-    ray = np.stack(grid).astype(np.float32)
-    directions = photometry.ray_directions(ray).reshape(3, -1)
-    pixels = photometry.project(calibration, directions.T).reshape(*ray.shape[1:], 2).astype(np.float32)
+    size, first = np.ceil((high - low) / pitch).astype(int) + 3, low - pitch
+    grid = np.array([[1 / pitch, 0, -first[0] / pitch], [0, 1 / pitch, -first[1] / pitch], [0, 0, 1]])
+    columns_rows = cv2.initUndistortRectifyMap(
+        np.array(calibration.camera_matrix), np.array(calibration.distortion), np.eye(3), grid, size, cv2.CV_32FC1
+    )
     nearest, farthest = float(normal_map.depth[solved].min()), float(normal_map.depth[solved].max())
     background = farthest + 0.05
     filled = np.where(solved, normal_map.depth, np.float32(background)).astype(np.float32)
-    depth = cv2.remap(
-        filled,
-        pixels[..., 0],
-        pixels[..., 1],
-        cv2.INTER_NEAREST,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=background,
-    )
+    depth = cv2.remap(filled, *columns_rows, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=background)
     return Surface(np.ascontiguousarray(depth, np.float32), float(first[0]), float(first[1]), pitch, nearest)
 
 

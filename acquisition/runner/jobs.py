@@ -119,20 +119,22 @@ def further_lights(
     normal_map = export.read(result)
     require_within_keep_out(normal_map, cell, calibration)
     reach = _reach(cell, calibration, cache)
-    known, region_mask = (normal_map, observations, recipe, reach, calibration), _region_mask(region_file, calibration)
+    region_mask = _region_mask(region_file, calibration)
     times = _capture_times(cell, _routes(result.parent.parent, int(result.name)))
-    if recipe.target_sigma_deg is None:
-        options = plan.PlanOptions(region=region_mask, times=times, forecast_counts=FORECAST_COUNTS)
-        chosen = plan.choose(*known, options=options)
+    achieved_deg = recipe.target_sigma_deg and photometry.mean_sigma_deg(normal_map, calibration, region_mask)
+    problem = plan.Problem.of(normal_map, observations, recipe, reach, calibration, region=region_mask)
+    if achieved_deg is None:
+        chosen = plan.choose(problem, times=times, forecast_counts=FORECAST_COUNTS)
     else:
-        chosen = plan.plan_to_target(*known, region=region_mask, times=times)
+        chosen = plan.plan_to_target(problem, achieved_deg, times)
     if not chosen.lights:
         return chosen, []
-    gain_maps = explain.gains(explain.basis(*known, region_mask), chosen.lights)
-    pictures = [gain_maps.image(light) for light in range(len(chosen.lights))]
+    positions = np.array([light.position for light in chosen.lights])
+    basis = explain.basis(problem, normal_map, observations, calibration)
+    pictures, brightest_deg = explain.gain_pictures(basis, explain.gains_deg(basis, positions))
     summary = {
         "levels_per_s": expected_levels(normal_map, chosen.lights, calibration),
-        "brightest_gain_deg": gain_maps.brightest_deg,
+        "brightest_gain_deg": brightest_deg,
     }
     return chosen.model_copy(update=summary), pictures
 

@@ -1,13 +1,12 @@
 """Forecasts for lights that a person drags, in the compute process: what does not depend on the lights is kept there.
 
 A review asks several times a second with one light moved. So the last review's basis is kept in memory, and with it the
-design rows and the verdict of the arm for each position seen: an answer then costs one new light and a posterior. All
-of it can be made again at any time, so a compute process that was ended in between only answers the next request late.
+verdict of the arm for each position seen. All of it can be made again at any time, so a compute process that was ended
+in between only answers the next request late.
 """
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
-from typing import TypeVar
 
 import numpy as np
 
@@ -19,13 +18,12 @@ from acquisition.models.light_forecast import ForecastInput, LightForecast, Plac
 from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA
 from acquisition.models.route import Refusal
 from acquisition.plan import explain
-from acquisition.plan.explain import Basis, LightRows
+from acquisition.plan.design_problem import Problem
+from acquisition.plan.explain import Basis
 from acquisition.waypoints.reach import ReachMap, refusals
 
-T = TypeVar("T")
-
 MAX_POSITIONS = 500
-"""Positions whose rows (0.2 MB each, at most) and verdicts are kept: minutes of dragging."""
+"""Positions whose verdicts are kept: minutes of dragging."""
 
 NEAREST_M, FARTHEST_M = 0.02, 10.0
 """Distances of a light from the dome's centre outside of which it is refused without looking at the arm, m."""
@@ -37,7 +35,6 @@ class _Review:
 
     key: str
     basis: Basis | None
-    rows: OrderedDict[Vector3, LightRows] = field(default_factory=OrderedDict[Vector3, LightRows])
     verdicts: OrderedDict[Vector3, Refusal | None] = field(default_factory=OrderedDict[Vector3, Refusal | None])
 
 
@@ -64,7 +61,7 @@ def forecast(
             lights=lights, sigma_before_deg=None, sigma_deg=None, median_deg=None, brightest_sigma_deg=None
         ), None
     served = [position for position, verdict in zip(positions, verdicts, strict=True) if verdict is None]
-    result = explain.evaluate(review.basis, [_rows(review, review.basis, position) for position in served])
+    result = explain.evaluate(review.basis, np.array(served).reshape(-1, 3))
     gains = iter(result.gains)
     return LightForecast(
         lights=[
@@ -81,8 +78,10 @@ def forecast(
 def _basis(given: ForecastInput, reach: ReachMap) -> Basis | None:
     if given.result is None:
         return None
-    mask = None if given.region_file is None else region.decode_mask(given.region_file.read_bytes(), given.calibration)
-    return explain.basis(export.read(given.result), given.observations, given.recipe, reach, given.calibration, mask)
+    normal_map, observations, calibration = export.read(given.result), given.observations, given.calibration
+    mask = None if given.region_file is None else region.decode_mask(given.region_file.read_bytes(), calibration)
+    problem = Problem.of(normal_map, observations, given.recipe, reach, calibration, region=mask)
+    return explain.basis(problem, normal_map, observations, calibration)
 
 
 def _verdict(review: _Review, position: Vector3, center: FloatArray, given: ForecastInput) -> Refusal | None:
@@ -97,17 +96,7 @@ def _verdict(review: _Review, position: Vector3, center: FloatArray, given: Fore
             verdict = Refusal(reason="too-far", detail=f"the light stands more than {FARTHEST_M:g} m from the object")
         else:
             verdict = refusals([lamp_pose.light_at(place, center)], given.cell, given.calibration)[0]
-        _remember(review.verdicts, position, verdict)
+        review.verdicts[position] = verdict
+        while len(review.verdicts) > MAX_POSITIONS:
+            review.verdicts.popitem(last=False)
     return review.verdicts[position]
-
-
-def _rows(review: _Review, basis: Basis, position: Vector3) -> LightRows:
-    if position not in review.rows:
-        _remember(review.rows, position, explain.rows(basis, np.array(position)))
-    return review.rows[position]
-
-
-def _remember(kept: OrderedDict[Vector3, T], position: Vector3, value: T) -> None:
-    kept[position] = value
-    while len(kept) > MAX_POSITIONS:
-        kept.popitem(last=False)

@@ -166,15 +166,10 @@ def run(request: PlanRequest) -> dict[str, Any]:
         console.print("solving the pilot", style="dim")
         session = capture.solved(pilot)
     reach, offer = _reach(request, capture, session, offer)
-    chosen = plan.choose(
-        session.normal_map,
-        session.observations,
-        capture.recipe,
-        reach,
-        session.calibration,
-        request.count,
-        plan.PlanOptions(listed=offer is not None, forecast_counts=FORECAST_COUNTS),
+    problem = plan.Problem.of(
+        session.normal_map, session.observations, capture.recipe, reach, session.calibration, surround=offer is None
     )
+    chosen = plan.choose(problem, request.count, forecast_counts=FORECAST_COUNTS)
     outcome = _outcome(request, capture, pilot, reach, chosen, offer)
     outcome["seconds"] = round(time.monotonic() - started, 3)
     _show(console, capture, outcome)

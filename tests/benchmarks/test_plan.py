@@ -8,6 +8,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from acquisition import pilot, plan
+from acquisition.models.light_plan import ForecastPoint
 from acquisition.models.recipe import Recipe
 from acquisition.plan import design_problem
 from acquisition.runner import jobs
@@ -44,8 +45,8 @@ def test_plan_time(
     monkeypatch.setattr(design_problem, "SAMPLE_PIXELS", samples)
 
     def choose() -> float | None:
-        arguments = (normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration, lights)
-        return plan.choose(*arguments, plan.PlanOptions(certify=certify, forecast_counts=counts)).predicted_sigma_deg
+        problem = plan.Problem.of(normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration)
+        return plan.choose(problem, lights, certify=certify, forecast_counts=counts).predicted_sigma_deg
 
     predicted = benchmark.pedantic(choose, rounds=3, warmup_rounds=1)
     benchmark.extra_info["predicted mean σ in degrees"] = round(predicted or np.nan, 3)
@@ -57,6 +58,11 @@ def test_forecast_time(benchmark: BenchmarkFixture, counts: tuple[int, ...]) -> 
     true = scenes.scene(scenes.bumps, scenes.calibration(160))
     reach = scenes.Dome(refused=0)
     normal_map = cases.known_map(true, pilot.pattern(Recipe(), reach), step=1)
-    arguments = (normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration, counts)
-    points = benchmark.pedantic(plan.forecast, args=arguments, rounds=3, warmup_rounds=1)
+
+    def forecast() -> list[ForecastPoint]:
+        return plan.forecast(
+            plan.Problem.of(normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration), counts
+        )
+
+    points = benchmark.pedantic(forecast, rounds=3, warmup_rounds=1)
     assert len(points) == len(counts)

@@ -79,10 +79,8 @@ class Sessions:
         lights = pilot.pattern(recipe, self.scene.dome)
         known = [self._unplanned(light, wanted) for light in lights]
         images = self._capture(lights, known, PILOT_LIGHTS)
-        options = plan.PlanOptions(certify=False, times=self.times)
-        chosen = plan.choose(
-            self._solve(images), images, recipe, self.scene.dome, self.scene.calibration, options=options
-        )
+        problem = plan.Problem.of(self._solve(images), images, recipe, self.scene.dome, self.scene.calibration)
+        chosen = plan.choose(problem, certify=False, times=self.times)
         further = [
             [self._predicted(light, wanted)] if chosen.exposures is None else list(chosen.exposures[number].frames)
             for number, light in enumerate(chosen.lights)

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition import geometry, pilot, plan
+from acquisition import geometry, photometry, pilot, plan
 from acquisition.models.light_plan import Light
-from acquisition.models.recipe import Recipe
+from acquisition.models.recipe import Exposure, Recipe
 from acquisition.models.result import LIT, FisherInformation, NormalMap
 from acquisition.models.route import Refusal
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.plan import baselines, criterion, visibility
+from acquisition.plan import baselines, sample_pixels, visibility
+from acquisition.plan.planned_images import PlannedImages
 from tests.unseen.captures import Capture
 from tests.unseen.scenes import Scene
 
@@ -83,13 +84,15 @@ def planned(scene: Scene, solved: NormalMap, first: Capture, count: int, azimuth
     seconds = first.seconds
     shots = [_shot(light, number, seconds[number]) for number, light in enumerate(first.stack.lights)]
     chosen = plan.choose(
-        solved,
-        Observations(shots=shots, darks={}, frames=_NoFrames()),
-        Recipe(seed=azimuth),
-        Dome(scene),
-        first.calibration,
+        plan.Problem.of(
+            solved,
+            Observations(shots=shots, darks={}, frames=_NoFrames()),
+            Recipe(seed=azimuth),
+            Dome(scene),
+            first.calibration,
+        ),
         count - len(shots),
-        plan.PlanOptions(certify=False),
+        certify=False,
     )
     return Planned(places(chosen.lights), chosen.predicted_sigma_deg or float("nan"))
 
@@ -115,11 +118,10 @@ def oracle(scene: Scene, solved: NormalMap, first: Capture) -> NormalMap:
         information=FisherInformation(rows, columns, np.zeros((len(rows), 4, 4))),
     )
     known, lights = first.calibration, list(first.stack.lights)
-    samples = criterion.samples(blank, known, np.arange(len(rows)))
-    surface = visibility.surface(blank, known)
-    design = criterion.candidates(samples, lights, surface, known, Recipe())
+    samples = sample_pixels.samples(blank, known, np.arange(len(rows)))
+    design = PlannedImages(visibility.surface(blank, known), known, Exposure()).candidates(samples, lights)
     row = design.row.astype(float) * lit[:, rows, columns][:, None]
-    row[:, 3] /= criterion.photometry.SETTINGS.offset_sigma_m
+    row[:, 3] /= photometry.SETTINGS.offset_sigma_m
     information = np.einsum("kap,kbp->pab", row, row)
     return replace(blank, information=FisherInformation(rows, columns, information))
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from acquisition import geometry, normals, pilot, plan
+from acquisition import geometry, normals, photometry, pilot, plan
 from acquisition.capture import check, exposure
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
@@ -178,10 +178,10 @@ class Scene:
         return Run(self.solve(lights, unpredicted), chosen)
 
     def _further(self, known: SceneResult, recipe: Recipe) -> LightPlan:
-        arguments = (known.normal_map, known.observations, recipe, self.dome, self.calibration)
+        problem = plan.Problem.of(known.normal_map, known.observations, recipe, self.dome, self.calibration)
         if recipe.target_sigma_deg is not None:
-            return plan.plan_to_target(*arguments)
-        return plan.choose(*arguments, options=plan.PlanOptions(certify=False))
+            return plan.plan_to_target(problem, photometry.mean_sigma_deg(known.normal_map, self.calibration))
+        return plan.choose(problem, certify=False)
 
     def _picture(self, light: Light, repeat: int) -> Float32Array:
         """Signal (H, W), fraction of full scale per second, with the image's own error of intensity and position."""

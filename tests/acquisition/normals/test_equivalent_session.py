@@ -13,7 +13,7 @@ from acquisition.models.result import SolveSettings
 from acquisition.normals import distant, equivalent_session, near_light
 from acquisition.normals.equivalent_session import EquivalentSession
 from acquisition.normals.image_set import DistantLights, ImageSet, NearLights
-from acquisition.plan import criterion, visibility
+from acquisition.plan import sample_pixels, visibility
 from tests.acquisition.formats.folders import small
 
 
@@ -59,9 +59,9 @@ def test_of_distant_lights_shine_from_their_directions(diligent: ImageSet) -> No
 def test_of_distant_ball_keeps_shape_and_shadows(diligent: ImageSet) -> None:
     """The points are a ball of the stated size, convex: its shadows are attached ones, none cast."""
     session = of_distant(diligent)
-    usable = criterion.usable_pixels(session.normal_map, session.calibration)
+    usable = sample_pixels.usable(session.normal_map, session.calibration)
     assert len(usable) > 0.7 * np.count_nonzero(session.normal_map.mask)
-    sample = criterion.samples(session.normal_map, session.calibration, usable)
+    sample = sample_pixels.samples(session.normal_map, session.calibration, usable)
     radius_m = distant.OBJECT_SIZE_M / 2
     top = sample.point[2].max()
     np.testing.assert_allclose(sample.point[:2], radius_m * sample.normal[:2], atol=0.1 * radius_m)

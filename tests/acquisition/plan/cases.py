@@ -1,5 +1,7 @@
 """Test cases of the planner: synthetic ones with random design rows, and normal maps of scenes with known truth."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from acquisition import photometry
@@ -9,12 +11,13 @@ from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import LIT, FisherInformation, NormalMap
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.plan import criterion, objective, planned_noise, visibility
+from acquisition.plan import criterion, planned_images, sample_pixels, visibility
 from acquisition.plan.criterion import Candidates, Samples
+from acquisition.plan.planned_images import PlannedImages
 from tests.acquisition.scenes import Frames, Scene
 
-CAPPED = objective.Loss(np.radians(objective.SETTINGS.cap_deg) ** -2)
-"""The loss of plans where two rings leave little."""
+CAPPED = float(np.radians(criterion.SETTINGS.cap_deg) ** -2)
+"""The inverse cap of plans where two rings leave little."""
 
 NO_OBSERVATIONS = Observations(shots=[], darks={}, frames=Frames())
 
@@ -27,57 +30,53 @@ def facing_camera(rng: np.random.Generator, count: int, widest_deg: float = 70) 
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine])
 
 
-def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, Candidates]:
+def pixels_with(normal: FloatArray, albedo: FloatArray, information: FloatArray) -> Samples:
+    """Sample pixels of normals (3, P), albedo (P,) and information (4, 4, P), all else zero."""
+    none = np.zeros(len(albedo), np.float32)
+    return Samples(
+        row=np.zeros(len(albedo), np.int64),
+        column=np.zeros(len(albedo), np.int64),
+        point=np.zeros(normal.shape, np.float32),
+        ray_direction=np.zeros(normal.shape, np.float32),
+        normal=normal.astype(np.float32),
+        albedo=albedo.astype(np.float32),
+        sigma=none,
+        information=np.ascontiguousarray(information),
+        lit=none,
+        indirect=none,
+    )
+
+
+def random_case(seed: int, pixels: int = 20, lights: int = 6) -> Candidates:
     """Random pixels with random prior information, and random design rows with random visibility probabilities."""
     rng = np.random.default_rng(seed)
     half = rng.normal(size=(pixels, 4, 4)) * 20
-    samples = Samples(
-        row=np.zeros(pixels, np.int64),
-        column=np.zeros(pixels, np.int64),
-        point=np.zeros((3, pixels), np.float32),
-        ray_direction=np.zeros((3, pixels), np.float32),
-        normal=facing_camera(rng, pixels).astype(np.float32),
-        albedo=rng.uniform(0.2, 0.9, pixels).astype(np.float32),
-        sigma=np.zeros(pixels, np.float32),
-        information=half @ half.transpose(0, 2, 1) + 5 * np.eye(4),
-        lit=np.zeros(pixels, np.float32),
-        indirect=np.zeros(pixels, np.float32),
-    )
+    information = np.moveaxis(half @ half.transpose(0, 2, 1) + 5 * np.eye(4), 0, 2)
+    samples = pixels_with(facing_camera(rng, pixels), rng.uniform(0.2, 0.9, pixels), information)
     row = rng.normal(size=(lights, 4, pixels)) * 60
     visibility = rng.random((lights, pixels)).astype(np.float32)
-    return samples, Candidates(row.astype(np.float32), visibility)
+    return Candidates(samples, row.astype(np.float32), visibility)
 
 
-def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -> tuple[Samples, Candidates]:
+def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -> Candidates:
     """Pixels of normals (3, P) lit by distant unit lights (K, 3) with noise 1/`scale`, and a weak prior."""
     pixels = normal.shape[1]
-    samples = Samples(
-        row=np.zeros(pixels, np.int64),
-        column=np.zeros(pixels, np.int64),
-        point=np.zeros((3, pixels), np.float32),
-        ray_direction=np.zeros((3, pixels), np.float32),
-        normal=normal.astype(np.float32),
-        albedo=np.ones(pixels, np.float32),
-        sigma=np.zeros(pixels, np.float32),
-        information=np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (pixels, 1, 1)),
-        lit=np.zeros(pixels, np.float32),
-        indirect=np.zeros(pixels, np.float32),
-    )
+    samples = pixels_with(normal, np.ones(pixels), np.repeat(np.eye(4)[..., None], pixels, axis=2))
     row = np.zeros((len(units), 4, pixels), np.float32)
     row[:, :3] = scale * units[:, :, None]
-    return samples, Candidates(row, np.ones((len(units), pixels), np.float32))
+    return Candidates(samples, row, np.ones((len(units), pixels), np.float32))
 
 
-def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> tuple[Samples, Candidates]:
+def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> Candidates:
     """Pixels with attached and cast shadows of distant lights, at a normal uncertainty of 3°."""
     rng = np.random.default_rng(seed)
     normal = facing_camera(rng, pixels)
-    samples, options = distant_case(normal, units, scale=80.0)
+    options = distant_case(normal, units, scale=80.0)
     cosine = units @ normal
     visibility = 1 / (1 + np.exp(-(cosine - 0.08) / 0.04))
     hidden = rng.random((pixels, 3)) - 0.5  # each pixel has a side from which lights are occluded
     blocked = units @ np.stack([hidden[:, 0], hidden[:, 1], 0 * hidden[:, 2]]) > 0.25
-    return samples, Candidates(options.row, np.where(blocked, 0, visibility).astype(np.float32))
+    return replace(options, visibility=np.where(blocked, 0, visibility).astype(np.float32))
 
 
 def shot_of(light: Light, number: int) -> Shot:
@@ -97,8 +96,8 @@ def design_rows(
     samples: Samples, lights: list[Light], normal_map: NormalMap, known: Calibration, recipe: Recipe | None = None
 ) -> Candidates:
     """Design rows and visibilities of lights at sample pixels of a normal map."""
-    surface = visibility.surface(normal_map, known)
-    return criterion.candidates(samples, lights, surface, known, recipe or Recipe())
+    images = PlannedImages(visibility.surface(normal_map, known), known, (recipe or Recipe()).exposure)
+    return images.candidates(samples, lights)
 
 
 def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: int = 3) -> NormalMap:
@@ -131,7 +130,7 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
     blank = made(np.zeros((len(rows), 4, 4)), flags)
     if not lights:
         return blank
-    samples = criterion.samples(blank, known, np.arange(len(rows)))
+    samples = sample_pixels.samples(blank, known, np.arange(len(rows)))
     design = design_rows(samples, lights, blank, known)
     lit = design.visibility > 0.5
     flags[:, rows, columns] = np.where(lit, LIT, 0)
@@ -156,8 +155,8 @@ def noise_by_hand(
     known, sensor = true.calibration, true.calibration.sensor
     electrons = sensor.gain_e_per_dn * sensor.full_scale_dn * level
     aside = known.lamp_position_sigma_m / distance
-    share = planned_noise.SETTINGS.self_calibration_factor**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
+    share = planned_images.SETTINGS.self_calibration_factor**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
     turn = aside**2 * (1 - cosine**2)
     floor = 2 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12) / electrons**2
     own = value / electrons + floor + photometry.SETTINGS.flat_field_sigma**2 * value**2
-    return planned_noise.SETTINGS.integrability_factor * own + share * value**2 + turn * strength**2
+    return planned_images.SETTINGS.integrability_factor * own + share * value**2 + turn * strength**2

@@ -115,7 +115,7 @@ def test_baseline_paper_beats_random_lights_in_its_criterion(count: int) -> None
     def value(lights: FloatArray) -> float:
         return float(np.trace(np.diag([1.0, 1.0, 0.0]) @ np.linalg.inv(lights.T @ lights)))
 
-    lights = baselines.least_trace_directions(count, np.radians(75), np.random.default_rng(0))
+    lights = baselines.ring(count, np.radians(75))
     np.testing.assert_allclose(np.linalg.norm(lights, axis=1), 1, atol=1e-9)
     assert np.all(lights[:, 2] > np.cos(np.radians(75.1)))
     rng = np.random.default_rng(1)
@@ -124,8 +124,7 @@ def test_baseline_paper_beats_random_lights_in_its_criterion(count: int) -> None
     drawn = geometry.direction(slant, azimuth)
     assert value(lights) < min(value(one) for one in drawn)
     # (tr √M)²/m with M = diag(1, 1, 0) is a lower bound, not attained because of the slant limit.
-    bound = 4 / count
-    assert bound < value(lights) < 1.2 * bound / np.sin(np.radians(75)) ** 2
+    assert value(lights) == pytest.approx(4 / count / np.sin(np.radians(75)) ** 2)
 
 
 def test_baseline_light_far_from_ideal_is_noted() -> None:

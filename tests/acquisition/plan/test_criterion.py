@@ -1,5 +1,7 @@
 """The criterion against plain linear algebra, and its model of shadows, exposure and depth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,20 +11,20 @@ from acquisition import geometry, photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Exposure, Recipe
-from acquisition.plan import criterion, visibility
-from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Samples
-from acquisition.plan.objective import SETTINGS
+from acquisition.plan import planned_images, sample_pixels, visibility
+from acquisition.plan.criterion import SETTINGS, VISIBILITY_LEVELS, Candidates, Posterior
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 from tests.acquisition.plan.cases import CAPPED
 
 
-def variance_by_hand(sample: Samples, lights: Candidates, chosen: list[int]) -> FloatArray:
+def variance_by_hand(lights: Candidates, chosen: list[int]) -> FloatArray:
     """Angular variance (S, P), one pixel and one scenario at a time."""
+    sample = lights.sample
     out = np.empty((len(VISIBILITY_LEVELS), len(sample.albedo)))
     for s, level in enumerate(VISIBILITY_LEVELS):
         for p in range(len(sample.albedo)):
-            fisher = sample.information[p].copy()
+            fisher = sample.information[..., p].copy()
             for k in chosen:
                 if lights.visibility[k, p] > level:
                     row = lights.row[k, :, p].astype(float)
@@ -41,42 +43,52 @@ def objective_by_hand(variance: FloatArray) -> float:
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**31 - 1), st.integers(0, 6))
 def test_posterior_variance_equals_inverted_information(seed: int, count: int) -> None:
-    sample, lights = cases.random_case(seed)
+    lights = cases.random_case(seed)
     chosen = list(range(count))
-    expected = variance_by_hand(sample, lights, chosen)
-    posterior = criterion.posterior(sample, lights.only(chosen))
+    expected = variance_by_hand(lights, chosen)
+    posterior = lights.posterior(chosen)
     np.testing.assert_allclose(posterior.variance, expected, rtol=1e-4)
-    assert CAPPED.evaluate(posterior) == pytest.approx(objective_by_hand(expected), rel=1e-4)
+    assert posterior.loss(CAPPED) == pytest.approx(objective_by_hand(expected), rel=1e-4)
     np.testing.assert_allclose(posterior.sigma_deg, np.degrees(np.sqrt(expected)).mean(axis=0), rtol=1e-4)
 
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**31 - 1), st.integers(0, 5))
 def test_scan_candidate_equals_adding_it(seed: int, count: int) -> None:
-    sample, lights = cases.random_case(seed)
+    lights = cases.random_case(seed)
     chosen = list(range(count))
-    scanned = CAPPED.scan(sample, criterion.posterior(sample, lights.only(chosen)), lights)
+    scanned = lights.scan(lights.posterior(chosen), CAPPED)
     for k in range(len(lights.row)):
-        added = objective_by_hand(variance_by_hand(sample, lights, [*chosen, k]))
+        added = objective_by_hand(variance_by_hand(lights, [*chosen, k]))
         assert scanned[k] == pytest.approx(added, rel=2e-3)
 
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 2**31 - 1))
 def test_posterior_added_light_never_raises_variance(seed: int) -> None:
-    sample, lights = cases.random_case(seed)
-    without, with_it = (criterion.posterior(sample, lights.only(list(range(n)))).variance for n in (3, 4))
+    lights = cases.random_case(seed)
+    without, with_it = (lights.posterior(range(n)).variance for n in (3, 4))
     assert np.all(with_it <= without * (1 + 1e-9))
 
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 2**31 - 1))
 def test_posterior_shadow_gains_nothing_uncertain_visibility_less(seed: int) -> None:
-    sample, lights = cases.random_case(seed)
-    before = criterion.posterior(sample, lights.only([]))
-    hidden, doubtful, lit = (Candidates(lights.row, np.full_like(lights.visibility, v)) for v in (0.0, 0.5, 1.0))
-    np.testing.assert_allclose(CAPPED.scan(sample, before, hidden), CAPPED.evaluate(before), rtol=1e-5)
-    assert np.all(CAPPED.scan(sample, before, doubtful) >= CAPPED.scan(sample, before, lit) * (1 - 1e-6))
+    lights = cases.random_case(seed)
+    before = lights.posterior([])
+    hidden, doubtful, lit = (replace(lights, visibility=np.full_like(lights.visibility, v)) for v in (0.0, 0.5, 1.0))
+    np.testing.assert_allclose(hidden.scan(before, CAPPED), before.loss(CAPPED), rtol=1e-5)
+    assert np.all(doubtful.scan(before, CAPPED) >= lit.scan(before, CAPPED) * (1 - 1e-6))
+
+
+@pytest.mark.parametrize(
+    ("sigma_deg", "cap_deg"),
+    [((0.1, 0.3), 3.0), ((0.7, 0.7), 3.0), ((1.0, 1.0), 4.0), ((1.0, 3.0), 8.0)],  # four times the mean, or 3°
+)
+def test_posterior_uncertain_two_rings_raises_cap(sigma_deg: tuple[float, float], cap_deg: float) -> None:
+    variance = np.tile(np.radians(sigma_deg) ** 2, (3, 1))
+    rings = Posterior(np.zeros((3, 10, 2), np.float32), variance, np.full((3, 2), 4.0, np.float32))
+    assert rings.inverse_cap == pytest.approx(np.radians(cap_deg) ** -2)
 
 
 # ------------------------------------------------------------------------------------------------ from a normal map
@@ -91,7 +103,7 @@ def test_candidates_rows_are_whitened_light_vectors_and_depth_slopes(cushion: sc
     light = scenes.ring(1, 30.0, turn=0.7)[0]
     normal_map = cases.known_map(cushion, [])
     chosen = np.arange(0, len(normal_map.information.rows), 7)
-    sample = criterion.samples(normal_map, cushion.calibration, chosen)
+    sample = sample_pixels.samples(normal_map, cushion.calibration, chosen)
     recipe = Recipe(exposure=Exposure(seconds=0.03))
     row = cases.design_rows(sample, [light], normal_map, cushion.calibration, recipe).row[0]
 
@@ -138,10 +150,10 @@ def test_candidates_light_behind_wall_is_invisible() -> None:
     light = scenes.ring(1, 55.0)[0]  # towards +x: the wall's shadow is 43 mm long
     sides = {}
     for name, chosen in (("left", left), ("right", right)):
-        sample = criterion.samples(normal_map, true.calibration, chosen)
+        sample = sample_pixels.samples(normal_map, true.calibration, chosen)
         lights = cases.design_rows(sample, [light], normal_map, true.calibration)
-        before = criterion.posterior(sample, lights.only([]))
-        sides[name] = lights.visibility, CAPPED.evaluate(before) - CAPPED.scan(sample, before, lights)[0]
+        before = lights.posterior([])
+        sides[name] = lights.visibility, before.loss(CAPPED) - lights.scan(before, CAPPED)[0]
     assert np.mean(sides["left"][0] < 0.1) > 0.97
     assert np.mean(sides["right"][0] > 0.9) > 0.97
     assert sides["left"][1] < 0.02 * sides["right"][1]
@@ -152,7 +164,7 @@ def test_candidates_light_behind_wall_is_invisible() -> None:
 
 def test_candidates_surface_turned_away_is_invisible(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [])
-    sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
+    sample = sample_pixels.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     light = scenes.ring(1, 70.0)[0]
     visibility = cases.design_rows(sample, [light], normal_map, cushion.calibration).visibility[0]
     toward = np.array(light.position)[:, None] - sample.point
@@ -163,12 +175,12 @@ def test_candidates_surface_turned_away_is_invisible(cushion: scenes.Scene) -> N
 
 def test_candidates_certain_map_has_visibility_of_scene(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [], sigma_deg=0.2)
-    sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
+    sample = sample_pixels.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     lights = scenes.ring(5, 60.0, turn=0.2)
     visibility = cases.design_rows(sample, lights, normal_map, cushion.calibration).visibility
     rows, columns = normal_map.information.rows, normal_map.information.columns
     brightest = [cases.vectors_by_hand(cushion, light, rows, columns) for light in lights]
-    least = criterion.MIN_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # rejected below
+    least = planned_images.MIN_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # rejected below
     lit = np.stack([scenes.lit(cushion, light)[rows, columns] for light in lights]) > least
     assert np.mean((visibility > 0.5) == lit) > 0.95
     assert np.mean(lit[visibility > 0.9]) > 0.98
@@ -177,7 +189,7 @@ def test_candidates_certain_map_has_visibility_of_scene(cushion: scenes.Scene) -
 
 def test_candidates_clipping_exposure_gives_no_information(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [])
-    sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
+    sample = sample_pixels.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     light = scenes.ring(1, 20.0)
     seconds = 1.0 / (0.5 * cushion.calibration.lamp_intensity)  # y = 0.5 · 1.0 saturates the converter
     for factor, expected in ((0.5, 0.0), (8.0, 1.0)):
@@ -188,7 +200,7 @@ def test_candidates_clipping_exposure_gives_no_information(cushion: scenes.Scene
 
 def test_usable_pixels_grazing_or_not_finite_are_left_out(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, scenes.ring(4, 40.0))
-    all_pixels = criterion.usable_pixels(normal_map, cushion.calibration)
+    all_pixels = sample_pixels.usable(normal_map, cushion.calibration)
     assert len(all_pixels) > 0.98 * len(normal_map.information.rows)
     rows, columns = normal_map.information.rows, normal_map.information.columns
     normal_map.normals[rows[0], columns[0]] = np.nan
@@ -196,15 +208,15 @@ def test_usable_pixels_grazing_or_not_finite_are_left_out(cushion: scenes.Scene)
     normal_map.albedo[rows[2], columns[2]] = np.nan
     normal_map.information.matrices[3, 0, 0] = np.nan
     normal_map.normals[rows[4], columns[4]] = geometry.direction(np.radians(89.0), 0.3)
-    kept = criterion.usable_pixels(normal_map, cushion.calibration)
+    kept = sample_pixels.usable(normal_map, cushion.calibration)
     assert set(all_pixels) - set(kept) == {0, 1, 2, 3, 4} & set(all_pixels)
 
 
 def test_posterior_unlit_pixels_keep_prior_of_40_degrees(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [])
-    sample = criterion.samples(normal_map, cushion.calibration, np.arange(50))
-    nothing = criterion.joined(sample, [])
-    np.testing.assert_allclose(criterion.posterior(sample, nothing).sigma_deg, np.degrees(np.sqrt(0.5)), rtol=1e-3)
+    sample = sample_pixels.samples(normal_map, cushion.calibration, np.arange(50))
+    nothing = cases.design_rows(sample, [], normal_map, cushion.calibration)
+    np.testing.assert_allclose(nothing.posterior().sigma_deg, np.degrees(np.sqrt(0.5)), rtol=1e-3)
 
 
 def test_posterior_more_lights_lowers_sigma_by_count(cushion: scenes.Scene) -> None:
@@ -214,7 +226,7 @@ def test_posterior_more_lights_lowers_sigma_by_count(cushion: scenes.Scene) -> N
     chosen = np.arange(len(few.information.rows))
     spread = []
     for normal_map in (few, many):
-        sample = criterion.samples(normal_map, cushion.calibration, chosen)
-        nothing = criterion.joined(sample, [])
-        spread.append(np.median(criterion.posterior(sample, nothing).variance[0]))
+        sample = sample_pixels.samples(normal_map, cushion.calibration, chosen)
+        nothing = cases.design_rows(sample, [], normal_map, cushion.calibration)
+        spread.append(np.median(nothing.posterior().variance[0]))
     assert spread[0] / spread[1] == pytest.approx(2.0, rel=0.15)

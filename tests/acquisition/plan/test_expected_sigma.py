@@ -8,7 +8,6 @@ import pytest
 from acquisition import photometry, pilot
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import ModelFinding
-from acquisition.plan import expected_sigma
 from acquisition.plan.criterion import Posterior
 from acquisition.plan.expected_sigma import SETTINGS, ExpectedSigma
 from tests.acquisition import scenes
@@ -17,7 +16,9 @@ from tests.acquisition.plan import cases
 
 def posterior(sigma_deg: float, lit: float = 6.0) -> Posterior:
     return Posterior(
-        np.zeros((3, 10, 5), np.float32), np.full((3, 5), np.radians(sigma_deg) ** 2), np.full((3, 5), lit, np.float32)
+        np.zeros((3, 10, 5), np.float32),
+        np.full((3, 5), np.radians(sigma_deg) ** 2),
+        np.full((3, 5), lit, np.float32),
     )
 
 
@@ -58,10 +59,10 @@ def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float,
 def test_of_normal_map_reads_misfit_and_findings() -> None:
     true = scenes.scene(scenes.sphere, scenes.calibration(48))
     known = cases.known_map(true, pilot.pattern(Recipe(), scenes.Dome(refused=0)))
-    stated = [expected_sigma.of(replace(known, noise={"misfit": misfit})).misfit for misfit in (0.2, 3.0, 90.0)]
+    stated = [ExpectedSigma.of(replace(known, noise={"misfit": misfit})).misfit for misfit in (0.2, 3.0, 90.0)]
     assert stated == [1.0, 3.0, SETTINGS.max_misfit]
-    assert expected_sigma.of(known) == ExpectedSigma()
-    assert expected_sigma.of(replace(known, noise={"structure_deg": 1.5})).structure_deg == 1.5
+    assert ExpectedSigma.of(known) == ExpectedSigma()
+    assert ExpectedSigma.of(replace(known, noise={"structure_deg": 1.5})).structure_deg == 1.5
     corrected, left = (ModelFinding(kind="lamps", message="-", corrected=one) for one in (True, False))
     metal = ModelFinding(kind=photometry.METAL, message="-", corrected=True)
     settings = photometry.SETTINGS
@@ -70,4 +71,4 @@ def test_of_normal_map_reads_misfit_and_findings() -> None:
         ((corrected, metal), settings.unchecked_sigma_deg),
         ((metal, left), settings.unsound_sigma_deg),
     ):
-        assert expected_sigma.of(replace(known, findings=findings)).capture_deg == added
+        assert ExpectedSigma.of(replace(known, findings=findings)).capture_deg == added

@@ -87,13 +87,9 @@ def planned(name: str, draw: int, *, bounces: bool) -> ImageStack:
     ]
     observations = Observations(shots=shots, darks={}, frames=scenes.Frames())
     chosen = plan.choose(
-        solved(name, first),
-        observations,
-        Recipe(seed=draw),
-        REACH,
-        captures.calibration(PIXELS),
+        plan.Problem.of(solved(name, first), observations, Recipe(seed=draw), REACH, captures.calibration(PIXELS)),
         LIGHTS - 4,
-        plan.PlanOptions(certify=False),
+        certify=False,
     )
     return joined(first, captured(name, places(chosen.lights), 2 * draw + 1, bounces=bounces))
 

@@ -19,13 +19,14 @@ from tests.acquisition.plan import cases
 def prepared() -> tuple[Basis, LightPlan]:
     """The basis of a piloted scene, and a plan made from the same."""
     reach, scene = scenes.Dome(seed=1, count=150), scenes.scene(scenes.bumps, scenes.calibration(128))
-    known = (cases.known_map(scene, pilot.pattern(Recipe(), reach)), cases.NO_OBSERVATIONS, Recipe(), reach)
-    planned = plan.choose(*known, scene.calibration, 4, plan.PlanOptions(certify=False))
-    return explain.basis(*known, scene.calibration, None), planned
+    known = cases.known_map(scene, pilot.pattern(Recipe(), reach))
+    problem = plan.Problem.of(known, cases.NO_OBSERVATIONS, Recipe(), reach, scene.calibration)
+    basis = explain.basis(problem, known, cases.NO_OBSERVATIONS, scene.calibration)
+    return basis, plan.choose(problem, 4, certify=False)
 
 
 def forecast(basis: Basis, positions: Any) -> PlacedForecast:
-    return explain.evaluate(basis, [explain.rows(basis, np.array(position)) for position in positions])
+    return explain.evaluate(basis, np.array(positions).reshape(-1, 3))
 
 
 def brightness(picture: bytes) -> float:

@@ -10,7 +10,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import CAST, LIT, FisherInformation, NormalMap
-from acquisition.plan import baselines, criterion, objective
+from acquisition.plan import baselines, sample_pixels
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 from tests.acquisition.plan.cases import CAPPED
@@ -37,7 +37,7 @@ def planned(
     normal_map: NormalMap, true: scenes.Scene, reach: scenes.Dome, count: int = 4, *, certify: bool = False
 ) -> LightPlan:
     return plan.choose(
-        normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration, count, plan.PlanOptions(certify=certify)
+        plan.Problem.of(normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration), count, certify=certify
     )
 
 
@@ -73,9 +73,9 @@ def test_choose_plan_is_predicted_better_than_two_rings(
 ) -> None:
     chosen = planned(piloted, cushion, reach).lights
     rings = plan.baseline("two-rings", 4, Recipe(method="two-rings"), reach).lights
-    sample = criterion.samples(piloted, cushion.calibration, criterion.usable_pixels(piloted, cushion.calibration))
+    sample = sample_pixels.samples(piloted, cushion.calibration, sample_pixels.usable(piloted, cushion.calibration))
     ours, theirs = (
-        CAPPED.evaluate(criterion.posterior(sample, cases.design_rows(sample, lights, piloted, cushion.calibration)))
+        cases.design_rows(sample, lights, piloted, cushion.calibration).posterior().loss(CAPPED)
         for lights in (chosen, rings)
     )
     assert ours < theirs
@@ -90,7 +90,7 @@ def test_choose_side_unlit_by_pilot_gets_light(cushion: scenes.Scene, reach: sce
         cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(right)]
     )
     added = plan.choose(
-        normal_map, observations, Recipe(), reach, cushion.calibration, 4, plan.PlanOptions(certify=False)
+        plan.Problem.of(normal_map, observations, Recipe(), reach, cushion.calibration), 4, certify=False
     ).lights
     assert sum(light.position[0] < -0.05 for light in added) >= 2
     assert np.mean([light.position[0] for light in added]) < -0.05
@@ -101,7 +101,7 @@ def test_choose_recipe_fulfilled_gives_no_lights_but_forecast(
 ) -> None:
     lights = scenes.ring(8, 45.0)
     observations = scenes.capture(cushion, lights)
-    chosen = plan.choose(piloted, observations, Recipe(), reach, cushion.calibration)
+    chosen = plan.choose(plan.Problem.of(piloted, observations, Recipe(), reach, cushion.calibration))
     assert chosen.lights == []
     assert (chosen.predicted_sigma_deg or 0) > 0
     assert "all lights of the recipe have been captured" in chosen.notes
@@ -110,7 +110,7 @@ def test_choose_recipe_fulfilled_gives_no_lights_but_forecast(
 @pytest.mark.parametrize("kept", [0, 1, 5])
 def test_choose_fewer_candidates_than_lights_is_refused(kept: int, piloted: NormalMap, cushion: scenes.Scene) -> None:
     few = scenes.Dome(refused=0)
-    few.candidates = few.candidates[:: len(few.candidates) // 6][:kept]
+    few.candidates = np.array([light.position for light in scenes.ring(5, 45.0)])[:kept]
     with pytest.raises(RigError) as caught:
         planned(piloted, cushion, few, count=8)
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
@@ -171,7 +171,9 @@ def test_choose_unexplained_steps_keeps_planned_lights(reach: scenes.Dome) -> No
     dark = np.stack([scenes.lit(stepped, light) == 0 for light in lights])
     assert np.mean(dark[:, flat.mask]) > 0.02
     normal_map = replace(cases.known_map(flat, lights), flags=np.where(dark, CAST, LIT).astype(np.uint8))
-    chosen = plan.choose(normal_map, scenes.capture(stepped, lights), Recipe(), reach, flat.calibration)
+    chosen = plan.choose(
+        plan.Problem.of(normal_map, scenes.capture(stepped, lights), Recipe(), reach, flat.calibration)
+    )
     assert chosen.method == "optimal"
     assert chosen.fallback is None
     assert chosen.efficiency is not None
@@ -190,18 +192,17 @@ def test_choose_never_predicts_more_loss_than_completed_rings(
         cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)]
     )
     recipe = Recipe()
-    chosen = plan.choose(normal_map, observations, recipe, reach, cushion.calibration, count)
-    usable = criterion.usable_pixels(normal_map, cushion.calibration)
+    chosen = plan.choose(plan.Problem.of(normal_map, observations, recipe, reach, cushion.calibration), count)
+    usable = sample_pixels.usable(normal_map, cushion.calibration)
     offset_sigma_m = photometry.SETTINGS.integrated_depth_sigma_m
-    sample = criterion.samples(normal_map, cushion.calibration, usable, offset_sigma_m)
-    sample = criterion.reweight(sample, normal_map, observations, cushion.calibration)
+    sample = sample_pixels.samples(normal_map, cushion.calibration, usable, offset_sigma_m)
+    sample = sample_pixels.reweight(sample, normal_map, observations, cushion.calibration)
     units = (reach.candidates - reach.center) / reach.radius_m
     rings = baselines.two_ring_completions(-np.array([light.axis for light in lights]), units, count)
     positions = [[lamp_pose.light_at(reach.candidates[one], reach.center) for one in numbers] for numbers in rings]
-    reference = cases.design_rows(sample, positions[0], normal_map, cushion.calibration)
-    loss = objective.capped(criterion.posterior(sample, reference))
+    inverse_cap = cases.design_rows(sample, positions[0], normal_map, cushion.calibration).posterior().inverse_cap
     planned_loss, *ring_losses = (
-        loss.evaluate(criterion.posterior(sample, cases.design_rows(sample, some, normal_map, cushion.calibration)))
+        cases.design_rows(sample, some, normal_map, cushion.calibration).posterior().loss(inverse_cap)
         for some in (chosen.lights, *positions)
     )
     assert chosen.fallback is None
@@ -231,13 +232,9 @@ def test_choose_region_of_interest_moves_lights(cushion: scenes.Scene, reach: sc
     for side, region in (("left", columns < 48), ("right", columns > 80)):
         observations = cases.NO_OBSERVATIONS
         chosen = plan.choose(
-            normal_map,
-            observations,
-            Recipe(),
-            reach,
-            cushion.calibration,
+            plan.Problem.of(normal_map, observations, Recipe(), reach, cushion.calibration, region=region),
             3,
-            plan.PlanOptions(region=region, certify=False),
+            certify=False,
         )
         share[side] = float(np.mean([light.position[0] for light in chosen.lights]))
     assert share["left"] < 0 < share["right"]
@@ -250,7 +247,7 @@ def test_choose_empty_or_misshapen_region_is_refused(
     region = np.zeros((128, 128) if empty else (64, 64), np.bool_)
     with pytest.raises(RigError, match="region") as caught:
         plan.choose(
-            piloted, cases.NO_OBSERVATIONS, Recipe(), reach, cushion.calibration, 4, plan.PlanOptions(region=region)
+            plan.Problem.of(piloted, cases.NO_OBSERVATIONS, Recipe(), reach, cushion.calibration, region=region), 4
         )
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
 
@@ -259,11 +256,11 @@ def test_forecast_falls_with_lights_and_agrees_with_plan(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     arguments = (piloted, cases.NO_OBSERVATIONS, Recipe(), reach, cushion.calibration)
-    points = plan.forecast(*arguments, [0, 1, 2, 4, 8])
+    points = plan.forecast(plan.Problem.of(*arguments), [0, 1, 2, 4, 8])
     assert [(point.added, point.lights) for point in points] == [(n, n) for n in (0, 1, 2, 4, 8)]
     sigma = [point.sigma_deg for point in points]
     assert sigma == sorted(sigma, reverse=True)
-    chosen = plan.choose(*arguments, 4, plan.PlanOptions(certify=False, forecast_counts=(1, 2, 4, 8)))
+    chosen = plan.choose(plan.Problem.of(*arguments), 4, certify=False, forecast_counts=(1, 2, 4, 8))
     assert points[3].sigma_deg == pytest.approx(chosen.predicted_sigma_deg, rel=0.03)
     assert [point.added for point in chosen.forecast] == [1, 2, 4, 8]
     assert [point.sigma_deg for point in chosen.forecast] == pytest.approx(sigma[1:], rel=0.03)
@@ -273,7 +270,7 @@ def test_choose_few_candidates_shortens_forecast_only(piloted: NormalMap, cushio
     few = scenes.Dome(refused=0)
     few.candidates = few.candidates[:: len(few.candidates) // 9][:10]
     known = (piloted, cases.NO_OBSERVATIONS, Recipe(), few, cushion.calibration)
-    chosen = plan.choose(*known, 4, plan.PlanOptions(certify=False, forecast_counts=(1, 8, 16)))
+    chosen = plan.choose(plan.Problem.of(*known), 4, certify=False, forecast_counts=(1, 8, 16))
     assert len(chosen.lights) == 4
     assert [point.added for point in chosen.forecast] == [1, 8]
 
@@ -283,7 +280,9 @@ def test_choose_one_usable_pilot_light_warns(cushion: scenes.Scene, reach: scene
     flags = np.zeros((4, 128, 128), np.uint8)
     flags[0] = LIT
     normal_map = replace(cases.known_map(cushion, lights[:1]), flags=flags)
-    chosen = plan.choose(normal_map, scenes.capture(cushion, lights), Recipe(), reach, cushion.calibration)
+    chosen = plan.choose(
+        plan.Problem.of(normal_map, scenes.capture(cushion, lights), Recipe(), reach, cushion.calibration)
+    )
     assert len(chosen.lights) == 4
     assert any("lit by fewer than 3 lights" in note for note in chosen.notes)
     assert len({round(float(np.arctan2(*light.position[:2])), 1) for light in chosen.lights}) >= 3

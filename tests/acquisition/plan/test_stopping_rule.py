@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition import normals, photometry, pilot, plan
+from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import ForecastPoint, LightPlan
 from acquisition.models.recipe import Recipe
@@ -29,13 +30,21 @@ def known() -> tuple[NormalMap, Observations]:
     return solved(observations), observations
 
 
+def planned(
+    normal_map: NormalMap, observations: Observations, recipe: Recipe, region: BoolArray | None = None
+) -> LightPlan:
+    achieved_deg = photometry.mean_sigma_deg(normal_map, TRUE.calibration, region)
+    problem = plan.Problem.of(normal_map, observations, recipe, REACH, TRUE.calibration, region=region)
+    return plan.plan_to_target(problem, achieved_deg)
+
+
 def plan_to(known: tuple[NormalMap, Observations], **order: object) -> LightPlan:
-    return plan.plan_to_target(*known, Recipe.model_validate({"max_lights": 8, **order}), REACH, TRUE.calibration)
+    return planned(*known, Recipe.model_validate({"max_lights": 8, **order}))
 
 
 def test_plan_to_target_within_reach_plans_forecast_count(known: tuple[NormalMap, Observations]) -> None:
     reached = photometry.mean_sigma_deg(known[0], TRUE.calibration)
-    curve = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [2, 3, 4])
+    curve = plan.forecast(plan.Problem.of(*known, Recipe(), REACH, TRUE.calibration), [2, 3, 4])
     chosen = plan_to(
         known, target_sigma_deg=curve[1].sigma_deg / (1 + stopping_rule.SETTINGS.first_slack) * 1.0001, max_lights=12
     )
@@ -74,7 +83,7 @@ def test_plan_to_target_negligible_gain_concludes(known: tuple[NormalMap, Observ
     # The σ of the images is already below that expected after one more light.
     sure = replace(normal_map, sigma_deg=np.where(normal_map.mask, 0.2, np.nan).astype(np.float32))
     order = Recipe(target_sigma_deg=0.1, max_lights=5)
-    conclusion = plan.plan_to_target(sure, observations, order, REACH, TRUE.calibration).conclusion
+    conclusion = planned(sure, observations, order).conclusion
     assert conclusion is not None
     left = photometry.mean_sigma_deg(sure, TRUE.calibration)
     assert conclusion.startswith(
@@ -87,7 +96,7 @@ def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, O
     # Errors of a badly fitting model, which images share, leave a negligible gain for many lights.
     rough = replace(normal_map, noise=normal_map.noise | {"misfit": expected_sigma.SETTINGS.max_misfit})
     order = Recipe(target_sigma_deg=0.1, max_lights=40)
-    chosen = plan.plan_to_target(rough, known[1], order, REACH, TRUE.calibration)
+    chosen = planned(rough, known[1], order)
     least = min(point.sigma_deg for point in chosen.forecast)
     predicted = next(point for point in chosen.forecast if point.added >= len(chosen.lights))
     assert len(chosen.lights) < 36
@@ -99,13 +108,13 @@ def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, O
 def test_plan_to_target_first_pass_has_slack_later_is_rescaled(
     known: tuple[NormalMap, Observations],
 ) -> None:
-    curve = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [2, 3])
+    curve = plan.forecast(plan.Problem.of(*known, Recipe(), REACH, TRUE.calibration), [2, 3])
     between = curve[1].sigma_deg / 1.19
     assert len(plan_to(known, target_sigma_deg=between, max_lights=12).lights) == 3
     assert len(plan_to(known, target_sigma_deg=curve[1].sigma_deg / 1.21, max_lights=12).lights) > 3
     # The same images in a session whose pilot is complete.
     later = plan_to(known, target_sigma_deg=between, pilot_lights=3)
-    now = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [0])[0].sigma_deg
+    now = plan.forecast(plan.Problem.of(*known, Recipe(), REACH, TRUE.calibration), [0])[0].sigma_deg
     factor = photometry.mean_sigma_deg(known[0], TRUE.calibration) / now
     assert later.forecast[2].sigma_deg == pytest.approx(curve[1].sigma_deg * factor, rel=1e-6)
 
@@ -117,11 +126,11 @@ def test_plan_to_target_region_only_its_pixels_count(known: tuple[NormalMap, Obs
     inside = photometry.mean_sigma_deg(normal_map, TRUE.calibration, easy)
     assert inside < 0.8 * photometry.mean_sigma_deg(normal_map, TRUE.calibration)
     order = Recipe(target_sigma_deg=inside * 1.21, max_lights=5)
-    met = plan.plan_to_target(normal_map, observations, order, REACH, TRUE.calibration, region=easy)
+    met = planned(normal_map, observations, order, easy)
     assert met.conclusion is not None
-    assert plan.plan_to_target(normal_map, observations, order, REACH, TRUE.calibration).conclusion is None
+    assert planned(normal_map, observations, order).conclusion is None
     with pytest.raises(RigError) as nowhere:
-        plan.plan_to_target(normal_map, observations, order, REACH, TRUE.calibration, region=np.zeros_like(easy))
+        planned(normal_map, observations, order, np.zeros_like(easy))
     assert nowhere.value.code is ErrorCode.NORMALS_INFEASIBLE
 
 

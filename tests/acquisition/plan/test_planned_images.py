@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from acquisition import pilot
-from acquisition.models.recipe import Recipe
+from acquisition.models.recipe import Exposure, Recipe
 from acquisition.models.result import LIT, NormalMap
-from acquisition.plan import criterion, planned_noise, visibility
+from acquisition.plan import planned_images, sample_pixels, visibility
+from acquisition.plan.criterion import prior_information
+from acquisition.plan.planned_images import Gloss, PlannedImages
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -27,19 +29,22 @@ def piloted(true: scenes.Scene) -> NormalMap:
 def test_gloss_is_what_the_solver_leaves_of_its_lobe(ball: scenes.Scene) -> None:
     normal_map = piloted(ball)
     lobes = ({"strength": 0.15, "exponent": 35.0}, {"strength": 0.0, "exponent": 120.0})
-    glossy, matt = (planned_noise.gloss(replace(normal_map, notes={"lobe": lobe})) for lobe in lobes)
-    assert glossy == planned_noise.Gloss(0.2 * 0.15, 35.0)
-    assert matt == planned_noise.gloss(normal_map) == planned_noise.DIFFUSE
+    glossy, matt = (Gloss.of(replace(normal_map, notes={"lobe": lobe})) for lobe in lobes)
+    assert glossy == Gloss(0.2 * 0.15, 35.0)
+    assert matt == Gloss.of(normal_map) == Gloss()
 
 
 def test_candidates_gloss_devalues_light_at_its_highlight(ball: scenes.Scene) -> None:
     normal_map = piloted(ball)
-    sample = criterion.samples(normal_map, ball.calibration, np.arange(len(normal_map.information.rows)))
+    sample = sample_pixels.samples(normal_map, ball.calibration, np.arange(len(normal_map.information.rows)))
     surface = visibility.surface(normal_map, ball.calibration)
     light = scenes.ring(1, 40.0)
     matt, glossy = (
-        np.sum(criterion.candidates(sample, light, surface, ball.calibration, Recipe(), gloss).row[0, :3] ** 2, axis=0)
-        for gloss in (planned_noise.DIFFUSE, planned_noise.Gloss(0.1, 30.0))
+        np.sum(
+            PlannedImages(surface, ball.calibration, Exposure(), gloss).candidates(sample, light).row[0, :3] ** 2,
+            axis=0,
+        )
+        for gloss in (Gloss(), Gloss(0.1, 30.0))
     )
     half = np.array([np.sin(np.radians(20)), 0.0, np.cos(np.radians(20))])  # camera on +z, light at 40° towards +x
     near = half @ sample.normal > np.cos(np.radians(6))
@@ -57,23 +62,22 @@ def test_reweight_scales_information_to_expected_noise(ball: scenes.Scene) -> No
     ratios = {}
     for times in (1.0, 10.0):
         assumed = replace(normal_map, noise={"intensity": times * 0.05, "direction": times * 0.05})
-        sample = criterion.samples(assumed, ball.calibration, np.arange(100))
-        anew = criterion.reweight(sample, assumed, observations, ball.calibration)
-        ratios[times] = np.trace(anew.information - anew.prior, axis1=1, axis2=2)
-        np.testing.assert_array_equal(sample.prior, anew.prior)
+        sample = sample_pixels.samples(assumed, ball.calibration, np.arange(100))
+        anew = sample_pixels.reweight(sample, assumed, observations, ball.calibration)
+        ratios[times] = np.trace(anew.information - prior_information(anew.albedo))
     np.testing.assert_allclose(ratios[10.0] / ratios[1.0], 100.0, rtol=0.05)
 
 
-def random_shading() -> planned_noise.Shading:
+def random_shading() -> planned_images.Shading:
     """Three pixels under two lights."""
     value, cosine, strength, distance = np.random.default_rng(3).uniform(0.1, 0.9, (4, 2, 3)).astype(np.float32)
-    return planned_noise.Shading(np.zeros((2, 3, 3), np.float32), strength, distance, cosine, value)
+    return planned_images.Shading(np.zeros((2, 3, 3), np.float32), strength, distance, cosine, value)
 
 
 def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene) -> None:
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
-        planned_noise.variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, light)
+        planned_images.variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, light)
         for light in (bounced, np.zeros(3, np.float32))
     )
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.0004, 0.04], (2, 1)), rtol=1e-5, atol=1e-12)
@@ -82,7 +86,7 @@ def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene) -> Non
 def test_solved_variance_indirect_light_adds_a_tenth(ball: scenes.Scene) -> None:
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
-        planned_noise.solved_variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, light, piloted(ball))
+        sample_pixels.solved_variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, light, piloted(ball))
         for light in (bounced, np.zeros(3, np.float32))
     )
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.000025, 0.0025], (2, 1)), rtol=1e-4, atol=1e-12)
@@ -96,10 +100,10 @@ def test_reweight_indirect_radiance_follows_share_of_images(ball: scenes.Scene) 
     share = np.zeros(ball.mask.shape, np.float32)
     share[:, 50:64], share[:, 64:80], share[:, 80:] = 0.2, 0.5, 0.9
     with_indirect = replace(normal_map, indirect=share)
-    sample = criterion.samples(with_indirect, ball.calibration, np.arange(len(with_indirect.information.rows)))
+    sample = sample_pixels.samples(with_indirect, ball.calibration, np.arange(len(with_indirect.information.rows)))
     observations = scenes.capture(ball, lights)
-    reweighted = criterion.reweight(sample, with_indirect, observations, ball.calibration)
-    plain = criterion.reweight(sample, normal_map, observations, ball.calibration)
+    reweighted = sample_pixels.reweight(sample, with_indirect, observations, ball.calibration)
+    plain = sample_pixels.reweight(sample, normal_map, observations, ball.calibration)
     np.testing.assert_array_equal(plain.indirect, 0)
 
     rows, columns = sample.row, sample.column
@@ -107,13 +111,13 @@ def test_reweight_indirect_radiance_follows_share_of_images(ball: scenes.Scene) 
     for number in (0, 1, 3):
         s = cases.vectors_by_hand(ball, lights[number], rows, columns)
         cosine = np.sum(s * sample.normal, axis=0) / np.linalg.norm(s, axis=0)
-        given += sample.albedo * np.linalg.norm(s, axis=0) * np.maximum(cosine, criterion.MIN_COSINE) / 4
+        given += sample.albedo * np.linalg.norm(s, axis=0) * np.maximum(cosine, planned_images.MIN_COSINE) / 4
     times = np.select([columns < 50, columns < 64], [0.0, 0.25], 1.0)
     assert set(times) == {0.0, 0.25, 1.0}
     np.testing.assert_allclose(reweighted.indirect, times * given, rtol=1e-3)
 
     # Where it is as bright as the direct light, it dominates: σ is 0.4 of it, where the solver assumed 0.1.
-    left = np.trace(reweighted.information - reweighted.prior, axis1=1, axis2=2)
-    left /= np.trace(sample.information - sample.prior, axis1=1, axis2=2)
+    prior = prior_information(sample.albedo)
+    left = np.trace(reweighted.information - prior) / np.trace(sample.information - prior)
     np.testing.assert_allclose(left[times == 1], 1 / 16, rtol=0.25)
-    np.testing.assert_array_equal(reweighted.information[times == 0], plain.information[times == 0])
+    np.testing.assert_array_equal(reweighted.information[..., times == 0], plain.information[..., times == 0])

@@ -1,0 +1,106 @@
+"""Sample pixels of a normal map, with the information of the images so far reweighted to the planner's noise model."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.result import LIT, NormalMap
+from acquisition.models.shot import Observations
+from acquisition.plan import exposure_options, planned_images, visibility
+from acquisition.plan.criterion import Samples, prior_information
+from acquisition.plan.planned_images import Shading
+
+
+def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
+    """Numbers of the information's pixels that a plan can use: finite, and among those that error figures count."""
+    information = normal_map.information
+    rows, columns = information.rows, information.columns
+    if not len(rows):
+        return np.empty(0, dtype=np.int64)
+    ray_direction = photometry.ray_directions(visibility.rays_at(calibration, rows, columns))
+    normal = normal_map.normals[rows, columns].T
+    cosine = -np.sum(normal * ray_direction, axis=0) / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
+    finite = (
+        np.isfinite(information.matrices).all(axis=(1, 2))
+        & np.isfinite(normal).all(axis=0)
+        & np.isfinite(normal_map.depth[rows, columns])
+        & np.isfinite(normal_map.albedo[rows, columns])
+        & (normal_map.depth[rows, columns] > 0)
+    )
+    counted = photometry.inside(normal_map)[rows, columns] & (cosine > np.cos(np.radians(photometry.GRADED_SLANT_DEG)))
+    return np.flatnonzero(finite & counted)
+
+
+def reweighted(
+    normal_map: NormalMap, observations: Observations, calibration: Calibration, chosen: np.ndarray,
+    offset_sigma_m: float = photometry.SETTINGS.offset_sigma_m,
+) -> Samples:  # fmt: skip
+    """The `samples` with their information reweighted."""
+    return reweight(samples(normal_map, calibration, chosen, offset_sigma_m), normal_map, observations, calibration)
+
+
+def samples(
+    normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray,
+    offset_sigma_m: float = photometry.SETTINGS.offset_sigma_m,
+) -> Samples:  # fmt: skip
+    """Sample pixels of a normal map, by numbers in its `information`, with a prior of their depth offsets in m."""
+    rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
+    ray = visibility.rays_at(calibration, rows, columns)
+    depth = normal_map.depth[rows, columns]
+    albedo = np.maximum(normal_map.albedo[rows, columns], 1e-3)
+    scale = np.array([1.0, 1.0, 1.0, offset_sigma_m])
+    information = normal_map.information.matrices[chosen] * np.outer(scale, scale)
+    return Samples(
+        row=rows,
+        column=columns,
+        point=photometry.points(ray, depth),
+        ray_direction=photometry.ray_directions(ray),
+        normal=np.ascontiguousarray(normal_map.normals[rows, columns].T),
+        albedo=albedo,
+        sigma=np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0)).astype(np.float32),
+        information=np.ascontiguousarray(np.moveaxis(information, 0, 2)) + prior_information(albedo),
+        lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
+        indirect=np.zeros_like(albedo),
+        offset_sigma_m=offset_sigma_m,
+    )
+
+
+def solved_variance(
+    shading: Shading, sensor: FloatArray, calibration: Calibration, indirect: Float32Array, normal_map: NormalMap
+) -> FloatArray:
+    """Variance (K, P) of y by which the solver of `normal_map` weighted such values; arguments as of `variance`."""
+    none = np.zeros(len(shading.value))
+    assumed = photometry.model_noise(calibration, none, none, float(np.mean(shading.distance)))
+    intensity = normal_map.noise.get("intensity", assumed.intensity)
+    direction = normal_map.noise.get("direction", assumed.direction)
+    lamps = (intensity * shading.value) ** 2 + (direction * shading.strength) ** 2
+    predicted = (photometry.SETTINGS.predicted_indirect_sigma * indirect) ** 2
+    return np.asarray(sensor + lamps + predicted)
+
+
+def reweight(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
+    """Reweights the samples' information from the noise that the solver assumed to the planner's noise model.
+
+    The scale is per pixel. Also fills in the mean indirect part of the images.
+    """
+    shots = [(shot, shot.light) for shot in observations.shots if shot.kind == "light" and shot.light is not None]
+    if not shots or len(shots) != len(normal_map.flags):
+        return sample
+    shaded = planned_images.shading(sample, photometry.lamps([light for _, light in shots]), calibration)
+    frames = [exposure_options.of_frames(observations.frames_of(shot)) for shot, _ in shots]
+    sensor, _ = planned_images.sensor_variance(shaded.value, frames, calibration)
+    lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
+    indirect = np.zeros_like(sample.albedo)
+    if normal_map.indirect is not None:
+        share = np.clip(normal_map.indirect[sample.row, sample.column], 0, 0.5)  # no brighter than the direct light
+        indirect = np.asarray(np.mean(np.where(lit, shaded.value, 0), axis=0) * share / (1 - share), np.float32)
+    assumed = solved_variance(shaded, sensor, calibration, indirect, normal_map)
+    expected = planned_images.variance(shaded, sensor, calibration, indirect)
+    before = np.sum(np.where(lit, shaded.strength**2 / assumed, 0.0), axis=0)
+    after = np.sum(np.where(lit, shaded.strength**2 / expected, 0.0), axis=0)
+    scale = np.divide(after, before, out=np.ones_like(before), where=before > 0)
+    prior = prior_information(sample.albedo)
+    return replace(sample, information=(sample.information - prior) * scale + prior, indirect=indirect)
