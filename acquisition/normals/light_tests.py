@@ -119,7 +119,9 @@ def integrable_axes(pixels: Pixels, normals: Float32Array) -> IntegrableAxes:
     up, right, region = up[:, known], right[:, known], _regions(known)
 
     def circulation(axes: FloatArray) -> FloatArray:
-        return np.bincount(region, np.arctan(np.abs(axes[0] @ up - axes[1] @ right)), REGIONS**2)
+        return np.asarray(
+            np.bincount(region, np.arctan(np.abs(axes[0] @ up - axes[1] @ right)), REGIONS**2), np.float64
+        )
 
     best: list[tuple[FloatArray, FloatArray]] = []
     quarters: list[tuple[FloatArray, FloatArray]] = []

@@ -224,7 +224,8 @@ AXES, TURNED, REFINED = "axes of the lamps", "turned lamps", "angle of turned la
 """Kind of the finding, and marks of a problem whose lamps were turned by an angle, and turned once more."""
 
 REFINEMENTS, REFINED_DEG = 2, 0.5
-"""Times that such an angle is measured again, and what is left of it, degrees, that ends it: a fifth of each is left."""
+"""Times that such an angle is measured again, each of which leaves a fifth, and what is left of it that ends it,
+degrees."""
 
 TRANSLUCENT = "translucent surface"
 

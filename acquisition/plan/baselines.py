@@ -81,8 +81,8 @@ def two_rings(count: int, turn: float = 0.0) -> FloatArray:
 def ring(count: int, slant_rad: float, turn: float = 0.0) -> FloatArray:
     """One ring: unit directions (count, 3) at equal steps of azimuth, the first at `turn` of a step.
 
-    At the greatest slant allowed it is the criterion of Gardi, Walter and Garbe for a surface that faces the camera: of
-    unit lights S, tr(B(SᵀS)⁻¹Bᵀ) with B = I − n nᵀ is at least 4/(m sin²θ), which an even ring of three or more attains.
+    At the greatest slant θ allowed it is the optimum of Gardi, Walter and Garbe's criterion of a surface facing the
+    camera: of m unit lights S, tr(B(SᵀS)⁻¹Bᵀ) with B = I − n nᵀ is at least 4/(m sin²θ), which an even ring attains.
     """
     return geometry.direction(slant_rad, (turn + np.arange(count)) * 2 * np.pi / count)
 
