@@ -25,7 +25,8 @@ REASONS: dict[str, str] = {
         residual_noise.GAUSSIAN_MEDIAN_DEVIATION self_calibration.STRONG_EVIDENCE pixel_solve_kernels.CAUCHY_MEAN_WEIGHT
         surface_diffusion.MAX_EIGENVALUE
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
-        light_tests.STATED_AXES light_tests.TURN_SIGNIFICANCE error_variance.FOUR_NEIGHBOURS
+        light_tests.STATED_AXES light_tests.SIDES light_tests.QUARTER_AXES light_tests.TURN_SIGNIFICANCE
+        error_variance.FOUR_NEIGHBOURS
         error_variance.NOISE_DETAIL error_variance.POSTERIOR error_variance.CREASE error_variance.DETAIL
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENT""",

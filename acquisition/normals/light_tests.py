@@ -42,6 +42,12 @@ SETTINGS = LightTestSettings()
 STATED_AXES = np.eye(2)
 """Axes as stated: rows of the 2 × 2 matrix that the lamps' x and y are multiplied by."""
 
+SIDES = (np.diag([1.0, 1.0]), np.diag([-1.0, 1.0]))
+"""Axes as stated and with x mirrored, before they are turned."""
+
+QUARTER_AXES = tuple(turn @ side for side in SIDES for turn in (STATED_AXES, np.array([[0.0, -1.0], [1.0, 0.0]])))
+"""Axes that are turned by quarters, without their opposites: those stated first, then those that are not mirrored."""
+
 TURNS_DEG = np.arange(-90.0, 90.0, 6.0)
 """Angles by which axes are turned on trial, quarter turns among them; between them the circulation's parabola tells. So
 half a step is the least turn that is told from none: of sound captures it is up to 2°."""
@@ -51,7 +57,7 @@ TURN_SIGNIFICANCE = 3.0
 planes with white or blurred noise; 4–13 of lamps turned by 10°, but for machined parts (1.6), whose flat faces hardly
 tell (design seeds 60, 62 and 63, ten lights by two rings)."""
 
-REGIONS = 4
+REGIONS = 8
 """Rows and columns of regions of the object, whose circulations say how significant their sum is."""
 
 
@@ -92,8 +98,9 @@ class IntegrableAxes:
     """Axes (2, 2) under which normals have the least circulation, as they have under the opposite ones.
 
     `best`: of all; `unmirrored`: of those that are not mirrored; `quarter`: of those that are turned by quarters;
-    `turned`: those of the best of either side, mirrored or not, that are significantly better than its quarter turns;
-    `sure`: the best of all is significantly better than any quarter turn.
+    `turned`: the best of either side, mirrored or not, that are significantly better than its quarter turns and not
+    significantly worse than those of the other side; `sure`: the best, or if none is turned the quarter, is
+    significantly better than any quarter turn, or than the stated axes.
     """
 
     best: FloatArray
@@ -123,27 +130,39 @@ def integrable_axes(pixels: Pixels, normals: Float32Array) -> IntegrableAxes:
             np.bincount(region, np.arctan(np.abs(axes[0] @ up - axes[1] @ right)), REGIONS**2), np.float64
         )
 
-    best: list[tuple[FloatArray, FloatArray]] = []
-    quarters: list[tuple[FloatArray, FloatArray]] = []
-    turned: list[FloatArray] = []
-    for side in (np.diag([1.0, 1.0]), np.diag([-1.0, 1.0])):
+    quarters = [_Trial(axes, circulation(axes)) for axes in QUARTER_AXES]
+    best: list[_Trial] = []
+    for side in SIDES:
         costs = np.array([circulation(turned_by(turn) @ side) for turn in TURNS_DEG])
         total = np.sum(costs, axis=1)
-        quarter = min(np.flatnonzero(TURNS_DEG % 90 == 0), key=lambda number: total[number])
         least = int(np.argmin(total))
         turn = TURNS_DEG[least] + (TURNS_DEG[1] - TURNS_DEG[0]) * _parabola_minimum(total)
-        best.append((turned_by(turn) @ side, costs[least]))
-        quarters.append((turned_by(TURNS_DEG[quarter]) @ side, costs[quarter]))
-        if _significance(costs[quarter] - costs[least]) > TURN_SIGNIFICANCE:
-            turned.append(best[-1][0])
-    first, second = (min(group, key=lambda one: float(np.sum(one[1]))) for group in (best, quarters))
-    sure = _significance(second[1] - first[1]) > TURN_SIGNIFICANCE
-    return IntegrableAxes(first[0], best[0][0], second[0], tuple(turned), sure)
+        best.append(_Trial(turned_by(turn) @ side, costs[least]))
+    first, quarter = min(best, key=_Trial.total), min(quarters, key=_Trial.total)
+    turned = tuple(
+        one.axes
+        for one, own in zip(best, (quarters[:2], quarters[2:]), strict=True)
+        if one.better(min(own, key=_Trial.total)) and not first.better(one)
+    )
+    sure = first.better(quarter) if turned else quarter.better(quarters[0])
+    return IntegrableAxes(first.axes, best[0].axes, quarter.axes, turned, sure)
 
 
-def _significance(gained: FloatArray) -> float:
-    """Sum of what regions (R,) gain, in σ of the sum."""
-    return float(np.sum(gained) / max(np.sqrt(len(gained)) * np.std(gained, ddof=1), 1e-12))
+@dataclass(frozen=True)
+class _Trial:
+    """Axes (2, 2) with their circulation by region (R,)."""
+
+    axes: FloatArray
+    circulation: FloatArray
+
+    def total(self) -> float:
+        return float(np.sum(self.circulation))
+
+    def better(self, other: "_Trial") -> bool:
+        """Whether they have significantly less circulation than the other: the sum of what regions gain, in σ."""
+        gained = other.circulation - self.circulation
+        sigma = float(np.sqrt(len(gained)) * np.std(gained, ddof=1))
+        return float(np.sum(gained)) > TURN_SIGNIFICANCE * max(sigma, 1e-12)
 
 
 def _regions(known: BoolArray) -> np.ndarray:

@@ -27,7 +27,7 @@ from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.surface_diffusion import SurfaceGraph
-from acquisition.normals.term_tests import TermScore
+from acquisition.normals.term_tests import TermScore, TermScores
 
 LEAST_OUTWARDNESS, AXES_BETTER = -0.125, 0.8
 """Outwardness below which the opposite axes are tried: −0.03 and more of sound captures of 16 objects (design seeds 60
@@ -104,12 +104,13 @@ def other_axes(present: Solution) -> list[Alternative]:
     opposite, where the normals of the outline point inwards, or where the images fit badly and far better then.
 
     In a poor fit metal competes with them: a wrong reflectance can leave normals whose circulation says anything. And
-    of metal that fits they are not tried, because highlights alone fit a surface under other axes as well.
+    of metal that fits they are tried only where the circulation is significant, because highlights alone fit a surface
+    under other axes as well.
     """
-    if photometry.METAL in present.problem.corrected and not present.badly_fitting:
-        return []
     problem, coarse, normals = present.problem, present.problem.level.coarse, present.state.normals
     found = light_tests.integrable_axes(coarse, normals)
+    if photometry.METAL in problem.corrected and not (present.badly_fitting or found.sure):
+        return []
     if TURNED in problem.corrected:
         # The normals of turned lamps are not turned by quite as much, since light from near fits others worse.
         again = sum(kind.startswith(REFINED) for kind in problem.corrected) + 1
@@ -122,7 +123,7 @@ def other_axes(present: Solution) -> list[Alternative]:
         for axes in found.turned
         for sign in (1, -1)
     ]
-    if found.sure:
+    if found.sure and found.turned:
         return alternatives
     trials, most = (found.quarter, -found.quarter), AXES_BETTER
     if np.array_equal(found.quarter, light_tests.STATED_AXES):
@@ -179,11 +180,13 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     """Images sharpened, where light leaks into shadows as from below the surface.
 
     Not where one image fits far worse, which alone may be blurred, nor after gloss, which is mirrored into shadows, nor
-    of a surface that has drifted away, whose shadows fall elsewhere.
+    after ambient or stray light, which falls there, too, nor of a surface that has drifted away, whose shadows fall
+    elsewhere.
     """
     problem, state, level = present.problem, present.state, present.problem.level
     coarse = level.coarse
-    if {TRANSLUCENT, "gloss", photometry.METAL} & set(problem.corrected) or _worst_image(present.fit) is not None:
+    others = {TRANSLUCENT, *(TERMS[name][0] for name in ("gloss", "metal", "ambient", "offset"))}
+    if others & set(problem.corrected) or _worst_image(present.fit) is not None:
         return []
     if present.out_of_place or not problem.thorough:
         return []
@@ -224,15 +227,18 @@ AXES, TURNED, REFINED = "axes of the lamps", "turned lamps", "angle of turned la
 """Kind of the finding, and marks of a problem whose lamps were turned by an angle, and turned once more."""
 
 REFINEMENTS, REFINED_DEG = 2, 0.5
-"""Times that such an angle is measured again, each of which leaves a fifth, and what is left of it that ends it,
-degrees."""
+"""Times that such an angle is measured again, a fifth of it being left each time, and what is left, degrees, that ends
+it."""
 
 TRANSLUCENT = "translucent surface"
 
 TERMS = {
     "roughness": ("rough surface", "the surface is rough: it is solved with Oren and Nayar's reflectance, roughness"),
     "ambient": ("ambient light", "light from elsewhere falls on the object: it is estimated and subtracted"),
-    "offset": ("stray light", "a black level or stray light is in the images: it is estimated and subtracted"),
+    "offset": (
+        "stray light",
+        "a black level or stray light is in the images, or too much was subtracted: it is estimated and subtracted",
+    ),
     "metal": (
         photometry.METAL,
         "the surface has no diffuse light: it is solved as metal, less surely, of roughness α",
@@ -256,6 +262,8 @@ def other_formation(present: Solution) -> list[Alternative]:
             score: TermScore = getattr(present.scores, name)
             if score.gain > SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
                 alternatives.append(_with_term(problem, name, LAMBERTIAN, 1.0, score.step))
+        if _excess_subtracted(present.scores):
+            alternatives.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, present.scores.offset.step))
     if nominal.terms is None and present.poor:
         alternatives += _metal(present)
         for start in SECOND_STARTS:
@@ -268,6 +276,16 @@ def other_formation(present: Solution) -> list[Alternative]:
         most = model_trial.SETTINGS.better_at_least
         alternatives.append(Alternative("coded values", message, linear, most, CODED_EXPONENT, coding=CODED_EXPONENT))
     return alternatives
+
+
+def _excess_subtracted(scores: TermScores) -> bool:
+    """Whether the score test finds an offset below zero that gains more than any other term: gloss and roughness leave
+    one in half of their captures, a sound Lambertian surface in one of 201 (design seeds 40–64)."""
+    offset = scores.offset
+    if offset.gain <= SETTINGS.min_gain or offset.step >= -SETTINGS.min_step.offset:
+        return False
+    others = (scores.roughness, scores.ambient, scores.gloss)
+    return all(offset.gain > other.gain for other in others if other.step > 0)
 
 
 def _metal(present: Solution) -> list[Alternative]:

@@ -182,10 +182,10 @@ class Alternative:
             return True
         if not after.misfit <= self.worse_at_most * before_fit.misfit:
             return False
-        if self.step > 0:
-            estimated = max(terms.roughness, terms.ambient, terms.offset)
+        if self.step != 0:
+            estimated = terms.roughness + terms.ambient + terms.offset
             return (
-                estimated > SETTINGS.min_step_share * self.step
+                estimated / self.step > SETTINGS.min_step_share
                 or after.misfit <= SETTINGS.term_better * before_fit.misfit
             )
         if self.worse_at_most > SETTINGS.better_at_least:
@@ -208,6 +208,6 @@ class Alternative:
             value = max(terms.gloss, terms.metal)
             message += f" {value:.2f}"
         elif self.kind in ("ambient light", "stray light"):
-            value = max(terms.ambient, terms.offset)
+            value = terms.ambient + terms.offset
             message += f" ({value:.1%} of white)"
         return ModelFinding(kind=self.kind, message=message, corrected=True, value=value)

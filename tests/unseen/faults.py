@@ -58,7 +58,8 @@ def named(name: str | None) -> Fault:
 
 
 def _offset(level: float) -> Fault:
-    """The same value everywhere, of what a white surface gives: stray light in the lens, a black level left in."""
+    """The same value everywhere, of what a white surface gives: stray light in the lens, a black level left in; below
+    zero too much subtracted."""
     return Fault(light=lambda y, scene, rng: y + np.float32(level))
 
 
@@ -82,6 +83,17 @@ def _mirrored(axis: int) -> Fault:
         sign = np.ones(3)
         sign[axis] = -1
         return positions * sign, np.ones(len(positions))
+
+    return Fault(lamps=lamps)
+
+
+def _turned(degrees: float) -> Fault:
+    """The lamps' frame turned about the camera's axis."""
+
+    def lamps(positions: np.ndarray, scene: "Scene", rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+        return positions @ turn.T, np.ones(len(positions))
 
     return Fault(lamps=lamps)
 
@@ -141,6 +153,7 @@ def _flash(y: np.ndarray, scene: "Scene") -> np.ndarray:
 
 
 ALL: dict[str, Fault] = {
+    "offset:-0.03": _offset(-0.03),
     "offset:0.01": _offset(0.01),
     "offset:0.03": _offset(0.03),
     "offset:0.1": _offset(0.1),
@@ -151,6 +164,8 @@ ALL: dict[str, Fault] = {
     "gamma": Fault(encoding=_gamma_coded),
     "mirrored-x": _mirrored(0),
     "mirrored-y": _mirrored(1),
+    "turned:10": _turned(10.0),
+    "turned:-45": _turned(-45.0),
     "swapped": Fault(lamps=_swapped),
     "lamps-shifted": Fault(lamps=_shifted),
     "lamps-scattered": Fault(lamps=_scattered),

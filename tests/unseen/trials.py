@@ -65,7 +65,7 @@ def recorded() -> Generator[Record]:
             Trial(
                 self.kind,
                 float(self.step),
-                float(max(terms.roughness, terms.ambient, terms.offset, terms.gloss, terms.metal)),
+                float(terms.roughness + terms.ambient + terms.offset + terms.gloss + terms.metal),
                 float(trial.fit.misfit / before.fit.misfit),
                 float(trial.fit.share / before.fit.share),
                 bool(verdict),

@@ -41,9 +41,10 @@ def saddle() -> np.ndarray:
 def test_integrable_axes_of_transformed_saddle_are_the_inverse_or_its_opposite(turn_deg: float, mirrored: bool) -> None:
     axes = light_tests.turned_by(turn_deg) @ np.diag([-1.0 if mirrored else 1.0, 1.0])
     found = light_tests.integrable_axes(*sloping(axes @ saddle()))
-    product = (found.best if found.sure else found.quarter) @ axes
+    product = (found.best if found.turned else found.quarter) @ axes
     assert product * np.sign(product[0, 0]) == pytest.approx(np.eye(2), abs=0.02)
-    assert found.sure == (turn_deg % 90 != 0)
+    assert bool(found.turned) == (turn_deg % 90 != 0)
+    assert found.sure == (mirrored or turn_deg not in (0, 180))
 
 
 def test_integrable_axes_of_a_noisy_plane_are_not_turned() -> None:
