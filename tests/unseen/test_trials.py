@@ -30,7 +30,7 @@ def test_selection_tables_show_ranges(tmp_path: Path) -> None:
     trial = {"kind": "ambient light", "step": 0.2, "estimate": 0.1, "misfit": 0.5, "share": 0.5, "accepted": True}
     lines: list[run.Line] = [
         {"material": "lambert", "scores": {"ambient": (9.0, 0.2), "gloss": (8.0, -0.1)}, "trials": [trial]},
-        {"material": "lambert", "scores": {"ambient": (1.0, 0.2)}, "trials": []},
+        {"material": "lambert", "scores": {"ambient": (1.0, 0.2), "exponent": (9.0, -0.1)}, "trials": []},
         {"material": "lambert", "fault": "gamma", "scores": {"ambient": (7.0, 0.001)}, "trials": []},
     ]
     rows = [row.split() for row in tables.selection_tables(lines).splitlines() if row]

@@ -15,7 +15,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from acquisition.normals import model_alternatives, model_selection
+from acquisition.normals import model_alternatives, model_selection, model_trial
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 
 Line = dict[str, object]
@@ -83,17 +83,16 @@ def recorded() -> Generator[Record]:
 def score_table(lines: Sequence[Line], group: Callable[[Line], str], table: Callable[[list[list[str]]], str]) -> str:
     """Gains of the log likelihood by group and term, of captures where the step has an amount that would be tried:
     how many there are, the median gain, the greatest, and how many are demanded."""
+    least = asdict(model_alternatives.SETTINGS.min_step) | {
+        "gloss": model_alternatives.SETTINGS.min_gloss_step,
+        "exponent": model_trial.SETTINGS.coded_exponent,
+    }
     gains: dict[tuple[str, str], list[float]] = defaultdict(list)
     for line in lines:
         scores = cast("dict[str, tuple[float, float]]", line.get("scores") or {})
         for term, (gain, step) in scores.items():
-            gloss = term == "gloss"
-            least = (
-                model_alternatives.SETTINGS.min_gloss_step
-                if gloss
-                else getattr(model_alternatives.SETTINGS.min_step, term)
-            )
-            gains[group(line), term].append(gain if step > least else 0.0)
+            amount = -step if term == "exponent" else step
+            gains[group(line), term].append(gain if amount > least[term] else 0.0)
     rows = [
         [name, term, str(len(all_)), *(f"{value:.1f}" for value in _range(all_)), f"{_demanded(all_)}"]
         for (name, term), all_ in sorted(gains.items())
