@@ -34,7 +34,7 @@ REASONS: dict[str, str] = {
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         lit_mask.MIN_IMAGES reflectance_fit.LAMBERT_PARAMS
         reflectance_kernels.BASIS_SIZE reflectance_kernels.DIFFUSE_PARAMS
-        goodness_of_fit.GRID
+        goodness_of_fit.GRID baselines.FAR_DEG
         reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M
         distant.BRIGHT_ALBEDO reflectance_solve.HIGHLIGHT_SHARE
         equivalent_session.EXPOSURE error_variance.MIN_LIGHTS specular.NO_LOBE
@@ -42,8 +42,7 @@ REASONS: dict[str, str] = {
         translucency.MIN_LIGHTS
         cast_shadows.HIDDEN session_images.BYTES_PER_VALUE candidate_lights.SAME_POSITION_M criterion.MIN_LIGHTS
         photometry.OVERDETERMINED
-        photometry.REDUNDANT prior_forecast.ALBEDO
-        prior_forecast.BEHIND_M""",
+        photometry.REDUNDANT prior_forecast.ALBEDO""",
     "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
@@ -118,7 +117,7 @@ INLINE = {
     "distant": 2, "lit_mask": 1, "reflectance_fit": 6, "reflectance_kernels": 14, "exposure_plan": 2,
     "grey_tile": 1, "image_terms": 4,
     "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "photometry": 1,
-    "photon_transfer": 3, "pixel_solve": 1, "planned_images": 2, "planner": 2, "prior_forecast": 2, "relaxation": 2,
+    "photon_transfer": 3, "pixel_solve": 1, "planned_images": 2, "planner": 2, "prior_forecast": 1, "relaxation": 2,
     "residual_noise": 2, "sample_pixels": 2, "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,
 }  # fmt: skip
 """Numbers within functions that are not plain, by module."""

@@ -21,6 +21,8 @@ DRBOHLAV_SLANT_DEG = 54.74
 
 AZIMUTH_STEPS = 12
 """Azimuths of a ring pattern, as fractions of its step, that are tried."""
+FAR_DEG = 10.0
+"""Angle from its position in the pattern beyond which a light is noted."""
 
 
 def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightPlan:
@@ -31,16 +33,35 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
     """
     if method == "user":
         return _user(recipe, reach)
-    units = lamp_pose.directions(reach.candidates, reach.center, count)
-    rng = np.random.default_rng(recipe.seed)
-    if method == "random":
-        chosen = [int(index) for index in rng.permutation(len(units))[:count]]
-        return _plan(method, chosen, units, reach, ["drawn at random"] * count, [])
-    if method == "max-distance":
-        chosen = _maximin(units, count)
-        return _plan(method, chosen, units, reach, ["maximin distance to the other lights"] * count, [])
     if method == "optimal":
         raise RigError(ErrorCode.REQUEST_INVALID, "method `optimal` is planned from a normal map, not from a pattern")
+    units, notes = lamp_pose.directions(reach.candidates, reach.center, count), list[str]()
+    if method == "random":
+        chosen = np.random.default_rng(recipe.seed).permutation(len(units))[:count].tolist()
+        reasons = ["drawn at random"] * count
+    elif method == "max-distance":
+        chosen, reasons = _maximin(units, count), ["maximin distance to the other lights"] * count
+    else:
+        chosen, miss_deg = _nearest_pattern(method, count, recipe, units)
+        least = "least trace of the inverse Gram matrix, unit lights"
+        why = least if method == "paper" else f"position in the pattern {method}"
+        reasons = [f"{why}, missed by {one:.0f}°" for one in miss_deg]
+        if np.max(miss_deg) > FAR_DEG:
+            notes.append(
+                f"{np.count_nonzero(miss_deg > FAR_DEG)} of {count} lights are more than {FAR_DEG:g}° from their "
+                "position in the pattern: the arm cannot reach closer"
+            )
+    return LightPlan(
+        lights=[lamp_pose.light_at(position, reach.center) for position in reach.candidates[chosen]],
+        method=method,
+        reasons=[f"{describe_direction(unit)}: {reason}" for unit, reason in zip(units[chosen], reasons, strict=True)],
+        notes=notes,
+    )
+
+
+def _nearest_pattern(method: Method, count: int, recipe: Recipe, units: FloatArray) -> tuple[list[int], FloatArray]:
+    """Numbers of the candidates nearest to a ring pattern, at the azimuth where they are nearest, and by how many
+    degrees (count,) they miss it."""
     slants = {
         "ring": np.radians(recipe.slant_deg),
         "drbohlav": np.radians(DRBOHLAV_SLANT_DEG),
@@ -50,19 +71,9 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
         two_rings(count, turn) if method == "two-rings" else ring(count, slants[method], turn)
         for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS
     ]
-    why = f"position in the pattern {method}"
-    if method == "paper":
-        why = "least trace of the inverse Gram matrix, unit lights"
-    options = [lamp_pose.nearest_distinct(ideal, units) for ideal in ideals]
-    chosen, miss = min(options, key=lambda option: float(np.sum(option[1] ** 2)))
-    reasons = [f"{why}, missed by {np.degrees(angle):.0f}°" for angle in miss]
-    notes = []
-    if np.max(miss) > np.radians(10):
-        notes.append(
-            f"{int(np.sum(miss > np.radians(10)))} of {count} lights are more than 10° from their position in the "
-            "pattern: the arm cannot reach closer"
-        )
-    return _plan(method, chosen, units, reach, reasons, notes)
+    found = [lamp_pose.nearest_distinct(ideal, units) for ideal in ideals]
+    chosen, miss = min(found, key=lambda one: float(np.sum(one[1] ** 2)))
+    return chosen, np.degrees(miss)
 
 
 def two_rings(count: int, turn: float = 0.0) -> FloatArray:
@@ -81,8 +92,8 @@ def two_rings(count: int, turn: float = 0.0) -> FloatArray:
 def ring(count: int, slant_rad: float, turn: float = 0.0) -> FloatArray:
     """One ring: unit directions (count, 3) at equal steps of azimuth, the first at `turn` of a step.
 
-    At the greatest slant θ allowed it is the optimum of Gardi, Walter and Garbe's criterion of a surface facing the
-    camera: of m unit lights S, tr(B(SᵀS)⁻¹Bᵀ) with B = I − n nᵀ is at least 4/(m sin²θ), which an even ring attains.
+    At the greatest slant θ allowed it minimises the criterion of Gardi, Walter and Garbe for a surface that faces the
+    camera: of m unit lights S, tr(B(SᵀS)⁻¹Bᵀ) with B = I − n nᵀ is at least 4/(m sin²θ), which m ≥ 3 of a ring attain.
     """
     return geometry.direction(slant_rad, (turn + np.arange(count)) * 2 * np.pi / count)
 
@@ -121,19 +132,6 @@ def _maximin(units: FloatArray, count: int) -> list[int]:
                 chosen[slot] = best
                 improved = True
     return chosen
-
-
-def _plan(
-    method: Method, chosen: list[int], units: FloatArray, reach: Reach, reasons: list[str], notes: list[str]
-) -> LightPlan:
-    return LightPlan(
-        lights=[lamp_pose.light_at(reach.candidates[index], reach.center) for index in chosen],
-        method=method,
-        reasons=[
-            f"{describe_direction(units[index])}: {reason}" for index, reason in zip(chosen, reasons, strict=True)
-        ],
-        notes=notes,
-    )
 
 
 def describe_direction(unit: FloatArray) -> str:

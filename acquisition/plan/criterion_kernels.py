@@ -4,10 +4,14 @@ Symmetric 4 × 4 matrices are held as their ten upper entries, pixels last, in t
 Kernels compile at import, into numba's cache.
 """
 
+from typing import Any
+
 import numba
 import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
+
+OPTIONS: dict[str, Any] = {"cache": True, "parallel": True, "fastmath": True, "error_model": "numpy"}
 
 BLOCK = 256
 """Pixels of a block of work of one thread."""
@@ -41,10 +45,7 @@ def _invert(m: FloatArray, p: int) -> tuple[float, float, float, float, float, f
 @numba.njit(
     "void(float64[:,::1], float32[:,:,::1], float32[:,::1], float64[::1], float32[::1], float32[:,::1], float32[::1],"
     " float32[:,:,::1], float64[:,::1], float32[:,::1])",
-    cache=True,
-    parallel=True,
-    fastmath=True,
-    error_model="numpy",
+    **OPTIONS,
 )
 def posterior(
     prior: FloatArray,  # (10, P) information of (g, ζ) before
@@ -59,15 +60,13 @@ def posterior(
     lit: Float32Array,  # out (S, P) weight of the lights that are seen
 ) -> None:
     """Posterior covariance and angular variance after adding weighted lights, in all visibility scenarios."""
-    scenarios = len(level)
-    pixels = prior.shape[1]
+    scenarios, pixels = len(level), prior.shape[1]
     blocks = (pixels + BLOCK - 1) // BLOCK
     for task in numba.prange(scenarios * blocks):
         s = task // blocks
         start = (task % blocks) * BLOCK
         size = min(BLOCK, pixels - start)
-        m = np.empty((10, size))
-        count = np.zeros(size)
+        m, count = np.empty((10, size)), np.zeros(size)
         for i in range(10):
             for p in range(size):
                 m[i, p] = prior[i, start + p]
@@ -94,25 +93,14 @@ def posterior(
             inner = c00 * x * x + c11 * y * y + c22 * z * z + 2.0 * (c01 * x * y + c02 * x * z + c12 * y * z)
             variance[s, n] = max(c00 + c11 + c22 - inner, 1e-12) * inverse_albedo2[n]
             lit[s, n] = count[p]
-            covariance[s, 0, n] = c00
-            covariance[s, 1, n] = c01
-            covariance[s, 2, n] = c02
-            covariance[s, 3, n] = c03
-            covariance[s, 4, n] = c11
-            covariance[s, 5, n] = c12
-            covariance[s, 6, n] = c13
-            covariance[s, 7, n] = c22
-            covariance[s, 8, n] = c23
-            covariance[s, 9, n] = c33
+            for i, entry in enumerate((c00, c01, c02, c03, c11, c12, c13, c22, c23, c33)):
+                covariance[s, i, n] = entry
 
 
 @numba.njit(
     "void(float32[:,:,::1], float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1],"
     " float32[::1], float64, boolean, float64[::1])",
-    cache=True,
-    parallel=True,
-    fastmath=True,
-    error_model="numpy",
+    **OPTIONS,
 )
 def scan(
     covariance: Float32Array,  # (S, 10, P)
@@ -133,25 +121,15 @@ def scan(
     for k in numba.prange(row.shape[0]):
         total = 0.0
         for s in range(scenarios):
-            part = zero
-            u = level[s]
+            c, part = covariance[s], zero
             for p in range(pixels):
-                a0 = row[k, 0, p]
-                a1 = row[k, 1, p]
-                a2 = row[k, 2, p]
-                a3 = row[k, 3, p]
-                c01 = covariance[s, 1, p]
-                c02 = covariance[s, 2, p]
-                c03 = covariance[s, 3, p]
-                c12 = covariance[s, 5, p]
-                c13 = covariance[s, 6, p]
-                c23 = covariance[s, 8, p]
-                u0 = covariance[s, 0, p] * a0 + c01 * a1 + c02 * a2 + c03 * a3
-                u1 = c01 * a0 + covariance[s, 4, p] * a1 + c12 * a2 + c13 * a3
-                u2 = c02 * a0 + c12 * a1 + covariance[s, 7, p] * a2 + c23 * a3
-                u3 = c03 * a0 + c13 * a1 + c23 * a2 + covariance[s, 9, p] * a3
+                a0, a1, a2, a3 = row[k, 0, p], row[k, 1, p], row[k, 2, p], row[k, 3, p]
+                u0 = c[0, p] * a0 + c[1, p] * a1 + c[2, p] * a2 + c[3, p] * a3
+                u1 = c[1, p] * a0 + c[4, p] * a1 + c[5, p] * a2 + c[6, p] * a3
+                u2 = c[2, p] * a0 + c[5, p] * a1 + c[7, p] * a2 + c[8, p] * a3
+                u3 = c[3, p] * a0 + c[6, p] * a1 + c[8, p] * a2 + c[9, p] * a3
                 along = normal[0, p] * u0 + normal[1, p] * u1 + normal[2, p] * u2
-                seen = one if visibility[k, p] > u else zero
+                seen = one if visibility[k, p] > level[s] else zero
                 gain = (u0 * u0 + u1 * u1 + u2 * u2 - along * along) * inverse_albedo2[p] * seen
                 if slope:
                     part -= gain

@@ -97,10 +97,10 @@ class Gloss:
 
 @dataclass(frozen=True)
 class PlannedImages:
-    """What the images of any lights depend on: the object's surface and gloss, the calibration, and the exposure that
-    the recipe asks for."""
+    """What the images of any lights depend on: the object's surface (None: convex, without cast shadows) and gloss, the
+    calibration, and the exposure that the recipe asks for."""
 
-    surface: Surface
+    surface: Surface | None
     calibration: Calibration
     exposure: Exposure
     gloss: Gloss = Gloss()
@@ -140,7 +140,9 @@ class PlannedImages:
         shaded = shading(sample, lamp, self.calibration)
         sigma = np.hypot(SETTINGS.shadow_sigma, sample.sigma / np.sqrt(2.0))
         lit = ndtr((shaded.cosine - MIN_COSINE) / sigma)
-        return shaded, lit * ndtr(self.surface.clearance(sample.point, lamp) / sigma)
+        if self.surface is not None:
+            lit *= ndtr(self.surface.clearance(sample.point, lamp) / sigma)
+        return shaded, lit
 
     def _seconds(self, shading: Shading, visible: FloatArray) -> FloatArray:
         brightest = np.maximum(np.quantile(np.where(visible > 0.5, shading.value, 0.0), 0.995, axis=1), 1e-4)

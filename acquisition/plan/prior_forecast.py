@@ -10,19 +10,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from acquisition import lamp_pose, photometry
+from acquisition import geometry, lamp_pose, photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import ForecastPoint, Light, PriorForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Reach
-from acquisition.plan import baselines, criterion, design_problem, planner, visibility
+from acquisition.plan import baselines, criterion, design_problem, planner
 from acquisition.plan.criterion import Samples
 from acquisition.plan.design_problem import Problem
 from acquisition.plan.expected_sigma import ExpectedSigma
 from acquisition.plan.planned_images import PlannedImages
-from acquisition.plan.visibility import Surface
 
 SAMPLE_PIXELS = 450
 """Number of sample pixels: with twice as many σ differs by 3 % at most, and an answer takes twice the time."""
@@ -36,9 +36,6 @@ POINTS = 9
 ALBEDO = 0.5
 """Assumed albedo; with automatic exposure σ does not depend on it."""
 
-BEHIND_M = 0.05
-"""Depth of the background behind the sphere's far side, m."""
-
 ASSUMPTION = (
     "Nothing is known of the object before the first image, so a matt sphere of {diameter_mm:.0f} mm is assumed, which "
     "shows every slant and fits the model. Creases, gloss, deep shadows and light between surfaces make σ larger, and "
@@ -47,48 +44,28 @@ ASSUMPTION = (
 """What is assumed, for people."""
 
 
-def assumed_sphere(center: FloatArray, radius_m: float, seed: int) -> tuple[Samples, Surface]:
-    """Sample pixels of a sphere (`center` (3,) m, view frame) seen by a camera at the origin, and its surface.
-
-    The pixels are drawn evenly from its picture out to the graded slant, without any information on their normals.
-    """
-    half = np.tan(np.arcsin(radius_m / np.linalg.norm(center))) * 1.1
-    axis = np.array([center[0], -center[1]]) / -center[2]
-    pitch = 2 * half / visibility.MAP_SIZE
-    steps = (np.arange(visibility.MAP_SIZE) + 0.5) * pitch - half
-    ray = np.stack(np.meshgrid(axis[0] + steps, axis[1] + steps)).astype(np.float32)
-    direction = photometry.ray_directions(ray).astype(np.float64)
-    along = np.einsum("chw,c->hw", direction, center)
-    squared = np.sum(direction**2, axis=0)
-    discriminant = along**2 - squared * (center @ center - radius_m**2)
-    depth = (along - np.sqrt(np.maximum(discriminant, 0))) / squared
-    normal = (direction * depth - center[:, None, None]) / radius_m
-    cosine = -np.sum(normal * direction, axis=0) / np.sqrt(squared)
-    graded = np.argwhere((discriminant > 0) & (cosine > np.cos(np.radians(photometry.GRADED_SLANT_DEG))))
-    chosen = np.random.default_rng(seed).permutation(len(graded))[:SAMPLE_PIXELS]
-    row, column = graded[np.sort(chosen)].T
-    background = float(-center[2] + radius_m + BEHIND_M)
-    surface = Surface(
-        depth=np.ascontiguousarray(np.where(discriminant > 0, depth, background), np.float32),
-        ray_x=float(ray[0, 0, 0]),
-        ray_y=float(ray[1, 0, 0]),
-        pitch=float(pitch),
-        nearest=float(depth[discriminant > 0].min()),
-    )
-    albedo = np.full(len(row), ALBEDO, np.float32)
-    pixels = Samples(
-        row=row,
-        column=column,
-        point=np.ascontiguousarray((direction * depth)[:, row, column], np.float32),
-        ray_direction=np.ascontiguousarray(direction[:, row, column], np.float32),
-        normal=np.ascontiguousarray(normal[:, row, column], np.float32),
+def assumed_sphere(center: FloatArray, radius_m: float) -> Samples:
+    """Sample pixels of a sphere (`center` (3,) m, view frame) seen by a camera at the origin, evenly over its picture
+    out to the graded slant, without any information on their normals."""
+    number, distance = np.arange(SAMPLE_PIXELS), np.linalg.norm(center)
+    sine = np.sqrt((number + 0.5) / SAMPLE_PIXELS) * np.sin(np.radians(photometry.GRADED_SLANT_DEG))
+    polar = np.arcsin(sine) - np.arcsin(sine * radius_m / distance)  # slant to the ray less the ray's own
+    towards_camera, _ = Rotation.align_vectors(-center / distance, [0.0, 0.0, 1.0])
+    normal = towards_camera.apply(geometry.direction(polar, number * np.pi * (3 - np.sqrt(5)))).T
+    point = center[:, None] + radius_m * normal
+    albedo, none = np.full(SAMPLE_PIXELS, ALBEDO, np.float32), np.zeros(SAMPLE_PIXELS, np.float32)
+    return Samples(
+        row=number,
+        column=number,
+        point=np.ascontiguousarray(point, np.float32),
+        ray_direction=np.ascontiguousarray(-point / point[2], np.float32),
+        normal=np.ascontiguousarray(normal, np.float32),
         albedo=albedo,
-        sigma=np.zeros(len(row), np.float32),
+        sigma=none,
         information=criterion.prior_information(albedo),
-        lit=np.zeros(len(row), np.float32),
-        indirect=np.zeros(len(row), np.float32),
+        lit=none,
+        indirect=none,
     )
-    return pixels, surface
 
 
 def forecast(
@@ -100,10 +77,10 @@ def forecast(
     the recipe's first pass, `radius_m` is the assumed sphere's. Raises RigError plan.infeasible when the arm reaches
     too few positions for the recipe's lights.
     """
-    sample, surface = assumed_sphere(reach.center, radius_m, recipe.seed)
+    sample = assumed_sphere(reach.center, radius_m)
     optimal = recipe.method == "optimal"
     counts, known = _counts(recipe, len(reach.candidates)), first_lights if optimal else []
-    images = PlannedImages(surface, calibration, recipe.exposure)
+    images = PlannedImages(None, calibration, recipe.exposure)
     if optimal:
         piloted = images.candidates(sample, first_lights)
         seen = piloted.visibility > 0.5
@@ -131,7 +108,12 @@ def forecast(
     if optimal:
         sigma_deg = [one.sigma_deg for one in planner.forecast(problem, [count - len(known) for count in counts])]
     else:
-        patterns = [_pattern(recipe, first_lights, reach, count) for count in counts]
+        patterns = [
+            first_lights
+            if count == len(first_lights)
+            else baselines.baseline(recipe.method, count, recipe, reach).lights
+            for count in counts
+        ]
         places = [np.array([light.position for light in pattern]) for pattern in patterns]
         sigma_deg = [float(np.mean(problem.sigma_deg(place))) for place in places]
     points = [ForecastPoint(added=n, lights=n, sigma_deg=one) for n, one in zip(counts, sigma_deg, strict=True)]
@@ -147,10 +129,3 @@ def _counts(recipe: Recipe, reachable: int) -> list[int]:
     most = max(total, min(SHOWN_LIGHTS, reachable))
     spread = np.geomspace(fewest, most, POINTS).round().astype(int).tolist()
     return sorted({*spread, total})
-
-
-def _pattern(recipe: Recipe, first_lights: Sequence[Light], reach: Reach, count: int) -> Sequence[Light]:
-    """The lights of the recipe's pattern with `count` images."""
-    if count == len(first_lights):
-        return first_lights
-    return baselines.baseline(recipe.method, count, recipe, reach).lights

@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition import photometry
-from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import LIT, NormalMap
 from acquisition.models.shot import Observations
 from acquisition.plan import exposure_options, planned_images, visibility
 from acquisition.plan.criterion import Samples, prior_information
-from acquisition.plan.planned_images import Shading
 
 
 def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
@@ -68,21 +66,8 @@ def samples(
     )
 
 
-def solved_variance(
-    shading: Shading, sensor: FloatArray, calibration: Calibration, indirect: Float32Array, normal_map: NormalMap
-) -> FloatArray:
-    """Variance (K, P) of y by which the solver of `normal_map` weighted such values; arguments as of `variance`."""
-    none = np.zeros(len(shading.value))
-    assumed = photometry.model_noise(calibration, none, none, float(np.mean(shading.distance)))
-    intensity = normal_map.noise.get("intensity", assumed.intensity)
-    direction = normal_map.noise.get("direction", assumed.direction)
-    lamps = (intensity * shading.value) ** 2 + (direction * shading.strength) ** 2
-    predicted = (photometry.SETTINGS.predicted_indirect_sigma * indirect) ** 2
-    return np.asarray(sensor + lamps + predicted)
-
-
 def reweight(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
-    """Reweights the samples' information from the noise that the solver assumed to the planner's noise model.
+    """Reweights the samples' information from the variance by which the solver weighted to the planner's.
 
     The scale is per pixel. Also fills in the mean indirect part of the images.
     """
@@ -97,7 +82,12 @@ def reweight(sample: Samples, normal_map: NormalMap, observations: Observations,
     if normal_map.indirect is not None:
         share = np.clip(normal_map.indirect[sample.row, sample.column], 0, 0.5)  # no brighter than the direct light
         indirect = np.asarray(np.mean(np.where(lit, shaded.value, 0), axis=0) * share / (1 - share), np.float32)
-    assumed = solved_variance(shaded, sensor, calibration, indirect, normal_map)
+    none = np.zeros(len(lit))
+    usual = photometry.model_noise(calibration, none, none, float(np.mean(shaded.distance)))
+    intensity = normal_map.noise.get("intensity", usual.intensity) * shaded.value
+    direction = normal_map.noise.get("direction", usual.direction) * shaded.strength
+    predicted = photometry.SETTINGS.predicted_indirect_sigma * indirect
+    assumed = sensor + intensity**2 + direction**2 + predicted**2
     expected = planned_images.variance(shaded, sensor, calibration, indirect)
     before = np.sum(np.where(lit, shaded.strength**2 / assumed, 0.0), axis=0)
     after = np.sum(np.where(lit, shaded.strength**2 / expected, 0.0), axis=0)

@@ -1,7 +1,7 @@
 """Cast-shadow visibility by ray marching over the reconstructed depth map.
 
-The depth map is resampled to a grid of undistorted rays, coarse enough to be fast and to smooth its noise; where there
-is no object, the depth is large. A ray's clearance is the least slope at which it passes over the surface.
+The depth map is resampled without distortion, coarse enough to be fast and to smooth its noise; where there is no
+object, the depth is large. A ray's clearance is the least slope at which it passes over the surface.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from acquisition import cast_shadows, photometry
-from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
@@ -22,13 +22,10 @@ MAP_SIZE = 192
 
 @dataclass(frozen=True)
 class Surface:
-    """Depth (h, w) in m on a grid of rays, OpenCV camera frame: the first column's and row's ray, the step in rays, and
-    the object's least depth."""
+    """Depth (h, w) in m as a camera of matrix `camera` (3, 3) without distortion sees it, and the object's least."""
 
     depth: Float32Array
-    ray_x: float
-    ray_y: float
-    pitch: float
+    camera: FloatArray
     nearest: float
 
     def clearance(self, point: Float32Array, lamp: Float32Array) -> Float32Array:
@@ -38,11 +35,11 @@ class Surface:
         out = np.empty((len(lamp), point.shape[1]), np.float32)
         cast_shadows.clearance(
             self.depth,
-            np.array([1, -self.ray_x, 1, -self.ray_y]) / self.pitch,
+            self.camera[[0, 0, 1, 1], [0, 2, 1, 2]],
             np.ascontiguousarray(point * sign[:, None]),
             np.ascontiguousarray(lamp[:, :3] * sign),
             self.nearest,
-            1.5 * self.pitch * self.nearest,
+            1.5 / self.camera[0, 0] * self.nearest,
             out,
         )
         return out
@@ -58,15 +55,15 @@ def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
     low, high = corners.min(axis=1), corners.max(axis=1)
     pitch = float(np.max(high - low)) / MAP_SIZE
     size, first = np.ceil((high - low) / pitch).astype(int) + 3, low - pitch
-    grid = np.array([[1 / pitch, 0, -first[0] / pitch], [0, 1 / pitch, -first[1] / pitch], [0, 0, 1]])
+    camera = np.array([[1 / pitch, 0, -first[0] / pitch], [0, 1 / pitch, -first[1] / pitch], [0, 0, 1]])
     columns_rows = cv2.initUndistortRectifyMap(
-        np.array(calibration.camera_matrix), np.array(calibration.distortion), np.eye(3), grid, size, cv2.CV_32FC1
+        np.array(calibration.camera_matrix), np.array(calibration.distortion), np.eye(3), camera, size, cv2.CV_32FC1
     )
     nearest, farthest = float(normal_map.depth[solved].min()), float(normal_map.depth[solved].max())
     background = farthest + 0.05
     filled = np.where(solved, normal_map.depth, np.float32(background)).astype(np.float32)
     depth = cv2.remap(filled, *columns_rows, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=background)
-    return Surface(np.ascontiguousarray(depth, np.float32), float(first[0]), float(first[1]), pitch, nearest)
+    return Surface(np.ascontiguousarray(depth, np.float32), camera, nearest)
 
 
 def shaded(

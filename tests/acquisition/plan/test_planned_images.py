@@ -83,15 +83,6 @@ def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene) -> Non
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.0004, 0.04], (2, 1)), rtol=1e-5, atol=1e-12)
 
 
-def test_solved_variance_indirect_light_adds_a_tenth(ball: scenes.Scene) -> None:
-    bounced = np.array([0.0, 0.05, 0.5], np.float32)
-    with_it, without = (
-        sample_pixels.solved_variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, light, piloted(ball))
-        for light in (bounced, np.zeros(3, np.float32))
-    )
-    np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.000025, 0.0025], (2, 1)), rtol=1e-4, atol=1e-12)
-
-
 def test_reweight_indirect_radiance_follows_share_of_images(ball: scenes.Scene) -> None:
     """An indirect share i of all light is i / (1 − i) of the direct light; shares are clipped at one half."""
     lights = pilot.pattern(Recipe(), scenes.Dome(refused=0))

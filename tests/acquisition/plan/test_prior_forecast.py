@@ -35,7 +35,7 @@ def points_of(recipe: Recipe) -> list[ForecastPoint]:
 
 
 def test_assumed_sphere_shows_every_graded_slant_evenly() -> None:
-    sample, surface = prior_forecast.assumed_sphere(REACH.center, RADIUS_M, seed=0)
+    sample = prior_forecast.assumed_sphere(REACH.center, RADIUS_M)
     offset = sample.point.T - REACH.center
     np.testing.assert_allclose(np.linalg.norm(offset, axis=1), RADIUS_M, rtol=1e-4)
     np.testing.assert_allclose(sample.normal.T, offset / RADIUS_M, atol=2e-4)
@@ -44,10 +44,6 @@ def test_assumed_sphere_shows_every_graded_slant_evenly() -> None:
     # Even over a disc: the squared sine is uniform up to the graded slant.
     squared_sine = np.sort(1 - cosine**2) / np.sin(np.radians(photometry.GRADED_SLANT_DEG)) ** 2
     np.testing.assert_allclose(squared_sine, (np.arange(len(cosine)) + 0.5) / len(cosine), atol=0.05)
-    x, y, z = REACH.center
-    above = np.array([[x + 0.05, y + 0.02, z + 0.45, 0, 0, -1]], np.float32)
-    facing = np.einsum("cp,cp->p", sample.normal, above[0, :3, None] - sample.point) > 0.1
-    assert np.all(surface.clearance(sample.point, above)[0, facing] > 0)  # a sphere casts no shadow on its lit side
 
 
 def test_prior_forecast_falls_from_pilot_past_recipe_s_number() -> None:
