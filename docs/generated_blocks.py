@@ -123,8 +123,9 @@ def _moved(number: dict[str, Any]) -> tuple[str, str]:
     shown = [f"not measured{why and ': '}{why}"] * 2
     for column, change in enumerate(("halved", "doubled")):
         if change in number:
-            figures = [f"{value:.3f} ± {error:.3f}" for value, error in number[change].values()]
-            shown[column] = f"error {figures[0]}, rms {figures[1]}"
+            shown[column] = ", ".join(
+                f"{name} {value:.3f} ± {error:.3f}" for name, (value, error) in number[change].items()
+            )
     return shown[0], shown[1]
 
 
@@ -133,12 +134,12 @@ def tuned_numbers() -> str:
     from tests.tuned_numbers import settings
 
     measured = json.loads((ROOT / "docs" / "reference" / "sensitivity.json").read_text(encoding="utf-8"))
-    captures = ", ".join(measured["captures"])
+    moved = {key: figures for part in measured.values() for key, figures in part["numbers"].items()}
     lines = [
-        f"Halved and doubled: `python -m tests.unseen sensitivity --write`, {measured['date']}, solver of commit "
-        f"{' and '.join(measured['commits'])}; geometric means over the captures {captures}."
-        if captures
-        else "Halved and doubled: not measured yet; `python -m tests.unseen sensitivity --write` does."
+        f"Halved and doubled, the {part}'s: `python -m tests.unseen sensitivity --numbers "
+        f"{'planner' if part == 'planner' else 'all'} --write`, {one['date']}, commit {' and '.join(one['commits'])}; "
+        f"geometric means over the captures {', '.join(one['captures'])}."
+        for part, one in measured.items()
     ]
     module = ""
     for one in settings():
@@ -151,7 +152,7 @@ def tuned_numbers() -> str:
                 "| number | value | unit | meaning | source or reason | halved | doubled |",
             ]
             lines.append("|---|---|---|---|---|---|---|")
-        halved, doubled = _moved(measured["numbers"].get(one.key, {}))
+        halved, doubled = _moved(moved.get(one.key, {}))
         meaning, source = (text.replace("|", "\\|") for text in (one.meaning, one.source or "none is recorded"))
         lines.append(f"| `{one.name}` | {one.value} | {one.unit} | {meaning} | {source} | {halved} | {doubled} |")
     return "\n".join(lines).strip()

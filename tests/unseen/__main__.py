@@ -6,7 +6,7 @@
     python -m tests.unseen table build/unseen/run.jsonl [--against OTHER.jsonl | --trials]
     python -m tests.unseen fit-sigma --families all --seeds 0:10 --lights 6,8,12,20 --jobs 2 --out build/unseen/sigma
     python -m tests.unseen ablate --families all --seeds 0:4 --lights 8 --write docs/explanation/ablation.md
-    python -m tests.unseen sensitivity --numbers all --write
+    python -m tests.unseen sensitivity --numbers all|planner --write
     python -m tests.unseen dome --families all --seeds 0:2 --choices 200
     python -m tests.unseen guard --out build/guard [--against FOLDER OF ANOTHER CHECKOUT]
     python -m tests.unseen mosaic --families all --seeds 0:2 --lights 10
@@ -28,7 +28,19 @@ from pathlib import Path
 import cv2
 
 from hardware_sim import families
-from tests.unseen import ablation, dome, faults, guard, mosaic, reports, run, sensitivity, sigma_fit, tables
+from tests.unseen import (
+    ablation,
+    dome,
+    faults,
+    guard,
+    mosaic,
+    plan_sensitivity,
+    reports,
+    run,
+    sensitivity,
+    sigma_fit,
+    tables,
+)
 from tests.unseen.patterns import PATTERNS
 from tests.unseen.scenes import GRADINGS, PIXELS
 
@@ -71,8 +83,10 @@ def main(arguments: list[str] | None = None) -> int:
     sites = commands.add_parser("mosaic", help="a mosaic sensor against a monochrome one of the same noise")
     _add_scenes(sites, out=Path("build/unseen/mosaic.jsonl"))
     sites.add_argument("--lights", default="10", help="numbers of images")
-    moved = commands.add_parser("sensitivity", help="halve and double each tuned number of the solver")
-    moved.add_argument("--numbers", default="all", help="all, or modules and module.name, by commas")
+    moved = commands.add_parser("sensitivity", help="halve and double each tuned number")
+    moved.add_argument(
+        "--numbers", default="all", help="all (the solver's), planner, or modules and module.name, by commas"
+    )
     moved.add_argument("--captures", default=sensitivity.CAPTURES, help="family:seed, by commas")
     moved.add_argument("--lights", type=int, default=8)
     moved.add_argument("--out", type=Path, default=Path("build/unseen/sensitivity.jsonl"))
@@ -152,10 +166,15 @@ def _guard(asked: argparse.Namespace) -> int:
 def _sensitivity(asked: argparse.Namespace) -> int:
     numbers = sensitivity.named(asked.numbers)
     captures = [(family, int(seed)) for family, seed in (one.split(":") for one in asked.captures.split(","))]
+    if all(map(sensitivity.of_planner, numbers)):
+        figures = plan_sensitivity.page(captures, asked.lights, numbers)
+        if asked.write:
+            sensitivity.write(figures, "planner")
+        return 0
     added = sensitivity.solve(captures, asked.lights, numbers, asked.out)
     print(f"{added} solves -> {asked.out}")
     if asked.write:
-        sensitivity.write(run.read(asked.out), numbers)
+        sensitivity.write(sensitivity.moved(run.read(asked.out), numbers))
     return 0
 
 

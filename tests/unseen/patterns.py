@@ -81,20 +81,15 @@ def pilot_lights(scene: Scene, azimuth: int, azimuths: int) -> np.ndarray:
 
 def planned(scene: Scene, solved: NormalMap, first: Capture, count: int, azimuth: int) -> Planned:
     """The product's plan of `count` lights in all from the pilot's capture."""
-    seconds = first.seconds
-    shots = [_shot(light, number, seconds[number]) for number, light in enumerate(first.stack.lights)]
-    chosen = plan.choose(
-        plan.Problem.of(
-            solved,
-            Observations(shots=shots, darks={}, frames=_NoFrames()),
-            Recipe(seed=azimuth),
-            Dome(scene),
-            first.calibration,
-        ),
-        count - len(shots),
-        certify=False,
-    )
+    problem = plan.Problem.of(solved, observations(first), Recipe(seed=azimuth), Dome(scene), first.calibration)
+    chosen = plan.choose(problem, count - len(first.stack.lights), certify=False)
     return Planned(places(chosen.lights), chosen.predicted_sigma_deg or float("nan"))
+
+
+def observations(first: Capture) -> Observations:
+    """A pilot's images as the planner knows them."""
+    shots = [_shot(light, number, first.seconds[number]) for number, light in enumerate(first.stack.lights)]
+    return Observations(shots=shots, darks={}, frames=_NoFrames())
 
 
 def oracle(scene: Scene, solved: NormalMap, first: Capture) -> NormalMap:

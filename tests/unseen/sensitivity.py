@@ -44,15 +44,21 @@ KEYS = {"error": "within_78_deg.mean", "rms": "rms"}
 
 
 def named(names: str) -> list[Number]:
-    """The tuned numbers of solver and shared photometry, or of the named modules, or single ones as `module.name`."""
+    """The tuned numbers of solver and shared photometry (`all`), those of the `planner`, or of the named modules, or
+    single ones as `module.name`."""
     found = tuned_numbers.settings()
-    if names == "all":
-        return [one for one in found if not _module(one).__name__.startswith("acquisition.plan.")]
+    if names in ("all", "planner"):
+        return [one for one in found if of_planner(one) == (names == "planner")]
     asked = set(names.split(","))
     chosen = [one for one in found if asked & {one.module, one.key}]
     if missing := asked - {one.module for one in chosen} - {one.key for one in chosen}:
         raise ValueError(f"there is no tuned number {', '.join(sorted(missing))}")
     return chosen
+
+
+def of_planner(number: Number) -> bool:
+    """Whether plans read the number, and solves do not."""
+    return _module(number).__name__.startswith("acquisition.plan.")
 
 
 def scaled(value: Any, factor: float, unit: str) -> Any:
@@ -180,9 +186,10 @@ def _ratios(lines: Sequence[Line], base: Sequence[Line], number: str, change: st
     return out
 
 
-def write(lines: Sequence[Line], numbers: Sequence[Number]) -> None:
-    """Writes what the page of tuned numbers is generated from."""
-    PAGE.write_text(json.dumps(moved(lines, numbers), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+def write(figures: dict[str, Any], section: str = "solver") -> None:
+    """Writes the `solver`'s or `planner`'s figures of what the page of tuned numbers is generated from."""
+    known = json.loads(PAGE.read_text(encoding="utf-8")) if PAGE.exists() else {}
+    PAGE.write_text(json.dumps(known | {section: figures}, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def _module(number: Number) -> ModuleType:

@@ -93,8 +93,8 @@ def test_page_of_tuned_numbers_shows_figures_and_reasons(tmp_path: Path, monkeyp
     page.parent.mkdir(parents=True)
     monkeypatch.setattr(sensitivity, "PAGE", page)
     monkeypatch.setattr(generated_blocks, "ROOT", tmp_path)
-    sensitivity.write(lines(), [PRIOR, OFFSET])
-    assert json.loads(page.read_text(encoding="utf-8"))["commits"] == ["abc1234"]
+    sensitivity.write(sensitivity.moved(lines(), [PRIOR, OFFSET]))
+    assert json.loads(page.read_text(encoding="utf-8"))["solver"]["commits"] == ["abc1234"]
     text = generated_blocks.tuned_numbers()
     row = next(row for row in text.splitlines() if row.startswith("| `prior_scale`"))
     assert row.endswith("| not measured | error 1.100 ± 0.095, rms 0.900 ± 0.105 |")

@@ -3,12 +3,14 @@
 Of a monochrome camera, or a mosaic sensor without a colour calibration, no primaries are known, and none are claimed.
 """
 
+import struct
 from pathlib import Path
 
 import numpy as np
+from PIL import ImageCms
 
 from acquisition import colour
-from acquisition.formats.export import icc_profile, map_files
+from acquisition.formats.export import map_files
 from acquisition.models.base import FloatArray
 from acquisition.models.result import NormalMap
 from acquisition.normals.colour_albedo import SRGB
@@ -24,18 +26,34 @@ def is_srgb(normal_map: NormalMap) -> bool:
 
 def write_exr(path: Path, normal_map: NormalMap) -> None:
     """Channels R, G, B (half, linear), or Y of a grey albedo; zero where there is none, beyond 0–1 as they are."""
+    channels = rgb_channels(normal_map) or {"Y": normal_map.albedo.astype(np.float16)}
+    text = f"albedo, {normal_map.notes.get('colour', 'grey')}; row 0 at the top"
+    write_channels(path, normal_map, channels, comments=text)
+
+
+def rgb_channels(normal_map: NormalMap) -> dict[str, np.ndarray]:
+    """The channels R, G, B (half) of a coloured albedo, none of a grey one."""
+    if normal_map.albedo_rgb is None:
+        return {}
+    return {
+        name: np.ascontiguousarray(normal_map.albedo_rgb[..., index], np.float16) for index, name in enumerate("RGB")
+    }
+
+
+def write_channels(path: Path, normal_map: NormalMap, channels: dict[str, np.ndarray], **texts: str) -> None:
+    """An EXR file of named channels (H, W), texts in its header, with sRGB's primaries where the albedo has them."""
     import OpenEXR  # noqa: PLC0415 - few results are exported
 
-    rgb, header = normal_map.albedo_rgb, {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | texts
     if is_srgb(normal_map):
         header |= {"chromaticities": colour.SRGB_CHROMATICITIES}
-    header |= {"comments": f"albedo, {normal_map.notes.get('colour', 'grey')}; row 0 at the top"}
-    channels = (
-        {"Y": normal_map.albedo.astype(np.float16)}
-        if rgb is None
-        else {name: np.ascontiguousarray(rgb[..., index], np.float16) for index, name in enumerate("RGB")}
-    )
     OpenEXR.File(header, channels).write(str(path))
+
+
+def srgb_profile() -> bytes:
+    """ICC profile of sRGB (LittleCMS), of a fixed date, so that equal results make equal files."""
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    return profile[:24] + struct.pack(">6H", 2026, 1, 1, 0, 0, 0) + profile[36:]
 
 
 def write_png(path: Path, normal_map: NormalMap) -> None:
@@ -53,5 +71,5 @@ def write_png(path: Path, normal_map: NormalMap) -> None:
         coded[rows] = np.round(65535 * values)
     coded[~normal_map.mask] = 0
     space = "sRGB, 1 is white" if calibrated else f"{normal_map.notes.get('colour', 'grey')}, {white:.4g} is white"
-    profile = icc_profile.srgb() if calibrated else None
+    profile = srgb_profile() if calibrated else None
     map_files.png(path, coded, f"albedo, {space}, coded with sRGB's curve", profile)

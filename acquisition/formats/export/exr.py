@@ -7,34 +7,24 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import colour
 from acquisition.formats.export import albedo_files, map_files
 from acquisition.models.result import NormalMap
-
-TEXTS = {
-    "convention": f"N.X N.Y N.Z: unit normal, {map_files.FRAME}",
-    "units": "sigma_deg: degrees; albedo: share of the light, R G B of each channel; zero where unsolved",
-}
 
 
 def write(path: Path, normal_map: NormalMap) -> None:
     """Writes channels N.X, N.Y, N.Z, albedo (half), Z (depth), sigma_deg (float); where known, R, G, B, indirect."""
-    import OpenEXR  # noqa: PLC0415 - few results are exported
-
     channels = {
         f"N.{axis}": np.ascontiguousarray(normal_map.normals[..., index], np.float16)
         for index, axis in enumerate("XYZ")
     }
-    channels["albedo"] = normal_map.albedo.astype(np.float16)
-    if normal_map.albedo_rgb is not None:
-        channels |= {
-            name: np.ascontiguousarray(normal_map.albedo_rgb[..., index], np.float16)
-            for index, name in enumerate("RGB")
-        }
+    channels |= {"albedo": normal_map.albedo.astype(np.float16)} | albedo_files.rgb_channels(normal_map)
     floats = {"Z": normal_map.depth, "sigma_deg": normal_map.sigma_deg, "indirect": normal_map.indirect}
     channels |= {name: np.nan_to_num(values, nan=0.0) for name, values in floats.items() if values is not None}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | TEXTS
-    if albedo_files.is_srgb(normal_map):
-        header |= {"chromaticities": colour.SRGB_CHROMATICITIES}
-    header["units"] = f"Z: depth along the camera's axis, {map_files.depth_unit(normal_map)}; {header['units']}"
-    OpenEXR.File(header, channels).write(str(path))
+    albedo_files.write_channels(
+        path,
+        normal_map,
+        channels,
+        convention=f"N.X N.Y N.Z: unit normal, {map_files.FRAME}",
+        units=f"Z: depth along the camera's axis, {map_files.depth_unit(normal_map)}; sigma_deg: degrees; albedo: "
+        "share of the light, R G B of each channel; zero where unsolved",
+    )

@@ -8,15 +8,16 @@ page cache keeps what memory allows.
 import errno
 import os
 import struct
-import zlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import cv2
 import numpy as np
 import tifffile
+from PIL.PngImagePlugin import PngImageFile
 
 from acquisition.formats.folders.refusal import refusal
 from acquisition.models.base import BoolArray
@@ -111,9 +112,8 @@ def open_images(
         work = [pool.submit(_locate, path, scratch / f"{index}.raw", black_level) for index, path in enumerate(paths)]
         try:
             for path, future in zip(paths, work, strict=True):
-                location, shape = future.result()
-                _refuse_mismatch(path, location, shape, paths[0], located)
-                located.append((location, shape))
+                located.append(future.result())
+                _refuse_mismatch(path, located[-1], paths[0], located[0])
                 if progress is not None:
                     progress(len(located), len(paths))
         finally:
@@ -161,8 +161,11 @@ def decode(path: Path) -> np.ndarray:
         raise refusal(path, "is missing: put it there") from error
     except OSError as error:
         raise refusal(path, f"cannot be read: {error}") from error
-    if content.startswith(PNG_SIGNATURE) and not _png_is_intact(content):
-        raise refusal(path, "is a damaged or truncated PNG file: copy it again")
+    if content.startswith(PNG_SIGNATURE):  # OpenCV accepts some that are not intact
+        try:
+            PngImageFile(BytesIO(content)).verify()
+        except (OSError, SyntaxError, struct.error) as error:
+            raise refusal(path, "is a damaged or truncated PNG file: copy it again") from error
     pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
     if pixels is None:
         raise refusal(path, "is no image, or is damaged or truncated: copy it again")
@@ -244,38 +247,18 @@ def _refuse_format(path: Path, kind: np.dtype, shape: tuple[int, ...]) -> None:
 
 
 def _refuse_mismatch(
-    path: Path,
-    location: PixelLocation,
-    shape: tuple[int, ...],
-    first: Path,
-    located: list[tuple[PixelLocation, tuple[int, ...]]],
+    path: Path, image: tuple[PixelLocation, tuple[int, ...]], first: Path, other: tuple[PixelLocation, tuple[int, ...]]
 ) -> None:
-    if not located:
-        return
-    if shape[:2] != located[0][1][:2]:
-        raise refusal(path, f"is {_size(shape)}, {first.name} is {_size(located[0][1])}: use images of one size")
-    if shape != located[0][1]:
+    """Refuses an image of another size, number of channels or type than the `first` one."""
+    (location, shape), (first_location, first_shape) = image, other
+    if shape[:2] != first_shape[:2]:
+        raise refusal(path, f"is {_size(shape)}, {first.name} is {_size(first_shape)}: use images of one size")
+    if shape != first_shape:
         raise refusal(path, f"and {first.name} differ in their number of channels: save all as grey or all as RGB")
-    kinds = [np.dtype(one.dtype).newbyteorder("=").name for one in (location, located[0][0])]
+    kinds = [np.dtype(one.dtype).newbyteorder("=").name for one in (location, first_location)]
     if kinds[0] != kinds[1]:
         raise refusal(path, f"holds {kinds[0]} values, {first.name} {kinds[1]}: save all images with the same depth")
 
 
 def _size(shape: tuple[int, ...]) -> str:
     return f"{shape[1]} × {shape[0]} pixels"
-
-
-def _png_is_intact(content: bytes) -> bool:
-    """Whether a PNG's chunks are complete and their CRCs right; the decoder accepts some that are not."""
-    position = len(PNG_SIGNATURE)
-    while position + 12 <= len(content):
-        length = int.from_bytes(content[position : position + 4], "big")
-        end = position + 12 + length
-        if end > len(content):
-            return False
-        if zlib.crc32(content[position + 4 : end - 4]) != int.from_bytes(content[end - 4 : end], "big"):
-            return False
-        if content[position + 4 : position + 8] == b"IEND":
-            return True
-        position = end
-    return False

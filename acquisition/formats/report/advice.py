@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 
 from acquisition.formats.export import lights_used
+from acquisition.formats.report import pictures
 from acquisition.formats.report.context import ReportContext
 from acquisition.models.base import BoolArray, FloatArray
-from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, NormalMap
+from acquisition.models.result import CAST, HIGHLIGHT, NormalMap
 from acquisition.normals import memory_mapped
 
 MIN_LIGHTS = 3
@@ -61,9 +62,7 @@ def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]
         warnings.append(f"{_percent(share)} of the pixels were lit by fewer than three lights: {advice}.")
     warnings += _image_warnings(normal_map, context)
     highlighted = np.zeros_like(normal_map.silhouette)
-    for flags in memory_mapped.iterate(
-        normal_map.flags
-    ):  # image by image: all flags at once may not fit into memory twice
+    for flags in memory_mapped.iterate(normal_map.flags):  # all at once may not fit into memory twice
         highlighted |= (flags & HIGHLIGHT) > 0
     highlights = np.count_nonzero(highlighted & normal_map.silhouette) / object_pixels
     if highlights > 5 * MIN_REPORTED_SHARE:
@@ -129,15 +128,10 @@ def _underlit_sample(normal_map: NormalMap, underlit: BoolArray) -> tuple[np.nda
 def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     warnings: list[str] = []
     left_out = [finding.value for finding in normal_map.findings if finding.kind == "bad image"]
-    for number, (name, flags) in enumerate(
-        zip(context.names, memory_mapped.iterate(normal_map.flags), strict=True), start=1
-    ):
+    for number, (name, share) in enumerate(zip(context.names, pictures.shares(normal_map), strict=True), start=1):
         if number in left_out:  # none of its pixels is used, for which no exposure is to blame
             continue
-        inside = flags[normal_map.silhouette]
-        clipped = float(np.mean((inside & SATURATED) > 0)) if inside.size else 0.0
-        lit = float(np.mean((inside & LIT) > 0)) if inside.size else 0.0
-        shadow = float(np.mean((inside & (CAST | ATTACHED)) > 0)) if inside.size else 0.0
+        lit, clipped, shadow = share
         if clipped > 5 * MIN_REPORTED_SHARE:
             warnings.append(f"{name}: {_percent(clipped)} of the pixels are clipped: expose it shorter.")
         elif lit < 0.1 and shadow < 0.8:

@@ -172,7 +172,7 @@ def _lights(normal_map: NormalMap, context: ReportContext) -> str:
         rows.append(
             f"<tr><td>{number}<td>{html.escape(name)}<td>{np.degrees(np.arctan2(np.hypot(x, y), z)):.0f}°"
             f"<td>{np.degrees(np.arctan2(y, x)):.0f}°<td>{normal_map.intensity_factors[number]:.3f}"
-            f"<td>{shares['used'][number]:.0%}<td>{shares['saturated'][number]:.1%}"
+            f"<td>{shares[number][0]:.0%}<td>{shares[number][1]:.1%}"
         )
     return "".join(rows)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from acquisition.formats.export import lights_used
 from acquisition.models.base import BoolArray, Float32Array
-from acquisition.models.result import LIT, SATURATED, NormalMap
+from acquisition.models.result import ATTACHED, CAST, LIT, SATURATED, NormalMap
 from acquisition.normals import memory_mapped, silhouette
 
 MAX_SIDE_PX = 460
@@ -108,16 +108,11 @@ def scale_top(values: Float32Array, mask: BoolArray, least: float) -> float:
     return float(np.ceil(high / step) * step)
 
 
-def shares(normal_map: NormalMap) -> dict[str, list[float]]:
-    """For each image the shares of the object's pixels that were used and that were clipped."""
+def shares(normal_map: NormalMap) -> list[list[float]]:
+    """For each image the shares of the object's pixels that were used, that were clipped, and that were in shadow."""
     count = max(1, np.count_nonzero(normal_map.silhouette))
-    return {
-        name: [
-            float(np.count_nonzero(flags[normal_map.silhouette] & bit)) / count
-            for flags in memory_mapped.iterate(normal_map.flags)
-        ]
-        for name, bit in (("used", LIT), ("saturated", SATURATED))
-    }
+    inside = (flags[normal_map.silhouette] for flags in memory_mapped.iterate(normal_map.flags))
+    return [[np.count_nonzero(one & bits) / count for bits in (LIT, SATURATED, CAST | ATTACHED)] for one in inside]
 
 
 def _window(mask: BoolArray) -> tuple[slice, slice]:
