@@ -40,7 +40,7 @@ REASONS: dict[str, str] = {
         equivalent_session.EXPOSURE error_variance.MIN_LIGHTS specular.NO_LOBE
         surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE sensor_estimate.MAX_EXPOSURE_RATIO
         translucency.MIN_LIGHTS
-        cast_shadows.HIDDEN session_images.BYTES_PER_VALUE candidate_lights.SAME_POSITION_M criterion.MIN_LIGHTS
+        cast_shadows.HIDDEN session_images.BYTES_PER_VALUE criterion.MIN_LIGHTS
         photometry.OVERDETERMINED
         photometry.REDUNDANT prior_forecast.ALBEDO""",
     "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE",

@@ -60,7 +60,7 @@ class Refusal(Value):
 
 
 class Reach(Protocol):
-    """Reachable light positions: the only interface of the arm for the stages that choose lights."""
+    """Light positions to choose from: the only interface of the arm for the stages that choose lights."""
 
     @property
     def candidates(self) -> FloatArray:
@@ -72,10 +72,9 @@ class Reach(Protocol):
         """The dome's centre (3,), m, view frame, towards which the lamp's axis points."""
         ...
 
-    @property
-    def radius_m(self) -> float:
-        """The dome's radius, m."""
-        ...
+
+class ArmReach(Reach, Protocol):
+    """The reach of an arm, which may get to other positions too."""
 
     def allows(self, position: FloatArray) -> Refusal | None:
         """None if the lamp can be moved to `position` (3,) and back home, else the refusal."""

@@ -12,7 +12,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Method, Recipe
-from acquisition.models.route import Reach
+from acquisition.models.route import ArmReach, Reach
 
 INNER_SLANT_DEG, OUTER_SLANT_DEG = 25.0, 55.0
 """Slants of the two rings; decision 0029."""
@@ -26,15 +26,13 @@ FAR_DEG = 10.0
 
 
 def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightPlan:
-    """Fixed light pattern of a method other than `optimal`, without a prediction of σ.
+    """Fixed light pattern of a method, without a prediction of σ.
 
-    Raises RigError plan.infeasible when the reach does not allow so many lights, waypoints.unreachable naming the
-    user's own lights that the arm cannot reach, request.invalid for `optimal`, which needs a normal map.
+    Raises RigError plan.infeasible when the reach does not allow so many lights, request.invalid for methods that are
+    no pattern.
     """
-    if method == "user":
-        return _user(recipe, reach)
-    if method == "optimal":
-        raise RigError(ErrorCode.REQUEST_INVALID, "method `optimal` is planned from a normal map, not from a pattern")
+    if method in ("optimal", "user"):
+        raise RigError(ErrorCode.REQUEST_INVALID, f"method `{method}` is no pattern")
     units, notes = lamp_pose.directions(reach.candidates, reach.center, count), list[str]()
     if method == "random":
         chosen = np.random.default_rng(recipe.seed).permutation(len(units))[:count].tolist()
@@ -140,7 +138,8 @@ def describe_direction(unit: FloatArray) -> str:
     return f"slant {np.degrees(slant):.0f}°, azimuth {np.degrees(azimuth) % 360:.0f}°"
 
 
-def _user(recipe: Recipe, reach: Reach) -> LightPlan:
+def user_lights(recipe: Recipe, reach: ArmReach) -> LightPlan:
+    """The user's own lights. Raises RigError waypoints.unreachable naming those that the arm cannot reach."""
     positions = np.array(recipe.user_lights, dtype=float).reshape(-1, 3)
     refusals = {
         number: refusal for number, position in enumerate(positions) if (refusal := reach.allows(position)) is not None

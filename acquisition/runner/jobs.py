@@ -86,6 +86,8 @@ def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.
 def first_lights(recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path) -> LightPlan:
     """The lights of the first pass: the pilot's, or all those of a pattern."""
     reach = _reach(cell, calibration, cache)
+    if recipe.method == "user":
+        return baselines.user_lights(recipe, reach)
     if recipe.method != "optimal":
         return baselines.baseline(recipe.method, recipe.lights_total, recipe, reach)
     lights = pilot.pattern(recipe, reach)

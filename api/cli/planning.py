@@ -26,12 +26,11 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import MEAN_ERROR_PER_SIGMA, SolveSettings
-from acquisition.models.route import Reach
 from acquisition.normals import distant, equivalent_session, near_light
 from acquisition.normals.equivalent_session import EquivalentSession
 from acquisition.normals.image_set import DistantLights, ImageSet, NearLights, check
 from acquisition.plan import design_problem
-from acquisition.plan.candidate_lights import FreeDome, ListedLights
+from acquisition.plan.candidate_lights import CandidateLights
 from acquisition.runner.session_solve import solve_in_cell
 
 MIN_PILOT = 3
@@ -259,7 +258,7 @@ def read_candidates(path: Path) -> FloatArray:
 
 def _reach(
     request: PlanRequest, capture: Capture, session: EquivalentSession, offer: Offer | None
-) -> tuple[Reach, Offer | None]:
+) -> tuple[CandidateLights, Offer | None]:
     """The candidates about the object, and what is left of the offer."""
     center = session.center
     positions = [shot.light.position for shot in session.observations.shots if shot.light is not None]
@@ -268,7 +267,7 @@ def _reach(
         radius_m = float(np.mean(np.linalg.norm(pilot, axis=1)))
         radius_m = radius_m if request.radius_mm is None else request.radius_mm / 1000
         slant_deg = MAX_SLANT_DEG if request.max_slant_deg is None else request.max_slant_deg
-        return FreeDome(center, radius_m, float(np.radians(slant_deg))), None
+        return CandidateLights.dome(center, radius_m, float(np.radians(slant_deg))), None
     offsets = capture.frame.view(offer.own)
     if capture.frame.word == "position":
         offsets = offsets - center
@@ -292,19 +291,24 @@ def _reach(
         kept &= within
     if len(left.numbers) < request.count:
         raise _too_few(request, left)
-    return ListedLights(center + offsets[kept], center), left
+    return CandidateLights(center + offsets[kept], center), left
 
 
 # ------------------------------------------------------------------------------------------------------ what comes out
 
 
 def _outcome(
-    request: PlanRequest, capture: Capture, pilot: Sequence[int], reach: Reach, chosen: LightPlan, offer: Offer | None
+    request: PlanRequest,
+    capture: Capture,
+    pilot: Sequence[int],
+    reach: CandidateLights,
+    chosen: LightPlan,
+    offer: Offer | None,
 ) -> dict[str, Any]:
     """The figures of `--json`; errors are means over the pixels seen within 78° of their normal."""
     frame = capture.frame
     notes = list(chosen.notes)
-    if offer is None or not isinstance(reach, ListedLights):
+    if offer is None:
         view = np.array([light.position for light in chosen.lights])
         if frame.word == "direction":
             view = (view - reach.center) / np.linalg.norm(view - reach.center, axis=1, keepdims=True)

@@ -27,7 +27,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.normals import near_light
 from acquisition.normals.image_set import ImageSet
-from acquisition.plan.candidate_lights import ListedLights
+from acquisition.plan.candidate_lights import CandidateLights
 from tests.unseen import grading, scenes
 from tests.unseen.captures import capture, write_folder
 from tests.unseen.patterns import PILOT_LIGHTS
@@ -75,7 +75,7 @@ def lamps(scene: Scene) -> np.ndarray:
 
 def pilot_numbers(scene: Scene) -> list[int]:
     """The dome's lamps that match the recipe's pilot best."""
-    dome = ListedLights(lamps(scene), scene.center)
+    dome = CandidateLights(lamps(scene), scene.center)
     return dome.numbers(pilot.pattern(Recipe(pilot_lights=PILOT_LIGHTS), dome))
 
 

@@ -4,7 +4,7 @@ Tracing is what costs time, and it depends on neither finish nor light: so it is
 for the few draws that the parts of the study share, and used for the diffuse and the glossy version and all lights.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import cv2
@@ -15,7 +15,7 @@ from acquisition import geometry
 from acquisition.capture import region
 from acquisition.models import cell_config
 from acquisition.models.base import BoolArray, FloatArray
-from acquisition.models.route import Refusal
+from acquisition.plan.candidate_lights import CandidateLights
 from acquisition.waypoints.roadmap import dome_center, dome_lights
 from hardware_sim import footprint, grade, nominal, objects, render
 from hardware_sim.render import Lamp, Lens, View
@@ -34,23 +34,6 @@ CACHED_GEOMETRIES = 3
 
 NEAR_OBJECT_PX = 2
 """Table pixels this close to the object, px, are sampled like it: they may be taken for its edge."""
-
-
-@dataclass(frozen=True)
-class UnrestrictedDome:
-    """A reach that refuses no light on the cell's dome; implements `models.route.Reach`."""
-
-    candidates: FloatArray
-    center: FloatArray
-    radius_m: float
-    largest_slant_rad: float
-
-    def allows(self, position: FloatArray) -> Refusal | None:
-        """None on the dome's cap."""
-        slant, _ = geometry.slant_azimuth(np.asarray(position, dtype=float) - self.center)
-        if slant <= self.largest_slant_rad + 1e-9:
-            return None
-        return Refusal(reason="too-far", detail=f"slant {np.degrees(slant):.0f}° is below the dome's rim")
 
 
 class Geometry:
@@ -78,12 +61,7 @@ class Geometry:
         self.table_depth_m = region.table_depth_m(self.cell, known)
         center = dome_center(self.cell, known)
         lights = dome_lights(self.cell, known, self.cell.dome.candidates)
-        self.dome = UnrestrictedDome(
-            np.array([light.position for light in lights]),
-            center,
-            self.cell.dome.radius_m,
-            float(np.radians(self.cell.dome.max_slant_deg)),
-        )
+        self.dome = CandidateLights(np.array([light.position for light in lights]), center)
 
     @cached_property
     def views(self) -> tuple[View, View]:

@@ -24,8 +24,9 @@ from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
+from acquisition.plan.candidate_lights import CandidateLights
 from acquisition.session import max_passes
-from api.cli.study.scene_geometry import Geometry, UnrestrictedDome
+from api.cli.study.scene_geometry import Geometry
 from hardware_sim import grade, render, sensor
 from hardware_sim.render import Lamp
 from hardware_sim.world import PROFILES
@@ -94,7 +95,7 @@ class Scene:
         return self.geometry.calibration
 
     @property
-    def dome(self) -> UnrestrictedDome:
+    def dome(self) -> CandidateLights:
         """The allowed positions of lights."""
         return self.geometry.dome
 

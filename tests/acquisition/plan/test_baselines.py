@@ -154,7 +154,7 @@ def test_baseline_optimal_method_is_refused() -> None:
 def test_baseline_user_lights_are_used_unchanged() -> None:
     reach = Dome()
     given = [tuple(float(x) for x in reach.center + reach.radius_m * geometry.direction(0.5, a)) for a in (0, 2, 4)]
-    chosen = plan.baseline("user", 3, Recipe(method="user", user_lights=given), reach)
+    chosen = baselines.user_lights(Recipe(method="user", user_lights=given), reach)
     assert [light.position for light in chosen.lights] == given
     for light in chosen.lights:
         toward = (reach.center - np.array(light.position)) / reach.radius_m
@@ -166,6 +166,6 @@ def test_baseline_unreachable_user_lights_are_named_by_number() -> None:
     slants = (0.5, 1.4, 0.6, 1.5)
     given = [tuple(float(x) for x in reach.center + 0.45 * geometry.direction(slant, slant)) for slant in slants]
     with pytest.raises(RigError, match=r"user light 1: .*; user light 3: ") as caught:
-        plan.baseline("user", 4, Recipe(method="user", user_lights=given), reach)
+        baselines.user_lights(Recipe(method="user", user_lights=given), reach)
     assert caught.value.code == ErrorCode.WAYPOINTS_UNREACHABLE
     assert caught.value.context["lights"] == [1, 3]

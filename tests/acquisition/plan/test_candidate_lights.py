@@ -8,7 +8,7 @@ from acquisition.models.cell_config import MIN_SLANT_DEG
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
-from acquisition.plan.candidate_lights import FreeDome, ListedLights
+from acquisition.plan.candidate_lights import CandidateLights
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -25,37 +25,27 @@ def piloted(cushion: scenes.Scene) -> NormalMap:
     return cases.known_map(cushion, pilot.pattern(Recipe(), scenes.Dome(refused=0)))
 
 
-def listed(count: int, *, below: float = 2.0) -> ListedLights:
+def listed(count: int, *, below: float = 2.0) -> CandidateLights:
     """Lamps of a dome, in random order, those with y above `below` m left out."""
-    free = FreeDome(scenes.Dome(refused=0).center, 0.45, np.radians(70)).candidates
+    free = CandidateLights.dome(scenes.Dome(refused=0).center, 0.45, np.radians(70)).candidates
     some = free[np.random.default_rng(3).permutation(len(free))]
-    return ListedLights(some[some[:, 1] < below][:count], scenes.Dome(refused=0).center)
+    return CandidateLights(some[some[:, 1] < below][:count], scenes.Dome(refused=0).center)
 
 
 @pytest.mark.parametrize("max_slant_deg", [30.0, 70.0, 85.0])
-def test_free_dome_candidates_fill_it_and_are_allowed(max_slant_deg: float) -> None:
-    dome = FreeDome(CENTER, 0.4, np.radians(max_slant_deg))
+def test_free_dome_candidates_fill_it(max_slant_deg: float) -> None:
+    dome = CandidateLights.dome(CENTER, 0.4, np.radians(max_slant_deg))
     offsets = dome.candidates - CENTER
     slant_deg = np.degrees(geometry.slant_azimuth(offsets)[0])
     np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), 0.4)
     assert slant_deg.min() == pytest.approx(MIN_SLANT_DEG)
     assert slant_deg.max() == pytest.approx(max_slant_deg)
     assert np.linalg.norm(np.mean(offsets[:, :2], axis=0)) < 0.01
-    slants = np.radians([5.0, 20.0, max_slant_deg + 1])
-    refusals = [dome.allows(CENTER + 0.4 * geometry.direction(slant, 1.0)) for slant in slants]
-    assert [None if one is None else one.reason for one in refusals] == ["blocks-view", None, "too-far"]
-
-
-def test_listed_lights_allow_their_own_positions_only() -> None:
-    lamps = listed(20)
-    assert lamps.radius_m == pytest.approx(0.45)
-    assert all(lamps.allows(position) is None for position in lamps.candidates)
-    assert lamps.allows(lamps.candidates[3] + [0, 0, 0.001]) is not None
 
 
 def test_listed_numbers_of_doubled_positions_are_distinct() -> None:
     lamps = listed(6)
-    doubled = ListedLights(np.concatenate([lamps.candidates, lamps.candidates[[2, 2]]]), lamps.center)
+    doubled = CandidateLights(np.concatenate([lamps.candidates, lamps.candidates[[2, 2]]]), lamps.center)
     lights = [lamp_pose.light_at(lamps.candidates[place], lamps.center) for place in (2, 5, 2, 2)]
     numbers = doubled.numbers(lights)
     assert numbers[1] == 5
@@ -70,7 +60,7 @@ def test_choose_listed_stays_on_list_wherever_it_lies(below: float, piloted: Nor
         plan.Problem.of(piloted, cases.NO_OBSERVATIONS, Recipe(), lamps, cushion.calibration, surround=False), 5
     )
     assert len(set(lamps.numbers(chosen.lights))) == 5
-    assert all(lamps.allows(np.array(light.position)) is None for light in chosen.lights)
+    assert all(np.any(np.all(np.isclose(lamps.candidates, light.position), axis=1)) for light in chosen.lights)
     assert 0 < (chosen.efficiency or 0) <= 1
 
 
@@ -94,7 +84,7 @@ def test_choose_one_of_nine_listed_is_among_the_best(piloted: NormalMap, cushion
     alone = [
         plan.choose(
             plan.Problem.of(
-                *arguments, ListedLights(lamps.candidates[[one]], lamps.center), cushion.calibration, surround=False
+                *arguments, CandidateLights(lamps.candidates[[one]], lamps.center), cushion.calibration, surround=False
             ),
             1,
             certify=False,
