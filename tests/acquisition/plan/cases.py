@@ -11,13 +11,13 @@ from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import LIT, FisherInformation, NormalMap
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.plan import criterion, planned_images, sample_pixels, visibility
+from acquisition.plan import planned_images, sample_pixels, visibility
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.planned_images import PlannedImages
 from tests.acquisition.scenes import Frames, Scene
 
-CAPPED = float(np.radians(criterion.SETTINGS.cap_deg) ** -2)
-"""The inverse cap of plans where two rings leave little."""
+CAPPED = float(np.radians(3.0) ** -2)
+"""The inverse of a cap of 3°."""
 
 NO_OBSERVATIONS = Observations(shots=[], darks={}, frames=Frames())
 

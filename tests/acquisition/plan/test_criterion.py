@@ -12,7 +12,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.plan import planned_images, sample_pixels, visibility
-from acquisition.plan.criterion import SETTINGS, VISIBILITY_LEVELS, Candidates, Posterior
+from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Posterior
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 from tests.acquisition.plan.cases import CAPPED
@@ -37,7 +37,7 @@ def variance_by_hand(lights: Candidates, chosen: list[int]) -> FloatArray:
 
 
 def objective_by_hand(variance: FloatArray) -> float:
-    return float(np.mean(variance / (1 + variance / np.radians(SETTINGS.cap_deg) ** 2)))
+    return float(np.mean(variance / (1 + variance * CAPPED)))
 
 
 @settings(max_examples=15, deadline=None)
@@ -81,11 +81,8 @@ def test_posterior_shadow_gains_nothing_uncertain_visibility_less(seed: int) -> 
     assert np.all(doubtful.scan(before, CAPPED) >= lit.scan(before, CAPPED) * (1 - 1e-6))
 
 
-@pytest.mark.parametrize(
-    ("sigma_deg", "cap_deg"),
-    [((0.1, 0.3), 3.0), ((0.7, 0.7), 3.0), ((1.0, 1.0), 4.0), ((1.0, 3.0), 8.0)],  # four times the mean, or 3°
-)
-def test_posterior_uncertain_two_rings_raises_cap(sigma_deg: tuple[float, float], cap_deg: float) -> None:
+@pytest.mark.parametrize(("sigma_deg", "cap_deg"), [((0.1, 0.3), 0.8), ((1.0, 1.0), 4.0), ((1.0, 3.0), 8.0)])
+def test_cap_is_four_times_what_two_rings_leave(sigma_deg: tuple[float, float], cap_deg: float) -> None:
     variance = np.tile(np.radians(sigma_deg) ** 2, (3, 1))
     rings = Posterior(np.zeros((3, 10, 2), np.float32), variance, np.full((3, 2), 4.0, np.float32))
     assert rings.inverse_cap == pytest.approx(np.radians(cap_deg) ** -2)
