@@ -14,6 +14,7 @@ among them suffer least from wrong depth; what makes plans even is the wide prio
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -64,6 +65,16 @@ class Samples:
     indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
     offset_sigma_m: float = photometry.SETTINGS.offset_sigma_m  # ζ = 1 is a depth offset of so much
 
+    @cached_property
+    def upper(self) -> FloatArray:
+        """The upper entries (10, P) of the information."""
+        return self.information[np.triu_indices(4)]
+
+    @cached_property
+    def inverse_albedo2(self) -> Float32Array:
+        """1/ρ² (P,)."""
+        return (1.0 / self.albedo**2).astype(np.float32)
+
     def thinned(self, step: int) -> "Samples":
         """Every `step`-th pixel."""
         values = {one.name: getattr(self, one.name) for one in fields(self)}
@@ -113,18 +124,19 @@ class Candidates:
         self, chosen: Sequence[int] | npt.NDArray[np.intp] | None = None, weight: FloatArray | None = None
     ) -> Posterior:
         """Bayesian update by the `chosen` lights (M,), None: all of them, each `weight` (M,) times, None: once."""
-        numbers = np.arange(len(self.row)) if chosen is None else np.asarray(chosen, np.intp)
+        numbers = slice(None) if chosen is None else np.asarray(chosen, np.intp)
+        row, visibility = self.row[numbers], self.visibility[numbers]
         shape = (len(VISIBILITY_LEVELS), len(self.sample.albedo))
         covariance = np.empty((shape[0], 10, shape[1]), np.float32)
         variance, lit = np.empty(shape), np.empty(shape, np.float32)
         criterion_kernels.posterior(
-            self.sample.information[np.triu_indices(4)],
-            self.row[numbers],
-            self.visibility[numbers],
-            np.ones(len(numbers)) if weight is None else weight,
+            self.sample.upper,
+            row,
+            visibility,
+            np.ones(len(row)) if weight is None else weight,
             np.array(VISIBILITY_LEVELS, np.float32),
             self.sample.normal,
-            self._inverse_albedo2,
+            self.sample.inverse_albedo2,
             covariance,
             variance,
             lit,
@@ -151,17 +163,13 @@ class Candidates:
             self.row,
             self.visibility,
             self.sample.normal,
-            self._inverse_albedo2,
+            self.sample.inverse_albedo2,
             np.array(VISIBILITY_LEVELS, np.float32),
             inverse_cap,
             slope,
             out,
         )
         return out
-
-    @property
-    def _inverse_albedo2(self) -> Float32Array:
-        return (1.0 / self.sample.albedo**2).astype(np.float32)
 
 
 def prior_information(albedo: Float32Array) -> FloatArray:
