@@ -8,6 +8,7 @@ direction does not count, as it would be in shadow again.
 import cv2
 import numpy as np
 
+from acquisition import geometry
 from acquisition.formats.export import lights_used
 from acquisition.formats.report import pictures
 from acquisition.formats.report.context import ReportContext
@@ -88,24 +89,20 @@ def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]
 
 
 def missing_side(normal_map: NormalMap, underlit: BoolArray, directions: FloatArray) -> str | None:
-    """From which side most of the pixels `few` (H, W) would be lit, in words; none when none lights a third of them."""
+    """From which side most of the pixels `underlit` (H, W) would be lit, in words; none: no light does a third."""
     normals, flags = _underlit_sample(normal_map, underlit)
     if not len(normals):
         return None
-    best, most = None, 0.0
-    for slant in SLANTS_DEG:
-        for number, side in enumerate(SIDES):
-            azimuth = np.radians(45.0 * number)
-            unit = np.array([np.cos(azimuth), np.sin(azimuth), 0]) * np.sin(np.radians(slant))
-            unit[2] = np.cos(np.radians(slant))
-            cosine = normals @ unit
-            same_side = directions @ unit > SAME_SIDE_COSINE
-            shadowed = np.any(flags[same_side] & CAST, axis=0) if np.any(same_side) else np.zeros(len(normals), bool)
-            lit = (cosine > MIN_COSINE) & ~shadowed
-            light = float(np.mean(np.where(lit, cosine, 0)))
-            if light > most and np.mean(lit) > MIN_RELIT_SHARE:
-                best, most = f"from the {side}, about {slant:.0f}° off the viewing axis", light
-    return best
+    slant_deg, side = (one.ravel() for one in np.meshgrid(SLANTS_DEG, np.arange(len(SIDES)), indexing="ij"))
+    units = geometry.direction(np.radians(slant_deg), side * np.radians(45.0))
+    cosine = units @ normals.T
+    same_side = units @ directions.T > SAME_SIDE_COSINE
+    lit = (cosine > MIN_COSINE) & (same_side.astype(int) @ ((flags & CAST) > 0) == 0)
+    light = np.where(np.mean(lit, axis=1) > MIN_RELIT_SHARE, np.mean(np.where(lit, cosine, 0), axis=1), 0.0)
+    best = int(np.argmax(light))
+    return (
+        f"from the {SIDES[side[best]]}, about {slant_deg[best]:.0f}° off the viewing axis" if light[best] > 0 else None
+    )
 
 
 def _underlit_sample(normal_map: NormalMap, underlit: BoolArray) -> tuple[np.ndarray, np.ndarray]:
@@ -149,7 +146,11 @@ def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     if not np.any(normal_map.mask):
         return ["No pixel could be solved: check lamps, exposure and mask."]
     warnings = [f"{finding.message[0].upper()}{finding.message[1:]}." for finding in normal_map.findings]
-    warnings += _poor_images(normal_map, context)
+    probabilities = [] if normal_map.fit is None else normal_map.fit.image_probabilities
+    named = zip(context.names, probabilities, strict=False)
+    poor = [name for name, probability in named if probability is not None and probability < MIN_PROBABILITY]
+    if poor and len(poor) <= len(probabilities) / 2:  # most of them do not fit as badly
+        warnings.append(f"{', '.join(poor)}: fits the others badly: check that image and its lamp.")
     sigma = normal_map.sigma_deg[normal_map.mask]
     uncertain = float(np.mean(sigma[np.isfinite(sigma)] > MAX_SIGMA_DEG)) if np.any(np.isfinite(sigma)) else 0.0
     if uncertain > 5 * MIN_REPORTED_SHARE:
@@ -157,21 +158,6 @@ def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
             f"{_percent(uncertain)} of the normals are uncertain by more than {MAX_SIGMA_DEG:.0f}°: add lights."
         )
     return warnings
-
-
-def _poor_images(normal_map: NormalMap, context: ReportContext) -> list[str]:
-    """Images that fit worse than those of sound captures do, unless most of them fit as badly."""
-    if normal_map.fit is None:
-        return []
-    probabilities = normal_map.fit.image_probabilities
-    poor = [
-        name
-        for name, probability in zip(context.names, probabilities, strict=True)
-        if probability is not None and probability < MIN_PROBABILITY
-    ]
-    if not poor or len(poor) > len(probabilities) / 2:
-        return []
-    return [f"{', '.join(poor)}: fits the others badly: check that image and its lamp."]
 
 
 def _percent(share: float) -> str:

@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from math import degrees, sqrt
+from math import ceil, degrees, log10, sqrt
 from pathlib import Path
 from typing import Any, cast
 
@@ -106,8 +106,7 @@ def _rows(rows: Sequence[tuple[str, str]]) -> str:
 
 def _correlations(names: Sequence[str], covariance: Sequence[Sequence[float]]) -> str:
     """Correlations as a table, those above a half in colour."""
-    sigma = [sqrt(max(covariance[one][one], 0.0)) for one in range(len(names))]
-    rows = ""
+    sigma, rows = _sigmas(covariance), ""
     for one, name in enumerate(names):
         cells = ""
         for other in range(one + 1):
@@ -141,10 +140,7 @@ def _number(value: float, sigma: float | None) -> str:
     """A value to the second digit of its σ."""
     if not sigma:
         return f"{value:.6g}"
-    digits = 0
-    while sigma * 10**digits < 9.95 and digits < 9:
-        digits += 1
-    return f"{value:.{digits}f}"
+    return f"{value:.{min(max(ceil(log10(9.95 / sigma)), 0), 9)}f}"
 
 
 def _short(value: float) -> str:

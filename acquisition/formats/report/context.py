@@ -11,23 +11,14 @@ class ReportContext:
     """Title, lights, solver and figures of one result, for its report."""
 
     title: str
-    names: tuple[str, ...]
-    """Of each image (F)."""
-    directions: FloatArray
-    """(F, 3) unit vectors from the object to the lights, view frame."""
-    groups: tuple[str, ...] = ()
-    """For each image the group of its light, such as `pilot` and `planned`; none: one group."""
+    names: tuple[str, ...]  # of each image (F)
+    directions: FloatArray  # (F, 3) unit vectors from the object to the lights, view frame
+    groups: tuple[str, ...] = ()  # of each image's light, such as `pilot` and `planned`; none: one group
     solver: str = ""
-    why: str = ""
-    """Why that solver."""
+    why: str = ""  # that solver
     seconds: Mapping[str, float] = field(default_factory=dict[str, float])
-    predicted_sigma_deg: float | None = None
-    """Mean σ that the plan expected."""
-    error_deg: Mapping[str, float] = field(default_factory=dict[str, float])
-    """Errors against known truth: mean, median, 95 %; empty where no truth is known."""
-    drawings: tuple[tuple[str, str], ...] = ()
-    """Of how the images were taken: what each shows, and an SVG element."""
-    warnings: tuple[str, ...] = ()
-    """Sentences that whoever read the images has for the person."""
-    calibration_checked: str = ""
-    """When the calibration was checked, and with which result; empty: no cell of its own is known."""
+    predicted_sigma_deg: float | None = None  # mean σ that the plan expected
+    error_deg: Mapping[str, float] = field(default_factory=dict[str, float])  # against known truth; empty: none is
+    drawings: tuple[tuple[str, str], ...] = ()  # how the images were taken: what each shows, and an SVG element
+    warnings: tuple[str, ...] = ()  # sentences that whoever read the images has for the person
+    calibration_checked: str = ""  # when, and with which result; empty: no cell of its own is known

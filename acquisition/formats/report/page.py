@@ -12,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from acquisition import geometry
 from acquisition.formats.report import advice, pictures
 from acquisition.formats.report.context import ReportContext
 from acquisition.formats.report.pictures import ReducedMaps
@@ -151,10 +152,9 @@ def _dome(context: ReportContext) -> str:
         for slant in (30, 60, 90)
     ]
     kinds = sorted(set(context.groups))
-    for number, (x, y, z) in enumerate(context.directions.tolist()):
-        off_axis = np.degrees(np.arctan2(np.hypot(x, y), z)) / 90
-        length = max(np.hypot(x, y), 1e-9)
-        column, row = middle + radius * off_axis * x / length, middle - radius * off_axis * y / length
+    for number, (slant, azimuth) in enumerate(zip(*geometry.slant_azimuth(context.directions), strict=True)):
+        outwards = radius * slant / (np.pi / 2)
+        column, row = middle + outwards * np.cos(azimuth), middle - outwards * np.sin(azimuth)
         kind = kinds.index(context.groups[number]) if context.groups else 0
         parts.append(
             f'<g class="light kind{kind}"><circle cx="{column:.1f}" cy="{row:.1f}" r="8" />'
@@ -166,15 +166,15 @@ def _dome(context: ReportContext) -> str:
 
 
 def _lights(normal_map: NormalMap, context: ReportContext) -> str:
-    shares = pictures.shares(normal_map)
-    rows: list[str] = []
-    for number, (name, (x, y, z)) in enumerate(zip(context.names, context.directions.tolist(), strict=True)):
-        rows.append(
-            f"<tr><td>{number}<td>{html.escape(name)}<td>{np.degrees(np.arctan2(np.hypot(x, y), z)):.0f}°"
-            f"<td>{np.degrees(np.arctan2(y, x)):.0f}°<td>{normal_map.intensity_factors[number]:.3f}"
-            f"<td>{shares[number][0]:.0%}<td>{shares[number][1]:.1%}"
-        )
-    return "".join(rows)
+    slants, azimuths = np.degrees(geometry.slant_azimuth(context.directions))
+    figures = zip(
+        context.names, slants, azimuths, normal_map.intensity_factors, pictures.shares(normal_map), strict=True
+    )  # fmt: skip
+    return "".join(
+        f"<tr><td>{number}<td>{html.escape(name)}<td>{slant:.0f}°<td>{azimuth:.0f}°<td>{factor:.3f}"
+        f"<td>{used:.0%}<td>{clipped:.1%}"
+        for number, (name, slant, azimuth, factor, (used, clipped, _)) in enumerate(figures)
+    )
 
 
 def _albedo(small: ReducedMaps) -> np.ndarray:
