@@ -122,15 +122,16 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                     for p in range(size):
                         image[f, 7, p] = image[f, 6, p]
             for p in range(size):
-                # LDLᵀ of M
-                m1, m2, m4 = pixel[1, p], pixel[2, p], pixel[4, p]
+                # LDLᵀ of M, whose pivots are no less than the prior's precision, though rounded they may be: one bright
+                # highlight can weigh 10⁷ times as much.
+                m1, m2, m4, least = pixel[1, p], pixel[2, p], pixel[4, p], pixel[16, p]
                 b0 = pixel[6, p]
                 i0 = one / pixel[0, p]
                 l1 = m1 * i0
                 l2 = m2 * i0
-                i1 = one / (pixel[3, p] - l1 * m1)
+                i1 = one / max(pixel[3, p] - l1 * m1, least)
                 l3 = (m4 - l2 * m1) * i1
-                i2 = one / (pixel[5, p] - l2 * m2 - l3 * (m4 - l2 * m1))
+                i2 = one / max(pixel[5, p] - l2 * m2 - l3 * (m4 - l2 * m1), least)
                 u1 = pixel[7, p] - l1 * b0
                 u2 = pixel[8, p] - l2 * b0 - l3 * u1
                 z = u2 * i2

@@ -201,7 +201,7 @@ def test_solve_hollow_metal_is_solved_as_metal_and_not_by_lamps_from_the_other_s
     """Of the smoother ones hardly a pixel has four highlights: no misfit is known of the Lambertian solve."""
     result = solved(dish, reflected(dish, read(dish), Reflectance("metal", alpha)))
     assert kinds(result) == [("metal", True)]
-    assert mean_deg(dish, result) < 3
+    assert mean_deg(dish, result) < 4
 
 
 def test_solve_smooth_metal_that_fits_is_not_tried_under_other_axes(dish: scenes.Scene) -> None:
