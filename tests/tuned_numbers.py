@@ -82,7 +82,7 @@ REASONS: dict[str, str] = {
         image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP model_alternatives.GLOSS_START
         model_alternatives.METAL_START model_alternatives.REFINEMENTS model_alternatives.REFINED_DEG""",
     "grids of what may be chosen": """
-        exposure_options.SHORTEST exposure_options.LONGEST exposure_options.FRAMES exposure_options.RATIOS
+        exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS
         translucency.LENGTHS_PX translucency.TESTED_PX light_tests.TURNS_DEG model_alternatives.SECOND_STARTS""",
     "pictures": """
         explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE explain.SHOWN_RANGE""",

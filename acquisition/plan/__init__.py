@@ -8,7 +8,7 @@ before the first image, and `baseline` gives the fixed patterns that plans are c
 
 from acquisition.plan.baselines import baseline
 from acquisition.plan.design_problem import Problem
-from acquisition.plan.exposure_options import CaptureTimes
+from acquisition.plan.exposure_plan import CaptureTimes
 from acquisition.plan.planner import choose, forecast
 from acquisition.plan.stopping_rule import plan_to_target
 

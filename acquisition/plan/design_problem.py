@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -10,15 +10,14 @@ from acquisition import lamp_pose, photometry
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.light_plan import Light
+from acquisition.models.light_plan import FrameExposure, Light
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
-from acquisition.plan import exposure_options, sample_pixels, visibility
+from acquisition.plan import sample_pixels, visibility
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.expected_sigma import ExpectedSigma
-from acquisition.plan.exposure_options import Exposures
 from acquisition.plan.planned_images import Gloss, PlannedImages
 
 SAMPLE_PIXELS = 900
@@ -40,7 +39,7 @@ class Problem:
     positions: FloatArray  # (K, 3) m, view frame, of the candidates
     units: FloatArray  # (K, 3)
     captured: FloatArray  # (T, 3) unit directions of the lights captured so far
-    exposures: Sequence[Exposures]  # of the same
+    exposures: Sequence[Sequence[FrameExposure]]  # of the same
     images: PlannedImages
     expected: ExpectedSigma
     search_sample: Samples
@@ -60,8 +59,8 @@ class Problem:
         """
         order = np.random.default_rng(recipe.seed).permutation(_counted(normal_map, calibration, region))
         half = max(len(order) // 2, photometry.SETTINGS.min_sample // 2)
+        sample = partial(sample_pixels.samples, normal_map, calibration, observations=observations)
         wide = photometry.SETTINGS.integrated_depth_sigma_m
-        known = normal_map, observations, calibration
         shots = [shot for shot in observations.shots if shot.kind == "light"]
         positions, units = candidates_of(reach, surround=surround)
         return cls(
@@ -70,15 +69,15 @@ class Problem:
             positions=positions,
             units=units,
             captured=directions([shot.light for shot in shots if shot.light is not None], reach),
-            exposures=[exposure_options.of_frames(observations.frames_of(shot)) for shot in shots],
+            exposures=[sample_pixels.of_frames(observations.frames_of(shot)) for shot in shots],
             images=PlannedImages(
                 visibility.surface(normal_map, calibration), calibration, recipe.exposure, Gloss.of(normal_map)
             ),
             expected=ExpectedSigma.of(
                 normal_map, lamp_pose.common_direction_sigma_rad(reach.candidates, reach.center, calibration)
             ),
-            search_sample=sample_pixels.reweighted(*known, np.sort(order[:half][:SAMPLE_PIXELS]), wide),
-            holdout_sample=sample_pixels.reweighted(*known, np.sort(order[half:][:SAMPLE_PIXELS])),
+            search_sample=sample(np.sort(order[:half][:SAMPLE_PIXELS]), wide),
+            holdout_sample=sample(np.sort(order[half:][:SAMPLE_PIXELS])),
         )
 
     @cached_property
@@ -90,7 +89,9 @@ class Problem:
         """Lights at positions (M, 3) with their axes towards the dome's centre."""
         return [lamp_pose.light_at(position, self.reach.center) for position in positions]
 
-    def rows(self, sample: Samples, positions: FloatArray, exposures: Sequence[Exposures] | None = None) -> Candidates:
+    def rows(
+        self, sample: Samples, positions: FloatArray, exposures: Sequence[Sequence[FrameExposure]] | None = None
+    ) -> Candidates:
         """Design rows of lights at positions (M, 3), m, view frame; exposures as of `PlannedImages.candidates`."""
         return self.images.candidates(sample, self.lights(positions), exposures)
 

@@ -77,7 +77,7 @@ class PlacedForecast:
 def basis(problem: Problem, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Basis:
     """Prepares gains and forecasts from the last result and the `problem` that was made of it."""
     usable = sample_pixels.usable(normal_map, calibration)
-    shown = sample_pixels.reweighted(normal_map, observations, calibration, usable)
+    shown = sample_pixels.samples(normal_map, calibration, usable, observations=observations)
     silhouette = normal_map.silhouette
     rows, columns = np.flatnonzero(silhouette.any(axis=1)), np.flatnonzero(silhouette.any(axis=0))
     cut = silhouette[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]

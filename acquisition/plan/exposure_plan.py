@@ -4,21 +4,21 @@ What a further light is worth sets the price of time: the angular variance of a 
 as n^−1.26, so a session of expected loss L and capture time T is as good as any that has the same L · T^1.26, and the
 exposures minimise this product (for the exponent 1 the efficiency of a Monte Carlo estimate; Hammersley and Handscomb
 1964). The loss is that of the lights' choice, with the sensor's variance at each pixel by the frames that do not
-saturate there. Coordinate descent over the lights, each time over all options of one (`exposure_options`), whose times
-are octaves so that lights share lamp-off frames. Decision 0067.
+saturate there. Coordinate descent over the lights, each time over all options of one, whose times are octaves so that
+lights share lamp-off frames. Decision 0067.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import FrameExposure, LightExposure
+from acquisition.models.recipe import Exposure
 from acquisition.models.tuned import tuned
-from acquisition.plan import exposure_options
 from acquisition.plan.design_problem import Problem
-from acquisition.plan.exposure_options import CaptureTimes
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,38 @@ class ExposurePlanSettings:
 
 SETTINGS = ExposurePlanSettings()
 
+SHORTEST, LONGEST = -3, 6
+"""Octaves of the exposure times, relative to the automatic one, among which a light's are chosen."""
+
+FRAMES = (1, 2, 4)
+"""Numbers of equal frames among which the shorter exposure's is chosen."""
+
+RATIOS = (2, 3, 4, 5)
+"""Octaves by which the longer of two exposure times exceeds the shorter."""
+
+
 SWEEPS = 3
 """Most rounds of the coordinate descent; most plans are settled after two."""
+
+
+@dataclass(frozen=True)
+class CaptureTimes:
+    """Limits and times of a capture, s: the camera's shortest and longest exposure, the time between two lights without
+    their frames (path, settling, lamp), and that of a frame beside its exposure."""
+
+    shortest_s: float
+    longest_s: float
+    move_s: float
+    frame_s: float
+
+    def of_light(self, exposures: Sequence[FrameExposure]) -> float:
+        """Time of one light's frames, s."""
+        return sum(one.frames * (one.exposure_s + self.frame_s) for one in exposures)
+
+    def of_pass(self, lights: Sequence[Sequence[FrameExposure]]) -> float:
+        """Time of a pass's lights with their moves and the lamp-off frames of all their exposure times, s."""
+        times = {one.exposure_s for exposures in lights for one in exposures}
+        return sum(self.move_s + self.of_light(one) for one in lights) + sum(times) + len(times) * self.frame_s
 
 
 def choose(
@@ -48,9 +78,7 @@ def choose(
         return None
     automatic_s = problem.images.automatic_seconds(problem.search_sample, problem.lights(positions))
     usual_s = np.clip(automatic_s, times.shortest_s, times.longest_s).tolist()
-    chosen = _descend(
-        problem, positions, [exposure_options.options(one, wanted, times) for one in usual_s], inverse_cap, times
-    )
+    chosen = _descend(problem, positions, [options(one, wanted, times) for one in usual_s], inverse_cap, times)
     count, usual = len(positions), [[FrameExposure(exposure_s=one)] for one in usual_s]
     both = problem.rows(problem.holdout_sample, np.concatenate([positions, positions]), [*chosen, *usual])
 
@@ -65,8 +93,28 @@ def choose(
     ]
 
 
+def options(automatic_s: float, wanted: Exposure, times: CaptureTimes) -> list[list[FrameExposure]]:
+    """All exposures that one light may get: equal frames of one time, or these and one longer frame, in octaves."""
+    base = np.floor(np.log2(automatic_s) + 1e-9)
+
+    def exposure(octave: int, frames: int = 1) -> FrameExposure:
+        return FrameExposure(exposure_s=round(float(2.0 ** (base + octave)), 6), frames=frames)
+
+    def is_allowed(exposures: Sequence[FrameExposure]) -> bool:
+        within = all(times.shortest_s <= one.exposure_s <= times.longest_s for one in exposures)
+        few = sum(one.frames for one in exposures) <= wanted.max_frames_per_light
+        return within and few and sum(one.frames * one.exposure_s for one in exposures) <= wanted.seconds_per_light
+
+    found: list[list[FrameExposure]] = []
+    for octave, frames in product(range(SHORTEST, LONGEST + 1), FRAMES):
+        one = exposure(octave, frames)
+        longer = [octave + ratio for ratio in RATIOS if octave <= 0 and octave + ratio <= LONGEST]
+        found += [[one], *([one, exposure(further)] for further in longer)]
+    return [one for one in found if is_allowed(one)] or [[FrameExposure(exposure_s=automatic_s)]]
+
+
 def _descend(
-    problem: Problem, positions: FloatArray, options: Sequence[list[list[FrameExposure]]], inverse_cap: float,
+    problem: Problem, positions: FloatArray, choices: Sequence[list[list[FrameExposure]]], inverse_cap: float,
     times: CaptureTimes,
 ) -> list[list[FrameExposure]]:  # fmt: skip
     """Coordinate descent of loss · time^1.26 over the exposure options of each light."""
@@ -74,12 +122,12 @@ def _descend(
     spent_s = times.of_pass(problem.exposures) if problem.exposures else 0.0
     rows = [
         problem.rows(sample, np.repeat(position[None], len(some), axis=0), some)
-        for position, some in zip(positions, options, strict=True)
+        for position, some in zip(positions, choices, strict=True)
     ]
-    chosen = [some[0] for some in options]
+    chosen = [some[0] for some in choices]
     for sweep in range(SWEEPS):
         before = list(chosen)
-        for number, some in enumerate(options):
+        for number, some in enumerate(choices):
             others = [one for one in range(count) if one != number and (sweep > 0 or one < number)]
             known = [chosen[one] for one in others]
             losses = rows[number].scan(problem.rows(sample, positions[others], known).posterior(), inverse_cap)

@@ -22,7 +22,6 @@ from acquisition.models.recipe import UNPLANNED_FACTOR, Exposure
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.plan.criterion import Candidates, Samples
-from acquisition.plan.exposure_options import Exposures
 from acquisition.plan.visibility import Surface
 
 MIN_COSINE = SolveSettings().shadow_threshold
@@ -106,7 +105,7 @@ class PlannedImages:
     gloss: Gloss = Gloss()
 
     def candidates(
-        self, sample: Samples, lights: Sequence[Light], exposures: Sequence[Exposures] | None = None
+        self, sample: Samples, lights: Sequence[Light], exposures: Sequence[Sequence[FrameExposure]] | None = None
     ) -> Candidates:
         """Whitened design rows and visibility probabilities of lights, at each light's own exposures.
 
@@ -162,7 +161,7 @@ def shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> Sh
 
 
 def sensor_variance(
-    value: Float32Array, exposures: Sequence[Exposures], calibration: Calibration
+    value: Float32Array, exposures: Sequence[Sequence[FrameExposure]], calibration: Calibration
 ) -> tuple[FloatArray, BoolArray]:
     """The sensor's part of the variance of values (K, P) by each light's exposures, and which are saturated."""
     variances, saturated = np.empty(value.shape), np.empty(value.shape, np.bool_)

@@ -9,7 +9,7 @@ from acquisition.models.light_plan import ForecastPoint, LightPlan
 from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA
 from acquisition.plan import baselines, criterion, exposure_plan, optimise, relaxation
 from acquisition.plan.design_problem import Problem
-from acquisition.plan.exposure_options import CaptureTimes
+from acquisition.plan.exposure_plan import CaptureTimes
 
 
 def choose(

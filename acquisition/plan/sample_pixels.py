@@ -1,14 +1,17 @@
 """Sample pixels of a normal map, with the information of the images so far reweighted to the planner's noise model."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from acquisition import photometry
 from acquisition.models.calibration import Calibration
+from acquisition.models.light_plan import FrameExposure
 from acquisition.models.result import LIT, NormalMap
-from acquisition.models.shot import Observations
-from acquisition.plan import exposure_options, planned_images, visibility
+from acquisition.models.shot import Observations, Shot
+from acquisition.plan import planned_images, visibility
 from acquisition.plan.criterion import Samples, prior_information
 
 
@@ -32,26 +35,21 @@ def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
     return np.flatnonzero(finite & counted)
 
 
-def reweighted(
-    normal_map: NormalMap, observations: Observations, calibration: Calibration, chosen: np.ndarray,
-    offset_sigma_m: float = photometry.SETTINGS.offset_sigma_m,
-) -> Samples:  # fmt: skip
-    """The `samples` with their information reweighted."""
-    return reweight(samples(normal_map, calibration, chosen, offset_sigma_m), normal_map, observations, calibration)
-
-
 def samples(
     normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray,
-    offset_sigma_m: float = photometry.SETTINGS.offset_sigma_m,
+    offset_sigma_m: float = photometry.SETTINGS.offset_sigma_m, observations: Observations | None = None,
 ) -> Samples:  # fmt: skip
-    """Sample pixels of a normal map, by numbers in its `information`, with a prior of their depth offsets in m."""
+    """Sample pixels of a normal map, by numbers in its `information`, with a prior of their depth offsets in m.
+
+    With `observations`, the images so far, their information is reweighted.
+    """
     rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
     ray = visibility.rays_at(calibration, rows, columns)
     depth = normal_map.depth[rows, columns]
     albedo = np.maximum(normal_map.albedo[rows, columns], 1e-3)
     scale = np.array([1.0, 1.0, 1.0, offset_sigma_m])
     information = normal_map.information.matrices[chosen] * np.outer(scale, scale)
-    return Samples(
+    sample = Samples(
         row=rows,
         column=columns,
         point=photometry.points(ray, depth),
@@ -64,6 +62,13 @@ def samples(
         indirect=np.zeros_like(albedo),
         offset_sigma_m=offset_sigma_m,
     )
+    return sample if observations is None else reweight(sample, normal_map, observations, calibration)
+
+
+def of_frames(frames: Sequence[Shot]) -> list[FrameExposure]:
+    """The exposures of one light's frames."""
+    times = Counter(shot.exposure_s for shot in frames)
+    return [FrameExposure(exposure_s=seconds, frames=count) for seconds, count in sorted(times.items())]
 
 
 def reweight(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
@@ -75,7 +80,7 @@ def reweight(sample: Samples, normal_map: NormalMap, observations: Observations,
     if not shots or len(shots) != len(normal_map.flags):
         return sample
     shaded = planned_images.shading(sample, photometry.lamps([light for _, light in shots]), calibration)
-    frames = [exposure_options.of_frames(observations.frames_of(shot)) for shot, _ in shots]
+    frames = [of_frames(observations.frames_of(shot)) for shot, _ in shots]
     sensor, _ = planned_images.sensor_variance(shaded.value, frames, calibration)
     lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
     indirect = np.zeros_like(sample.albedo)

@@ -16,7 +16,7 @@ from acquisition.models.light_plan import ForecastPoint, LightPlan
 from acquisition.models.tuned import tuned
 from acquisition.plan import planner
 from acquisition.plan.design_problem import Problem
-from acquisition.plan.exposure_options import CaptureTimes
+from acquisition.plan.exposure_plan import CaptureTimes
 
 COUNTS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 28, 40, 76)
 """Numbers of further lights for which σ is forecast; between them it is interpolated linearly in logarithms."""

@@ -19,7 +19,7 @@ from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.normals import sensor_estimate, session_images, silhouette
 from acquisition.normals.solve import solve_stack
-from acquisition.plan.exposure_options import CaptureTimes
+from acquisition.plan.exposure_plan import CaptureTimes
 from acquisition.runner import jobs
 from acquisition.session import further_number
 from api.cli.study.scene_geometry import Geometry
