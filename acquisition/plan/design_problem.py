@@ -31,7 +31,7 @@ MAX_CANDIDATES = 300
 class Problem:
     """Sample pixels of the search, held-out pixels of all predictions, and what the images of a light depend on.
 
-    The variance of the pixels that the search has used is optimistic, so nothing that is reported is of these.
+    The variance of the pixels that the search has used is optimistic, so no σ that is predicted is theirs.
     """
 
     recipe: Recipe

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from acquisition import photometry
+from acquisition.models.recipe import Exposure
 from acquisition.normals import image_terms
 from docs import generated_blocks
 from tests import tuned_numbers
 from tests.unseen import patterns, run, scenes, sensitivity, stages
 from tests.unseen.captures import capture
+from tests.unseen.plan_sensitivity import Planned
 from tests.unseen.stages import Stage
 
 PRIOR, OFFSET = sensitivity.named("photometry.prior_scale")[0], sensitivity.named("alternation.max_shift_m")[0]
@@ -53,6 +55,19 @@ def test_a_number_changes_the_result_of_a_capture_that_reads_it() -> None:
     halved = sensitivity.solve_with(Stage("", "", (sensitivity.changed(PRIOR, 0.01),)), blob, captured)
     assert np.abs(halved.normals - usual.normals)[usual.mask].max() > 1e-4
     assert run.solve(blob, captured).normals.tobytes() == usual.normals.tobytes()
+
+
+def test_a_number_of_the_planner_changes_its_forecast_and_not_the_truth() -> None:
+    numbers = {one.key: one for one in sensitivity.named("planner")}
+    assert not set(numbers) & {one.key for one in sensitivity.named("all")}
+    planned = Planned(scenes.scene("blob", 0, "lambert", 40), 6)
+    usual = planned.figures(Exposure())
+    doubled = sensitivity.changed(numbers["planned_images.integrability_factor"], 2.0)
+    changed = planned.figures(Exposure(), Stage("", "", (doubled,)))
+    assert changed["forecast"] > usual["forecast"]
+    assert changed["error"] == pytest.approx(usual["error"], rel=0.1)
+    assert planned.figures(Exposure()) == usual
+    assert planned.figures(Exposure(plan="planned"))["error"] > 0
 
 
 def line(family: str, number: str | None, change: str | None, error: float, rms: float) -> run.Line:
