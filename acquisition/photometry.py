@@ -89,7 +89,7 @@ METAL = "metal"
 """Kind of the finding that a surface is metal."""
 
 PIXEL_UNKNOWNS = 3
-"""Unknowns of a pixel that its residuals pay for; the depth offset hardly takes part."""
+"""Unknowns of a pixel that its residuals pay for: albedo × normal."""
 
 OVERDETERMINED, REDUNDANT = PIXEL_UNKNOWNS + 1, PIXEL_UNKNOWNS + 2
 """Usable lights from which residuals tell something, and from which they still do without any one of the lights."""

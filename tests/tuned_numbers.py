@@ -43,7 +43,7 @@ REASONS: dict[str, str] = {
         cast_shadows.HIDDEN session_images.BYTES_PER_VALUE criterion.MIN_LIGHTS
         photometry.OVERDETERMINED
         photometry.REDUNDANT prior_forecast.ALBEDO""",
-    "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE",
+    "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE distant.DIRECTION_SIGMA_RAD",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
         photometry.LOBE_SAMPLES distant.SAMPLE_ROWS

@@ -25,8 +25,6 @@ Solver = Literal["auto", "ls"]
 class DistantSettings:
     """What is assumed of folders with directions of lights."""
 
-    direction_sigma_rad: float = tuned(0.0025, "rad")
-    """1 σ of a light's direction, that of near light's default: 1 mm at 0.4 m."""
     max_noise_ratio: float = tuned(2.0, "ratio")
     """Noise that residuals show over what the lights' stated σ explain, above which no model fits: 4 and 5 on lacquer
     and glaze, whose normals err by 8° in a fit that looks sound, 1.4 on rough plaster (0.7°), 0.4 on plastic and satin
@@ -37,6 +35,9 @@ SETTINGS = DistantSettings()
 
 OBJECT_SIZE_M = 0.1
 """Size that the longer side of an object of unknown scale counts as; shadows do not depend on it."""
+
+DIRECTION_SIGMA_RAD = near_light.SETTINGS.position_sigma_m / (4 * OBJECT_SIZE_M)
+"""1 σ of a light's direction: that of near light's default at four object sizes."""
 
 CAMERA_M, LAMPS_M = 100.0, 90.0
 """Distances of camera and lamps that stand for infinity: irradiance varies by 0.2 % over the object and directions by
@@ -88,7 +89,7 @@ def _unexplained(solved: NormalMap) -> bool:
     """Whether no model of the whole object fits: by a finding, or by residuals beyond what lights' errors explain."""
     return (
         any(not finding.corrected for finding in solved.findings)
-        or solved.noise["direction"] > SETTINGS.max_noise_ratio * SETTINGS.direction_sigma_rad
+        or solved.noise["direction"] > SETTINGS.max_noise_ratio * DIRECTION_SIGMA_RAD
         or solved.noise["intensity"] > SETTINGS.max_noise_ratio * near_light.SETTINGS.intensity_sigma
     )
 
@@ -109,7 +110,7 @@ def from_afar(images: ImageSet) -> ImageSet:
             intensity=strength * _white(images),
             reference_m=LAMPS_M,
             colour=lights.intensities / strength[:, None],
-            position_sigma_m=SETTINGS.direction_sigma_rad * LAMPS_M,
+            position_sigma_m=DIRECTION_SIGMA_RAD * LAMPS_M,
         ),
         camera=Camera(np.array([[focal, 0.0, middle[0]], [0.0, focal, middle[1]], [0.0, 0.0, 1.0]])),
         rough_depth_m=CAMERA_M,

@@ -22,7 +22,7 @@ from acquisition import cast_shadows, photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
 from acquisition.models.tuned import tuned
-from acquisition.normals import interreflection_kernels, pixel_solve
+from acquisition.normals import discontinuity, interreflection_kernels, pixel_solve
 from acquisition.normals.pixel_solve import Estimate, Pixels
 
 AZIMUTHS, WALL_AZIMUTHS = 24, 12
@@ -43,11 +43,6 @@ class InterreflectionSettings:
     because a shape that is still wrong predicts light where none falls as well."""
     common_mode_sigma: float = tuned(0.2, "share")
     """1 σ of the factor by which a pixel's predicted indirect light is wrong under all lights alike."""
-    cast_shadow_ratio: float = tuned(0.4, "share")
-    """Share of its direct light below which a pixel that faces the lamp is in cast shadow."""
-    direct_share: float = tuned(0.3, "share")
-    """Value over a pixel's largest, above which it can be direct light. Where one lamp alone reaches a pixel, the next
-    value is 0.03–0.17 of the largest (10–90 %), where three do, 0.75 and more."""
     direct_ratio: float = tuned(2.0, "ratio")
     """Value over the indirect light that a pixel of median albedo would reflect, above which it can be direct light.
     On 19 Lambertian captures of design seeds 0, 1, 20, 21, 60 and 63, some of them dark-and-bright, hardly lit are 65 %
@@ -147,7 +142,7 @@ def hardly_lit(received: Float32Array, values: Float32Array, median_albedo: floa
     `received` irradiance (F, N). A dark surface under the lamps would explain them as well, with a wrong normal; but
     lamps that reach it would give it values of one order, well above what it receives from around.
     """
-    direct = values > np.float32(SETTINGS.direct_share) * np.max(values, axis=0)
+    direct = values > np.float32(discontinuity.SETTINGS.shadow_below) * np.max(values, axis=0)
     direct &= values > np.float32(SETTINGS.direct_ratio * median_albedo) * received
     return np.count_nonzero(direct, axis=0) <= 1
 
@@ -174,7 +169,7 @@ def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
 def _shadow_ratio(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
     """Weighted `detection_quantile` of measured / predicted in shadows; 1 where there are too few."""
     direct = np.einsum("fcn,cn->fn", estimate.light, estimate.g)
-    dark = ((direct < 0) | (values < SETTINGS.cast_shadow_ratio * direct)) & ~pixels.clipped
+    dark = ((direct < 0) | (values < discontinuity.SETTINGS.shadow_below * direct)) & ~pixels.clipped
     kernel = np.ones((3, 3), np.uint8)
     umbra = np.stack([pixels.take(cv2.erode(pixels.image(mask.astype(np.uint8)), kernel)) > 0 for mask in dark])
     used = umbra & (predicted > 0)

@@ -46,10 +46,6 @@ class TrialSettings:
     tried."""
     max_intensity: float = tuned(0.03, "share")
     """Noise component of intensities that no sound capture reaches."""
-    max_move_m: float = tuned(0.07, "m")
-    """Distance of the object from where it was stated that no sound capture reaches. The shift is 50 mm at most over 96
-    Lambertian captures of design seeds by two rings; where it has drifted, as on one rough machined part and on metal,
-    it ends at 80 mm, the largest that the alternation allows."""
 
 
 SETTINGS = TrialSettings()
@@ -107,8 +103,10 @@ class Solution:
 
     @property
     def out_of_place(self) -> bool:
-        """Whether the object is so far from where it was stated that it must have drifted there."""
-        return abs(self.moved_m) >= SETTINGS.max_move_m
+        """Whether the object is so far from where it was stated, within half a step of the largest shift, that it must
+        have drifted there: on one rough machined part and on metal. The shift is 50 mm at most over 96 Lambertian
+        captures of design seeds by two rings."""
+        return abs(self.moved_m) >= alternation.SETTINGS.max_shift_m - alternation.MAX_SHIFT_STEP_M / 2
 
     @property
     def at_end_of_range(self) -> bool:

@@ -35,8 +35,6 @@ class TransferSettings:
     pattern_sigma: float = tuned(0.001, "share")
     """1 σ of the difference of two frames from pixel to pixel in proportion to brightness, where a lamp came back
     displaced: a term in the square of brightness, which would otherwise be counted as photons."""
-    outlier_sigma: float = tuned(4.0, "σ")
-    """Residual, in σ, at which a point's robust weight is a quarter."""
 
 
 SETTINGS = TransferSettings()
@@ -116,7 +114,8 @@ def concatenate(curves: list[TransferCurve]) -> TransferCurve:
 
 
 def fit_line(curve: TransferCurve) -> LinearFit | None:
-    """Line fit of a photon-transfer curve by iteratively reweighted least squares; none below three points.
+    """Line fit of a photon-transfer curve by iteratively reweighted least squares (Cauchy weights); none below three
+    points.
 
     A term in the square of brightness, with a prior, absorbs what is in proportion to it. Outliers are down-weighted.
     σ is that of the fit, times the root of the reduced χ² where that is above one.
@@ -136,7 +135,7 @@ def fit_line(curve: TransferCurve) -> LinearFit | None:
         solution = inverse @ (design.T @ (weight * curve.variance))
         expected = np.maximum(design @ solution, 0.2 * expected)
         off = (curve.variance - design @ solution) / (curve.relative * expected)
-        robust = 1 / (1 + (off / SETTINGS.outlier_sigma) ** 2) ** 2
+        robust = 1 / (1 + (off / photometry.CAUCHY_SCALE) ** 2)
     misfit = np.sum(robust * off**2) / max(float(np.sum(robust)) - 2, 1.0)
     larger = np.sqrt(max(1.0, float(misfit)))
     sigma = larger * np.sqrt(np.diag(inverse))

@@ -14,6 +14,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
+from acquisition.models.result import SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals import photon_transfer, pixel_solve, residual_noise
 from acquisition.normals.pixel_solve import Pixels
@@ -27,8 +28,6 @@ class PixelNoiseSettings:
 
     max_relative_sigma: float = tuned(0.15, "share")
     """1 σ of the shot noise, as a fraction, up to which the estimate replaces the guess."""
-    shadow_threshold: float = tuned(0.15, "of the peak")
-    """Share of a pixel's peak normalised value from which it is lit: the model is least exact in grazing light."""
 
 
 SETTINGS = PixelNoiseSettings()
@@ -98,7 +97,7 @@ def _differences(
     """Brightness (K,) and differences (K,) with one measurement's variance, both in electrons by the guessed gain."""
     light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    usable, _, _ = pixel_solve.classify_measurements(pixels, pixels.values, light, SETTINGS.shadow_threshold)
+    usable, _, _ = pixel_solve.classify_measurements(pixels, pixels.values, light, SolveSettings().shadow_threshold)
     weighted = light * (usable / np.maximum(strength, np.float32(1e-9)) ** 2)[:, None]
     inner = np.einsum("fan,fbn->nab", weighted, light, optimize=True) + 1e-6 * np.eye(3)
     solver = np.linalg.solve(inner, weighted.transpose(2, 1, 0))  # (N, 3, F): g from values

@@ -14,6 +14,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.result import SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals import image_terms, microfacet
 from acquisition.normals.estimate import Estimate
@@ -25,8 +26,6 @@ from acquisition.photometry import Noise
 class TermSolveSettings:
     """Tuned numbers of the solve with terms."""
 
-    least_start_share: float = tuned(0.05, "share")
-    """Least albedo of such a start, as a share of the peak y/|s|."""
     unused_deviations: float = tuned(3.0, "σ")
     """Deviation that a measurement in shadow counts with."""
 
@@ -81,7 +80,7 @@ def solve(problem: TermProblem) -> Estimate:
     if not problem.terms.specular:
         return out
     least = _robust_cost(problem, out)
-    level = np.maximum(np.median(ratio, axis=0), np.float32(SETTINGS.least_start_share) * peak)
+    level = np.maximum(np.median(ratio, axis=0), np.float32(SolveSettings().shadow_threshold) * peak)
     if problem.terms.metal > 0:  # at the half vector all of the brightest value is the lobe's, F₀/(4α²) high
         level = np.float32(4 * problem.terms.metal**2 / microfacet.METAL_F0) * peak
     for image in np.argsort(-ratio, axis=0)[: METAL_STARTS if problem.terms.metal > 0 else HIGHLIGHT_STARTS]:

@@ -34,11 +34,8 @@ class TranslucencySettings:
     lit_share: float = tuned(0.5, "share")
     """Share of the predicted direct light above which a pixel counts as lit."""
     near_px: int = tuned(6, "px")
-    """Distance from lit pixels up to which dark ones take part."""
-    local_px: float = tuned(3.0, "px")
-    """Standard deviation of the Gaussian of the local mean."""
-    level_px: float = tuned(4.0, "px")
-    """Standard deviation of the Gaussian of the brightness of the lit pixels around."""
+    """Distance from lit pixels up to which dark ones take part; twice the standard deviation of the Gaussian of local
+    means, and of the brightness of the lit pixels around."""
     min_dark_share: float = tuned(0.3, "share")
     """Share of dark pixels among 5 × 5 below which a pixel's local mean rests on too few."""
     min_weight: float = tuned(0.1, "1")
@@ -170,7 +167,7 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
             continue
         image = pixels.image(irradiance.astype(np.float32))
         source = np.where(bright > 0, image, 0).astype(np.float32)
-        level = _local_mean(source, bright, SETTINGS.level_px)
+        level = _local_mean(source, bright, SETTINGS.near_px / 2)
         dark &= level > 0
         out.append(_Shadow(image, source, dark, level))
     return out
@@ -207,7 +204,7 @@ def _regressed(
 
 def _relative(shadow: _Shadow, image: Float32Array) -> FloatArray:
     """An image at the dark pixels, without its local mean over them, as a share of the brightness around."""
-    high = image - _local_mean(image, shadow.dark, SETTINGS.local_px)
+    high = image - _local_mean(image, shadow.dark, SETTINGS.near_px / 2)
     return (high[shadow.dark] / shadow.level[shadow.dark]).astype(np.float64)
 
 
