@@ -29,7 +29,7 @@ REASONS: dict[str, str] = {
         error_variance.FOUR_NEIGHBOURS
         error_variance.NOISE_DETAIL error_variance.POSTERIOR error_variance.CREASE error_variance.DETAIL
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
-        photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENT""",
+        photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENTS""",
     "counts of unknowns, marks and definitions": """
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         lit_mask.MIN_IMAGES reflectance_fit.LAMBERT_PARAMS

@@ -48,10 +48,6 @@ before an exchange of two lamps, below which they count as swapped."""
 class AlternativeSettings:
     """Tuned numbers of the choice between models."""
 
-    min_gain: float = tuned(4.0, "1")
-    """Gain of the log likelihood from which a term is tried. Of sound Lambertian captures (design seeds 20, 30, 40, 41,
-    ten lights) 27 of 28 have less than 3 for every positive amount, one has 3.4; ambient light of 10 % has 4.3–143 in
-    eight of ten (seeds 20 and 22), other faults 5–400."""
     min_step: ImageTerms = tuned(ImageTerms(roughness=0.03, ambient=0.02, offset=0.005), "term")
     """Values of the terms, by one step from zero, below which they are not tried: less changes no normal visibly."""
     min_gloss_step: float = tuned(0.1, "share")
@@ -86,8 +82,8 @@ class AlternativeSettings:
 
 SETTINGS = AlternativeSettings()
 
-CODED_EXPONENT = 2.2
-"""Exponent that undoes the usual coding of eight-bit images. As a free parameter it would explain metal."""
+CODED_EXPONENTS = (1.4, 1.8, 2.2)
+"""Exponents that undo codings of eight-bit images, the usual one last. As a free parameter it would explain metal."""
 
 GLOSS_START = 0.2
 """Roughness α from which gloss is estimated. From 0.12 and 0.25 it ends at the same (0.158 and 0.39, six families)."""
@@ -103,9 +99,9 @@ def other_axes(present: Solution) -> list[Alternative]:
     """Axes of the lamps mirrored, exchanged or turned, where the normals are closer to those of a surface then; or
     opposite, where the normals of the outline point inwards, or where the images fit badly and far better then.
 
-    In a poor fit metal competes with them: a wrong reflectance can leave normals whose circulation says anything. And
-    of metal that fits they are tried only where the circulation is significant, because highlights alone fit a surface
-    under other axes as well.
+    In a poor fit metal and coded values compete with them: a wrong reflectance can leave normals whose circulation says
+    anything, and coded values of a dome fit a bowl under opposite lamps better. Of metal that fits they are tried only
+    where the circulation is significant, because highlights alone fit a surface under other axes as well.
     """
     problem, coarse, normals = present.problem, present.problem.level.coarse, present.state.normals
     found = light_tests.integrable_axes(coarse, normals)
@@ -119,12 +115,12 @@ def other_axes(present: Solution) -> list[Alternative]:
         return [_relit(problem, f"{REFINED} {again}", found.unmirrored, 1.0, sound_enough=True, silent=True)]
     turned = replace(problem, corrected=(*problem.corrected, TURNED))
     alternatives = [
-        _relit(turned, AXES, sign * axes, AXES_BETTER, sound_enough=found.sure and axes is found.best)
-        for axes in found.turned
+        _relit(turned, AXES, sign * axes, 1.0 if sure else AXES_BETTER, sound_enough=sure)
+        for axes, sure in ((one, found.sure and one is found.best) for one in found.turned)
         for sign in (1, -1)
     ]
     if found.sure and found.turned:
-        return alternatives
+        return [*alternatives, *_others(present)]
     trials, most = (found.quarter, -found.quarter), AXES_BETTER
     if np.array_equal(found.quarter, light_tests.STATED_AXES):
         trials = trials[1:]
@@ -135,7 +131,12 @@ def other_axes(present: Solution) -> list[Alternative]:
             # A hollow object under opposite lamps is taken for a raised one, whose normals point outwards.
             most = model_trial.SETTINGS.better_at_least
     alternatives += [_relit(problem, AXES, axes, most) for axes in trials]
-    return [*alternatives, *_metal(present)]
+    return [*alternatives, *_others(present)]
+
+
+def _others(present: Solution) -> list[Alternative]:
+    """What else a poor fit may be of which other axes fit better."""
+    return [*_metal(present), *_coded(present)] if present.poor else []
 
 
 def _relit(
@@ -223,6 +224,9 @@ def _full_surface(present: Solution, shading: Float32Array) -> tuple[SurfaceGrap
     return surface_diffusion.graph(albedo > 0, masked.ray, depth), albedo
 
 
+CODED = "coded values"
+"""Kind of the finding of values that are not linear."""
+
 AXES, TURNED, REFINED = "axes of the lamps", "turned lamps", "angle of turned lamps"
 """Kind of the finding, and marks of a problem whose lamps were turned by an angle, and turned once more."""
 
@@ -255,12 +259,12 @@ def other_formation(present: Solution) -> list[Alternative]:
     alternatives: list[Alternative] = []
     if nominal.terms is None and present.scores is not None:
         gloss = present.scores.gloss
-        found = gloss.gain > SETTINGS.min_gain or present.state.lobe.strength > 0
+        found = gloss.gain > model_trial.SETTINGS.min_gain or present.state.lobe.strength > 0
         if found and gloss.step > SETTINGS.min_gloss_step:
             alternatives.append(_with_term(problem, "gloss", ImageTerms(gloss=GLOSS_START), 1.0))
         for name in ("roughness", "ambient", "offset"):
             score: TermScore = getattr(present.scores, name)
-            if score.gain > SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
+            if score.gain > model_trial.SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
                 alternatives.append(_with_term(problem, name, LAMBERTIAN, 1.0, score.step))
         if _excess_subtracted(present.scores):
             alternatives.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, present.scores.offset.step))
@@ -269,20 +273,27 @@ def other_formation(present: Solution) -> list[Alternative]:
         for start in SECOND_STARTS:
             name = "ambient" if start.ambient else "offset"
             alternatives.append(_with_term(problem, name, start, model_trial.SETTINGS.better_at_least))
-    coded = present.scores is not None and present.scores.exponent.gain > SETTINGS.min_gain and present.seems_coded
-    if present.poor or coded:
-        linear = problem.reread(changed_images.linearised(problem.masked.images, CODED_EXPONENT))
-        message = f"the images are not linear: values are taken to the power of {CODED_EXPONENT}"
-        most = model_trial.SETTINGS.better_at_least
-        alternatives.append(Alternative("coded values", message, linear, most, CODED_EXPONENT, coding=CODED_EXPONENT))
-    return alternatives
+    return [*alternatives, *_coded(present)]
+
+
+def _coded(present: Solution) -> list[Alternative]:
+    """Codings undone: the usual one in a poor fit, all where the score test finds an exponent well below 1."""
+    exponents = CODED_EXPONENTS if present.seems_coded else CODED_EXPONENTS[-1:] if present.poor else ()
+    images, most = present.problem.masked.images, model_trial.SETTINGS.better_at_least
+    return [
+        Alternative(
+            CODED, f"the images are not linear: values are taken to the power of {exponent}",
+            present.problem.reread(changed_images.linearised(images, exponent)), most, exponent, coding=exponent,
+        )
+        for exponent in exponents
+    ]  # fmt: skip
 
 
 def _excess_subtracted(scores: TermScores) -> bool:
     """Whether the score test finds an offset below zero that gains more than any other term: gloss and roughness leave
     one in half of their captures, a sound Lambertian surface in one of 201 (design seeds 40–64)."""
     offset = scores.offset
-    if offset.gain <= SETTINGS.min_gain or offset.step >= -SETTINGS.min_step.offset:
+    if offset.gain <= model_trial.SETTINGS.min_gain or offset.step >= -SETTINGS.min_step.offset:
         return False
     others = (scores.roughness, scores.ambient, scores.gloss)
     return all(offset.gain > other.gain for other in others if other.step > 0)

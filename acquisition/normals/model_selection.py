@@ -14,8 +14,7 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array
 from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
-from acquisition.normals import alternation, final_solve, goodness_of_fit, term_tests
-from acquisition.normals.model_alternatives import ALTERNATIVES
+from acquisition.normals import alternation, final_solve, goodness_of_fit, model_alternatives, term_tests
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.self_calibration import Priors
 
@@ -82,6 +81,15 @@ def remaining(solution: Solution) -> list[ModelFinding]:
                 corrected=False,
             )
         )
+    if solution.seems_coded:
+        findings.append(
+            ModelFinding(
+                kind=model_alternatives.CODED,
+                message="the values seem to be coded, and none of the usual codings fits (a tone curve?): take linear "
+                "images, do not trust the normals",
+                corrected=False,
+            )
+        )
     if solution.unjudged:
         findings.append(
             ModelFinding(
@@ -108,7 +116,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
 def _best_trial(present: Solution) -> tuple[Alternative, Solution] | None:
     """The best-fitting accepted trial of the first function of alternatives that has one; none: the model stays."""
     tried = set(present.problem.corrected)
-    for propose in ALTERNATIVES:
+    for propose in model_alternatives.ALTERNATIVES:
         accepted: list[tuple[float, Alternative, Solution]] = []
         alternatives = [alternative for alternative in propose(present) if alternative.kind not in tried]
         for alternative in alternatives:

@@ -115,16 +115,32 @@ def test_solve_wrong_black_level_is_put_right(
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
-def coded(images: ImageStack) -> ImageStack:
-    """Values of images that were coded with an exponent of 1 / 2.2."""
+def coded(images: ImageStack, exponent: float = 2.2) -> ImageStack:
+    """Values of images that were coded with 1 over the exponent."""
     level = (np.min(images.shot) / images.shot)[:, None, None].astype(np.float32)
-    return replace(images, values=np.maximum(images.values * level, 0) ** np.float32(1 / 2.2) / level)
+    return replace(images, values=np.maximum(images.values * level, 0) ** np.float32(1 / exponent) / level)
 
 
-def test_solve_coded_values_are_linearised(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
-    result = solved(cushion, coded(images))
+@pytest.mark.parametrize("exponent", [1.4, 1.8, 2.2])
+def test_solve_coded_values_are_linearised(
+    cushion: scenes.Scene, images: ImageStack, sound: NormalMap, exponent: float
+) -> None:
+    result = solved(cushion, coded(images, exponent))
     assert kinds(result) == [("coded values", True)]
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
+
+
+def test_solve_coded_values_of_a_ball_are_not_taken_for_a_bowl_under_opposite_lamps() -> None:
+    """The bowl fits them better than the ball."""
+    ball = scenes.scene(scenes.sphere, scenes.calibration(SIZE))
+    result = solved(ball, coded(read(ball), 1.8))
+    assert kinds(result) == [("coded values", True)]
+    assert mean_deg(ball, result) < 1
+
+
+def test_solve_values_of_an_unusual_coding_are_named(cushion: scenes.Scene, images: ImageStack) -> None:
+    result = solved(cushion, coded(images, 3.2))
+    assert ("coded values", False) in kinds(result) or ("misfit", False) in kinds(result)
 
 
 def test_solve_image_of_half_exposure_is_scaled(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
