@@ -292,8 +292,9 @@ def hardly_lit(
 
 
 def _typical_albedo(estimate: Estimate, terms: ImageTerms) -> float:
-    """Median albedo; of metal the upper quartile, since pixels that no lamp is mirrored in may be half of them."""
-    return float(np.quantile(estimate.albedo, 0.75 if terms.metal > 0 else 0.5))
+    """Median albedo; of metal that of the brighter half, since pixels that no lamp is mirrored in may be the other."""
+    median = np.median(estimate.albedo)
+    return float(median if terms.metal == 0 else np.median(estimate.albedo[estimate.albedo >= median]))
 
 
 def _shared_normal_variance(

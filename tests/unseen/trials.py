@@ -122,7 +122,7 @@ def trial_table(lines: Sequence[Line], group: Callable[[Line], str], table: Call
 
 
 def _demanded(gains: Sequence[float]) -> int:
-    return sum(gain > model_alternatives.SETTINGS.min_gain for gain in gains)
+    return sum(gain > model_trial.SETTINGS.min_gain for gain in gains)
 
 
 def _range(gains: Sequence[float]) -> tuple[float, float, float]:
