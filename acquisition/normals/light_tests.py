@@ -126,9 +126,8 @@ def integrable_axes(pixels: Pixels, normals: Float32Array) -> IntegrableAxes:
     up, right, region = up[:, known], right[:, known], _regions(known)
 
     def circulation(axes: FloatArray) -> FloatArray:
-        return np.asarray(
-            np.bincount(region, np.arctan(np.abs(axes[0] @ up - axes[1] @ right)), REGIONS**2), np.float64
-        )
+        around = np.arctan(np.abs(axes[0] @ up - axes[1] @ right))
+        return np.asarray(np.bincount(region, around, REGIONS**2), np.float64)
 
     quarters = [_Trial(axes, circulation(axes)) for axes in QUARTER_AXES]
     best: list[_Trial] = []

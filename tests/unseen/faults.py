@@ -174,7 +174,9 @@ ALL: dict[str, Fault] = {
     "moved:2": _moved(2.0),
     "one-dark": _one(lambda signal, scene: 0.02 * signal, exposed=True),
     "one-exposure": _one(lambda signal, scene: 0.5 * signal, exposed=True),
-    "one-blurred": _one(lambda signal, scene: cv2.GaussianBlur(signal.astype(np.float32), None, BLUR_PX), exposed=True),
+    "one-blurred": _one(
+        lambda signal, scene: cv2.GaussianBlur(signal.astype(np.float32), (0, 0), BLUR_PX), exposed=True
+    ),
     "one-flash": _one(_flash, exposed=False),
 }
 """Faults by name, as `--fault` reads them."""
