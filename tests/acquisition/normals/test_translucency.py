@@ -8,8 +8,7 @@ import pytest
 from acquisition.models.base import Float32Array
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
-from acquisition.normals import ImageStack, changed_images, model_selection, surface_diffusion, translucency
-from acquisition.normals.model_alternatives import ALTERNATIVES, translucent_surface
+from acquisition.normals import ImageStack, changed_images, model_alternatives, surface_diffusion, translucency
 from acquisition.normals.pixel_solve import Pixels
 from tests.unseen import patterns, scenes
 from tests.unseen.captures import Capture, capture
@@ -28,8 +27,9 @@ def captured(family: str, seed: int, reflectance: str | None, pixels: int) -> tu
 def solved_without(scene: Scene, made: Capture, monkeypatch: pytest.MonkeyPatch) -> NormalMap:
     """The normal map of a solver that does not know of translucent surfaces."""
     with monkeypatch.context() as patch:
-        known = tuple(one for one in ALTERNATIVES if one is not translucent_surface)
-        patch.setattr(model_selection, "ALTERNATIVES", known)
+        left_out = model_alternatives.translucent_surface
+        known = tuple(one for one in model_alternatives.ALTERNATIVES if one is not left_out)
+        patch.setattr(model_alternatives, "ALTERNATIVES", known)
         return solve(scene, made)
 
 
