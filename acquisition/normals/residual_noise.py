@@ -94,8 +94,8 @@ def studentised_squares(
     """Squared residuals (F, K) over their expectation v (1 − h) in the given `noise`, over the squared value and 1 − h,
     and which of them count.
 
-    Those of pixels with fewer than `min_lights` usable lights, or of leverage above `max_leverage`, do not count.
-    Arguments as of `estimate`.
+    Those of pixels with fewer than `photometry.REDUNDANT` usable lights, or of leverage above `max_leverage`, do not
+    count. Arguments as of `estimate`.
     """
     design = _design(solution, np.ones(values.shape[1], np.bool_))
     variance = noise.variance(np.maximum(values, 0), design.strength) + extra
