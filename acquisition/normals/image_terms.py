@@ -79,12 +79,14 @@ LAMBERTIAN = ImageTerms()
 @dataclass(frozen=True)
 class TermValues:
     """The terms at N pixels: the sum of all (F, N), of it what is no diffuse reflection of the lamp's light (F, N), the
-    lobe of a dielectric (F, N) and the offset, and derivatives by g (F, 3, N) and by b, a, o and either α (F, 5, N)."""
+    lobe of a dielectric (F, N) and the offset, the variance (F, N) of what is mirrored, as it is predicted, and
+    derivatives by g (F, 3, N) and by b, a, o and either α (F, 5, N)."""
 
     value: Float32Array
     nondiffuse: Float32Array
     lobe: Float32Array
     offset: float
+    highlight_variance: Float32Array
     by_g: Float32Array
     by_parameter: Float32Array
 
@@ -92,11 +94,6 @@ class TermValues:
     def constant(self) -> Float32Array:
         """What does not scale with |g| (F, N): derivatives by g say nothing of it."""
         return self.lobe + np.float32(self.offset)
-
-    @property
-    def highlight_variance(self) -> Float32Array:
-        """Variance (F, N) of the predicted highlight."""
-        return np.square(np.float32(photometry.SETTINGS.predicted_highlight_sigma) * self.lobe)
 
 
 def evaluate(
@@ -126,6 +123,7 @@ def evaluate(
         value = value + lobe + albedo * diffuse * gloss.layer
         by_g += gloss.layer[:, None] * light + diffuse[:, None] * gloss.layer_by_normal
         by_g += (mirrored / np.maximum(albedo, np.float32(LEAST_ALBEDO)))[:, None] * gloss.lobe_by_normal
+    highlight_sigma = np.float32(photometry.SETTINGS.predicted_highlight_sigma) * lobe
     nondiffuse, by_metal = lobe + weights[1] * albedo + np.float32(terms.offset), np.zeros_like(value)
     if terms.metal > 0:
         metal = microfacet.reflection(normal, lamp, view, usable, terms.metal, microfacet.METAL_F0)
@@ -133,12 +131,15 @@ def evaluate(
         by_metal = albedo * strength * metal.lobe_by_log_alpha / np.float32(terms.metal)
         value = value + mirrored - np.einsum("fcn,cn->fn", light, g)
         nondiffuse = nondiffuse + mirrored
+        # What a metal mirrors of other surfaces is not predicted.
+        highlight_sigma = np.float32(photometry.SETTINGS.predicted_indirect_sigma) * mirrored
         by_g += strength[:, None] * (metal.lobe[:, None] * normal + metal.lobe_by_normal) - light
     return TermValues(
         value=value.astype(np.float32),
         nondiffuse=nondiffuse.astype(np.float32),
         lobe=lobe,
         offset=terms.offset,
+        highlight_variance=np.square(highlight_sigma).astype(np.float32),
         by_g=by_g.astype(np.float32),
         by_parameter=np.stack([*parameters, by_alpha, by_metal], axis=1).astype(np.float32),
     )
@@ -165,7 +166,7 @@ def chosen(where: BoolArray, one: TermValues | None, other: TermValues | None) -
     """`one` at some pixels (N,), elsewhere the `other`; none of none."""
     if one is None or other is None:
         return None
-    names = ("value", "nondiffuse", "lobe", "by_g", "by_parameter")
+    names = ("value", "nondiffuse", "lobe", "highlight_variance", "by_g", "by_parameter")
     return replace(one, **{name: np.where(where, getattr(one, name), getattr(other, name)) for name in names})
 
 

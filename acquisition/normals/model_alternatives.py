@@ -54,8 +54,6 @@ class AlternativeSettings:
     """Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried, and accepted
     unless the images then fit worse. 0.11–1.3 of 84 of 95 glossy captures (α 0.12–0.5), 0.09 at most of 174 others
     (design seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights by two rings)."""
-    metal_better: float = tuned(0.7, "misfit ratio")
-    """Misfit after over before, up to which the surface counts as metal."""
     term_sigma: ImageTerms = tuned(ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0), "term")
     """1 σ of the priors of terms that are estimated; those of gloss and metal say next to nothing."""
     min_leak: float = tuned(5.0, "σ")
@@ -258,10 +256,7 @@ def other_formation(present: Solution) -> list[Alternative]:
     problem, nominal = present.problem, present.problem.nominal
     alternatives: list[Alternative] = []
     if nominal.terms is None and present.scores is not None:
-        gloss = present.scores.gloss
-        found = gloss.gain > model_trial.SETTINGS.min_gain or present.state.lobe.strength > 0
-        if found and gloss.step > SETTINGS.min_gloss_step:
-            alternatives.append(_with_term(problem, "gloss", ImageTerms(gloss=GLOSS_START), 1.0))
+        alternatives += _gloss(present, present.scores.gloss)
         for name in ("roughness", "ambient", "offset"):
             score: TermScore = getattr(present.scores, name)
             if score.gain > model_trial.SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
@@ -299,11 +294,21 @@ def _excess_subtracted(scores: TermScores) -> bool:
     return all(offset.gain > other.gain for other in others if other.step > 0)
 
 
+def _gloss(present: Solution, score: TermScore) -> list[Alternative]:
+    """Gloss of a dielectric, where score test and lobe find it; in a poor fit anyway, since the wrong normals that
+    sharp highlights make leave no score."""
+    better = model_trial.SETTINGS.better_at_least if present.poor else None
+    found = score.gain > model_trial.SETTINGS.min_gain or present.state.lobe.strength > 0
+    most = 1.0 if found and score.step > SETTINGS.min_gloss_step else better
+    return [] if most is None else [_with_term(present.problem, "gloss", ImageTerms(gloss=GLOSS_START), most)]
+
+
 def _metal(present: Solution) -> list[Alternative]:
     """Metal, in a poor fit of a surface that no other term describes yet."""
     if present.problem.nominal.terms is not None or not present.poor:
         return []
-    return [_with_term(present.problem, "metal", ImageTerms(metal=METAL_START), SETTINGS.metal_better)]
+    better = model_trial.SETTINGS.better_at_least
+    return [_with_term(present.problem, "metal", ImageTerms(metal=METAL_START), better)]
 
 
 def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:

@@ -233,7 +233,7 @@ def solve_lit(
 
     def once(terms: TermValues) -> Estimate:
         extra = extra_variance
-        if scene.terms is not None and scene.terms.gloss > 0:
+        if scene.terms is not None and scene.terms.specular:
             extra = terms.highlight_variance if extra is None else extra + terms.highlight_variance
         return _solve(pixels, values, lighting, bent + terms.by_g, scene, options, extra, terms)
 

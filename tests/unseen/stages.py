@@ -26,6 +26,7 @@ from acquisition.normals import (
     self_calibration,
     specular,
 )
+from acquisition.normals.model_trial import Alternative
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.normals.self_calibration import Priors, SharedParameters
 from acquisition.photometry import Noise
@@ -116,6 +117,10 @@ def _no_discontinuity(*_: object) -> None:
     """In place of `discontinuity.discontinuous_depth`: the shadows contradict nothing."""
 
 
+def _no_alternative(*_: object) -> list[Alternative]:
+    return []
+
+
 def _posterior_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> tuple[Float32Array, float]:
     """In place of `error_variance.sigma_deg`."""
     return posterior_deg, 0.0
@@ -197,12 +202,12 @@ STAGES = (
     Stage(
         "gloss of a dielectric",
         "Highlights are those of the one lobe, whatever the score test says.",
-        (_setting(model_alternatives, min_gloss_step=math.inf),),
+        (Patch(model_alternatives, "_gloss", _no_alternative),),
     ),
     Stage(
         "metal",
         "A surface without diffuse light is solved as a diffuse one.",
-        (_setting(model_alternatives, metal_better=0.0),),
+        (Patch(model_alternatives, "_metal", _no_alternative),),
     ),
     Stage(
         "translucent surfaces",
