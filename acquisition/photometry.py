@@ -62,7 +62,7 @@ class SharedSettings:
     """Pixels or measurements below which a statistic of them is not estimated."""
     predicted_indirect_sigma: float = tuned(0.1, "share")
     """1 σ of the predicted indirect light, as a share of it, that differs from light to light: what measurements are
-    weighed by."""
+    weighed by. Of metal, whose neighbours' mirror images are not predicted, a share of what mirrors the lamp."""
     predicted_highlight_sigma: float = tuned(0.2, "share")
     """1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
     misfit_factor: float = tuned(0.20, "1")

@@ -5,6 +5,6 @@ further lights would make it more certain, or the exports when there are none.
 """
 
 from acquisition.normals.session_images import ImageStack
-from acquisition.normals.solve import solve, solve_stack
+from acquisition.normals.solve import ObjectPlace, solve, solve_stack
 
-__all__ = ["ImageStack", "solve", "solve_stack"]
+__all__ = ["ImageStack", "ObjectPlace", "solve", "solve_stack"]

@@ -111,10 +111,12 @@ class AlternationResult:
 
 @dataclass(frozen=True)
 class _Sample:
-    """The sample pixels of the shared parameters, their ∂x/∂Z (3, K), and the scene with nominal lamps and noise."""
+    """The sample pixels of the shared parameters, their ∂x/∂Z (3, K) and depth (K,), and the scene with nominal lamps
+    and noise."""
 
     pixels: Pixels
     ray_direction: Float32Array
+    depth_m: Float32Array
     nominal: Scene
 
 
@@ -178,9 +180,9 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
         depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadows, cuts)
         chosen = drawn[~dark[drawn]]
-        sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], nominal)
+        sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], depth[chosen], nominal)
 
-        lobe = specular.fit(sample.pixels, (measured - radiance)[:, chosen], depth[chosen], present, lobe)
+        lobe = specular.fit(sample.pixels, (measured - radiance)[:, chosen], sample.depth_m, present, lobe)
         highlight = lobe.highlight(estimate, ray_direction)
         indirect = _indirect_light(
             level, measured - highlight, values, estimate, depth, normals, present,
@@ -193,7 +195,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         before = shared.shift_m
         hold = turn == 0 and not direct_diffuse
         shared, noise = _self_calibrate(
-            sample, values, highlight[:, chosen], lobe, depth[chosen], shared, present.noise, priors, hold=hold
+            sample, values, highlight[:, chosen], lobe, shared, present.noise, priors, hold=hold
         )
         calibrations += not hold
         depth = depth + np.float32(shared.shift_m - before)
@@ -311,12 +313,12 @@ def divide_intensity(values: Float32Array, log_intensity: FloatArray) -> Float32
 
 
 def _self_calibrate(
-    sample: _Sample, values: Float32Array, highlight: Float32Array, lobe: Lobe, depth_m: Float32Array,
-    before: SharedParameters, noise: Noise, stated: Priors, *, hold: bool,
+    sample: _Sample, values: Float32Array, highlight: Float32Array, lobe: Lobe, before: SharedParameters, noise: Noise,
+    stated: Priors, *, hold: bool,
 ) -> tuple[SharedParameters, Noise]:  # fmt: skip
     """Three Gauss–Newton steps of the shared parameters on K sample pixels, and the noise scales from the residuals.
 
-    `values` (F, K), which contain the `highlight` (F, K) of `lobe`, and `depth_m` (K,) are those of the parameters
+    `values` (F, K), which contain the `highlight` (F, K) of `lobe`, and the sample's depth are those of the parameters
     `before`; `hold` leaves the lamps as they are.
     """
     nominal, depth_sigma_m = sample.nominal, photometry.SETTINGS.integrated_depth_sigma_m
@@ -330,7 +332,7 @@ def _self_calibrate(
         divided = divide_intensity(values, present.log_intensity - before.log_intensity)
         diffuse, extra = divided - highlight, (np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2
         estimate = pixel_solve.solve(
-            sample.pixels, diffuse, depth_m + np.float32(present.shift_m - before.shift_m),
+            sample.pixels, diffuse, sample.depth_m + np.float32(present.shift_m - before.shift_m),
             replace(nominal, lamps=lamps, noise=noise, terms=nominal.terms and present.terms), options,
             extra_variance=extra,
         )  # fmt: skip

@@ -19,7 +19,7 @@ from acquisition.models.tuned import tuned
 from acquisition.normals import colour_albedo, colour_channels, pixel_noise, session_images, silhouette
 from acquisition.normals.image_set import ImageSet, NearLights
 from acquisition.normals.session_images import ImageBlock, ImageStack, StoredImages
-from acquisition.normals.solve import solve_stack
+from acquisition.normals.solve import ObjectPlace, solve_stack
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,8 @@ def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -
         noise.images,
         calibration,
         settings,
-        initial_depth_m=depth,
+        ObjectPlace(depth, silhouette=images.mask if images.mask_given else None),
         thorough=thorough,
-        object_mask=images.mask if images.mask_given else None,
     )
     notes = {"sensor": noise.note} | ({} if images.mask_given else {"mask": "proposed"})
     normal_map = replace(normal_map, notes=normal_map.notes | notes)

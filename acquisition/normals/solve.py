@@ -50,28 +50,39 @@ class SolveCheckSettings:
 SETTINGS = SolveCheckSettings()
 
 
+@dataclass(frozen=True)
+class ObjectPlace:
+    """Where the object is, as known before its images: (H, W) of the calibration's size.
+
+    `depth_m` is its rough depth along OpenCV's z (a number or a map; 30 mm off is fine); `region` where it can be,
+    none: the whole image; `silhouette` which pixels show it, none: they are segmented in the images, within the region;
+    `table_depth_m` the depth of the table it stands on, none: it stands on nothing that reflects light.
+    """
+
+    depth_m: float | Float32Array
+    region: BoolArray | None = None
+    silhouette: BoolArray | None = None
+    table_depth_m: Float32Array | None = None
+
+
 def solve(
     observations: Observations,
     calibration: Calibration,
     settings: SolveSettings,
+    place: ObjectPlace,
     *,
-    initial_depth_m: float | Float32Array,
-    region: BoolArray | None = None,
-    table_depth_m: Float32Array | None = None,
     grey_tile: GreyTile | None = None,
     block_map: BlockMap = map,
 ) -> NormalMap:
     """Solves the images of a session by near-light photometric stereo; the sensor's noise is estimated from them first.
 
-    `initial_depth_m` is the object's rough depth along OpenCV's z (a number or an (H, W) map; 30 mm off is fine);
-    `region` (H, W) is where the object can be, none: the whole image; `table_depth_m` (H, W) is the depth of the table
-    it stands on, none: it stands on nothing that reflects light. Gain and read noise are estimated from repeated and
-    lamp-off frames where there are enough, else they are the calibration's. `grey_tile` gives each image's intensity,
-    with its σ in place of the calibration's; none: there is none. `block_map` solves the blocks of the final solve, by
-    default one after another in this process. Raises RigError normals.infeasible when fewer than three lights are
-    usable, the lights are parallel or in one plane, or nothing is lit.
+    Gain and read noise are estimated from repeated and lamp-off frames where there are enough, else they are the
+    calibration's. `grey_tile` gives each image's intensity, with its σ in place of the calibration's; none: there is
+    none. `block_map` solves the blocks of the final solve, by default one after another in this process. Raises
+    RigError normals.infeasible when fewer than three lights are usable, the lights are parallel or in one plane, or
+    nothing is lit.
     """
-    rows, columns = _window(region, calibration.height, calibration.width)
+    rows, columns = _window(place.region, calibration.height, calibration.width)
     sensor = sensor_estimate.estimate(observations, calibration, rows, columns)
     known = sensor.calibration
     shown = None if grey_tile is None else grey_tiles.measure(observations, known, grey_tile)
@@ -80,9 +91,8 @@ def solve(
         log_intensity, known = shown.log_intensity, known.model_copy(update={"intensity_sigma": shown.sigma})
     images = session_images.read(observations, known, rows, columns, log_intensity)
     normal_map = solve_stack(
-        images, known, settings, initial_depth_m=initial_depth_m, region=region,
-        table_depth_m=table_depth_m, common_lamp_errors_m=session_images.common_lamp_errors(observations, calibration),
-        block_map=block_map,
+        images, known, settings, place,
+        common_lamp_errors_m=session_images.common_lamp_errors(observations, calibration), block_map=block_map,
     )  # fmt: skip
     normal_map = replace(
         normal_map, noise=normal_map.noise | sensor.figures, notes=normal_map.notes | {"sensor": sensor.note}
@@ -101,29 +111,25 @@ def solve_stack(
     images: Images,
     calibration: Calibration,
     settings: SolveSettings,
+    place: ObjectPlace,
     *,
-    initial_depth_m: float | Float32Array,
-    region: BoolArray | None = None,
-    table_depth_m: Float32Array | None = None,
-    object_mask: BoolArray | None = None,
     common_lamp_errors_m: FloatArray | None = None,
     thorough: bool = True,
     block_map: BlockMap = map,
 ) -> NormalMap:
     """Solves images of any source within their window by near-light photometric stereo.
 
-    `object_mask` (H, W) is the object's whole silhouette; none: it is segmented in the images, within `region`.
     `common_lamp_errors_m` (F, 3, C) as of `lamp_pose.common_errors`; `thorough` as of `Problem`. The rest as for
-    `solve`. All (H, W) are of the calibration's size. Raises RigError normals.infeasible as `solve` does.
+    `solve`. Raises RigError normals.infeasible as `solve` does.
     """
     rows, columns = images.rows, images.columns
     size = (calibration.height, calibration.width)
     _refuse_few(images)
     inside = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.bool_)
-    inside = inside if region is None else region[rows, columns]
-    rough = np.broadcast_to(np.asarray(initial_depth_m, np.float32), size)[rows, columns]
+    inside = inside if place.region is None else place.region[rows, columns]
+    rough = np.broadcast_to(np.asarray(place.depth_m, np.float32), size)[rows, columns]
     lamps = photometry.lamps(images.lights)
-    known = None if object_mask is None else object_mask[rows, columns] & inside
+    known = None if place.silhouette is None else place.silhouette[rows, columns] & inside
     channel = mosaic.of_calibration(calibration, rows, columns)
     masked = MaskedImages(
         images, inside if known is None else known, photometry.rays(calibration, rows, columns), channel
@@ -140,7 +146,7 @@ def solve_stack(
     if count < SETTINGS.min_pixels:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
     factor = alternation.coarse_factor(count, 1 if channel is None else mosaic.CELL)
-    table = None if table_depth_m is None else table_depth_m[rows, columns]
+    table = None if place.table_depth_m is None else place.table_depth_m[rows, columns]
     level = masked.level(factor, final_solve.noise_sample(count), table)
     start = rough[masked.mask]
     if factor > 1:

@@ -8,7 +8,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.normals import solve
+from acquisition.normals import ObjectPlace, solve
 from acquisition.normals.final_solve import BlockMap
 from acquisition.normals.grey_tile import GreyTile
 
@@ -30,9 +30,11 @@ def solve_in_cell(
         observations,
         calibration,
         settings,
-        initial_depth_m=region.middle_depth_m(cell, calibration),
-        region=region.keep_out(cell, calibration),
-        table_depth_m=region.table_depth_m(cell, calibration),
+        ObjectPlace(
+            region.middle_depth_m(cell, calibration),
+            region=region.keep_out(cell, calibration),
+            table_depth_m=region.table_depth_m(cell, calibration),
+        ),
         grey_tile=_grey_tile(cell, calibration),
         block_map=block_map,
     )

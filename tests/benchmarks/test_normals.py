@@ -16,7 +16,7 @@ def test_solve_quarter_megapixel_time(benchmark: BenchmarkFixture, count: int) -
     benchmark.extra_info["object pixels"] = int(np.count_nonzero(true.mask))
     result = benchmark.pedantic(
         lambda: normals.solve(
-            observations, true.calibration, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.04
+            observations, true.calibration, SolveSettings(), normals.ObjectPlace(scenes.TABLE_DEPTH - 0.04)
         ),
         rounds=1,
         warmup_rounds=1,

@@ -35,7 +35,7 @@ def test_solve_eight_images_of_a_megapixel_time(benchmark: BenchmarkFixture, nam
 
     result = benchmark.pedantic(
         lambda: normals.solve_stack(
-            captured.stack, captured.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=true.mask
+            captured.stack, captured.calibration, SolveSettings(), normals.ObjectPlace(0.9, silhouette=true.mask)
         ),
         rounds=3,
         warmup_rounds=1,

@@ -81,9 +81,11 @@ class Session:
             self._observations,
             self._calibration,
             SolveSettings(),
-            initial_depth_m=region.middle_depth_m(CELL, self._calibration),
-            region=self._region,
-            table_depth_m=region.table_depth_m(CELL, self._calibration),
+            normals.ObjectPlace(
+                region.middle_depth_m(CELL, self._calibration),
+                region=self._region,
+                table_depth_m=region.table_depth_m(CELL, self._calibration),
+            ),
         )
 
     def _take(self, number: int, chosen: LightPlan) -> None:

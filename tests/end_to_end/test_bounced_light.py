@@ -12,7 +12,7 @@ from acquisition.capture import exposure, region
 from acquisition.models import cell_config
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.normals import interreflection, solve
+from acquisition.normals import ObjectPlace, interreflection, solve
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import reach
 from acquisition.waypoints.routing import route
@@ -85,9 +85,11 @@ def solved(observations: Observations) -> NormalMap:
         observations,
         CALIBRATION,
         SolveSettings(),
-        initial_depth_m=region.middle_depth_m(CELL, CALIBRATION),
-        region=region.keep_out(CELL, CALIBRATION),
-        table_depth_m=region.table_depth_m(CELL, CALIBRATION),
+        ObjectPlace(
+            region.middle_depth_m(CELL, CALIBRATION),
+            region=region.keep_out(CELL, CALIBRATION),
+            table_depth_m=region.table_depth_m(CELL, CALIBRATION),
+        ),
     )
 
 

@@ -141,8 +141,7 @@ class Sessions:
         known = sensor_estimate.estimate(images, known, rows, columns).calibration
         return solve_stack(
             session_images.read(images, known, rows, columns), known, SolveSettings(),
-            initial_depth_m=shared.initial_depth_m, region=shared.region, table_depth_m=shared.table_depth_m,
-            object_mask=shared.truth.mask,
+            replace(shared.place, silhouette=shared.truth.mask),
         )  # fmt: skip
 
     def _grade(self, solved: NormalMap, lights: int, seconds: float) -> Outcome:

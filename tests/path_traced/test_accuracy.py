@@ -54,7 +54,7 @@ def solve(
         if not corrected:
             patch.setattr(interreflection, "received_irradiance", nothing)
         normal_map = normals.solve_stack(
-            captured.stack, captured.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=mask
+            captured.stack, captured.calibration, SolveSettings(), normals.ObjectPlace(0.9, silhouette=mask)
         )
     return normal_map, captured.log_intensity
 

@@ -14,7 +14,7 @@ def solved(name: str, y: np.ndarray, seed: int = 0) -> tuple[NormalMap, bench.Gr
     true = bench.truth(name, PIXELS)
     captured = captures.capture(y, bench.two_rings(len(y)), seed)
     normal_map = normals.solve_stack(
-        captured.stack, captured.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=true.mask
+        captured.stack, captured.calibration, SolveSettings(), normals.ObjectPlace(0.9, silhouette=true.mask)
     )
     return normal_map, bench.grade(normal_map, true, captured.log_intensity)
 

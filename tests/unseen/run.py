@@ -64,8 +64,7 @@ def solve(scene: Scene, captured: Capture, settings: SolveSettings | None = None
         captured.stack,
         captured.calibration,
         settings or SolveSettings(),
-        initial_depth_m=captured.rough_depth_m,
-        object_mask=scene.truth.object,
+        normals.ObjectPlace(captured.rough_depth_m, silhouette=scene.truth.object),
     )
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from acquisition.formats.folders import near_light_folder
 from acquisition.models.result import SolveSettings
-from acquisition.normals import solve_stack
+from acquisition.normals import ObjectPlace, solve_stack
 from tests.unseen import faults, patterns, scenes
 from tests.unseen.captures import capture, write_folder
 from tests.unseen.scenes import Scene
@@ -72,8 +72,8 @@ def test_capture_is_paired_between_patterns_and_has_two_reads(blob: Scene, rings
 def test_capture_without_errors_is_solved_close_to_the_truth(blob: Scene, rings: np.ndarray) -> None:
     captured = capture(blob, rings)
     solved = solve_stack(
-        captured.stack, captured.calibration, SolveSettings(), initial_depth_m=captured.rough_depth_m,
-        object_mask=blob.truth.object,
+        captured.stack, captured.calibration, SolveSettings(),
+        ObjectPlace(captured.rough_depth_m, silhouette=blob.truth.object),
     )  # fmt: skip
     assert np.median(blob.truth.error_deg(solved.normals)[blob.truth.one_surface]) < 3.0
 

@@ -15,6 +15,7 @@ from acquisition import geometry
 from acquisition.capture import region
 from acquisition.models import cell_config
 from acquisition.models.base import BoolArray, FloatArray
+from acquisition.normals import ObjectPlace
 from acquisition.plan.candidate_lights import CandidateLights
 from acquisition.waypoints.roadmap import dome_center, dome_lights
 from hardware_sim import footprint, grade, nominal, objects, render
@@ -57,8 +58,11 @@ class Geometry:
             self.object_from_base @ np.array(known.base_from_camera),
         )
         self.region = region.keep_out(self.cell, known)
-        self.initial_depth_m = region.middle_depth_m(self.cell, known)
-        self.table_depth_m = region.table_depth_m(self.cell, known)
+        self.place = ObjectPlace(
+            region.middle_depth_m(self.cell, known),
+            region=self.region,
+            table_depth_m=region.table_depth_m(self.cell, known),
+        )
         center = dome_center(self.cell, known)
         lights = dome_lights(self.cell, known, self.cell.dome.candidates)
         self.dome = CandidateLights(np.array([light.position for light in lights]), center)

@@ -153,9 +153,7 @@ class Scene:
                 images,
                 self.calibration,
                 SolveSettings(),
-                initial_depth_m=shared.initial_depth_m,
-                region=shared.region,
-                table_depth_m=shared.table_depth_m,
+                shared.place,
             )
             best_guess = np.where(normal_map.mask[..., None], normal_map.normals, _VIEWING_AXIS)
             error_deg = grade.error_deg(best_guess, shared.truth)

@@ -59,7 +59,7 @@ def test_common_covariance_lowers_error_and_keeps_sigma_right() -> None:
         )
         row = []
         for calibration in (known, independent):
-            found = normals.solve(observations, calibration, SolveSettings(), initial_depth_m=0.88)
+            found = normals.solve(observations, calibration, SolveSettings(), normals.ObjectPlace(0.88))
             error = true.error_deg(found.normals)
             row += [error.mean(), np.sqrt(np.mean((error / found.sigma_deg[true.graded]) ** 2))]
         rows.append(row)

@@ -29,7 +29,9 @@ def test_solve_rod_above_plate_recovers_height_from_shadows() -> None:
         for unit in baselines.two_rings(8, 0.2)
     ]
     observations = scenes.capture(true, lights, intensity_sigma=0, position_sigma_m=0, noisy=False)
-    result = normals.solve(observations, true.calibration, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.01)
+    result = normals.solve(
+        observations, true.calibration, SolveSettings(), normals.ObjectPlace(scenes.TABLE_DEPTH - 0.01)
+    )
     x, y = true.points[:2]
     on_rod = (np.abs(x) < HALF_LENGTH_M) & (np.abs(y) < 0.8 * RADIUS_M)
     on_plate = (np.hypot(x, y) < 0.045) & (np.abs(y) > 0.02)

@@ -110,7 +110,10 @@ def test_solve_streamed_images_equals_solve_in_memory(cushion: scenes.Scene, mon
 
     def solved() -> NormalMap:
         return normals.solve(
-            observations, cushion.calibration, SolveSettings(depth_rounds=1), initial_depth_m=0.86, table_depth_m=table
+            observations,
+            cushion.calibration,
+            SolveSettings(depth_rounds=1),
+            normals.ObjectPlace(0.86, table_depth_m=table),
         )
 
     together = solved()

@@ -57,7 +57,11 @@ def solved(true: scenes.Scene, observations: Observations, with_tile: bool) -> t
     shown = tile(true) if with_tile else None
     region_of_object = true.mask.copy()
     found = normals.solve(
-        observations, true.calibration, SolveSettings(), initial_depth_m=0.88, region=region_of_object, grey_tile=shown
+        observations,
+        true.calibration,
+        SolveSettings(),
+        normals.ObjectPlace(0.88, region=region_of_object),
+        grey_tile=shown,
     )
     return found, true.error_deg(found.normals)
 

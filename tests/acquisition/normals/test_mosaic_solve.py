@@ -55,7 +55,7 @@ def _solved(pattern: str | None) -> tuple[scenes.Scene, NormalMap]:
         true = replace(true, albedo=np.where(true.mask, (SURFACE * WHITE)[sites], table * WHITE[sites]))
     # Without errors of lamps, which would be drawn anew for each sensor.
     observations = scenes.capture(true, _lights(), seed=3, intensity_sigma=0, position_sigma_m=0)
-    return true, normals.solve(observations, known, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.045)
+    return true, normals.solve(observations, known, SolveSettings(), normals.ObjectPlace(scenes.TABLE_DEPTH - 0.045))
 
 
 @pytest.fixture(scope="module")

@@ -255,7 +255,9 @@ def test_solve_displaced_lamps_lowers_normal_error() -> None:
         observations = captured_with_offsets(true, nominal, offsets_m[-1], seed)
         for name, sigma in (("sought", offset_sigma_m), ("held", 1e-6)):
             known = scenes.calibration(96, lamp_position_sigma_m=sigma)
-            normal_map = normals.solve(observations, known, SolveSettings(), initial_depth_m=0.87, region=true.mask)
+            normal_map = normals.solve(
+                observations, known, SolveSettings(), normals.ObjectPlace(0.87, region=true.mask)
+            )
             error[name].append(np.mean(true.error_deg(normal_map.normals)))
             if name == "sought":
                 estimated_offsets_m.append(normal_map.notes["lamps_aside_m"])

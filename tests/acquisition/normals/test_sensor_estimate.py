@@ -199,7 +199,7 @@ def test_solve_wrong_gain_in_calibration_sigma_is_calibrated(lights: int, wrong_
         )  # fmt: skip
         for within, repeats in ((estimated, [again]), (believed, [])):
             images = replace(observations, repeats=repeats)
-            result = normals.solve(images, calibration, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.03)
+            result = normals.solve(images, calibration, SolveSettings(), normals.ObjectPlace(scenes.TABLE_DEPTH - 0.03))
             assert ("gain_sigma" in result.noise) == bool(repeats)
             sigma = result.sigma_deg[true.graded]
             solved = np.isfinite(sigma)

@@ -39,7 +39,9 @@ def two_rings(count: int, turn: float = 0.2) -> list[Light]:
 def solved(
     observations: Observations, known: Calibration, settings: SolveSettings | None = None, **options: object
 ) -> NormalMap:
-    return normals.solve(observations, known, settings or SolveSettings(), initial_depth_m=ROUGH_DEPTH_M, **options)
+    return normals.solve(
+        observations, known, settings or SolveSettings(), normals.ObjectPlace(ROUGH_DEPTH_M, **options)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -192,7 +194,7 @@ def test_solve_initial_depth_off_by_15_mm_recovers_normals(cushion: scenes.Scene
         np.mean(
             cushion.error_deg(
                 normals.solve(
-                    observations, cushion.calibration, SolveSettings(), initial_depth_m=ROUGH_DEPTH_M + off
+                    observations, cushion.calibration, SolveSettings(), normals.ObjectPlace(ROUGH_DEPTH_M + off)
                 ).normals
             )
         )

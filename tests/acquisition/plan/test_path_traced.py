@@ -65,7 +65,7 @@ def joined(one: ImageStack, other: ImageStack) -> ImageStack:
 def solved(name: str, stack: ImageStack) -> NormalMap:
     mask = bench.truth(name, PIXELS).mask
     known = captures.calibration(PIXELS)
-    return normals.solve_stack(stack, known, SolveSettings(), initial_depth_m=0.9, object_mask=mask)
+    return normals.solve_stack(stack, known, SolveSettings(), normals.ObjectPlace(0.9, silhouette=mask))
 
 
 def mean_deg(name: str, stack: ImageStack) -> float:

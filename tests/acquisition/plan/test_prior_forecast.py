@@ -82,7 +82,7 @@ def test_prior_forecast_agrees_with_sessions_on_sphere() -> None:
         forecast = prior_forecast.forecast(recipe, first, REACH, known, RADIUS_M).points
         before = {point.lights: point.sigma_deg for point in forecast}
         observations = scenes.capture(true, first)
-        piloted = normals.solve(observations, known, SolveSettings(), initial_depth_m=0.87)
+        piloted = normals.solve(observations, known, SolveSettings(), normals.ObjectPlace(0.87))
         ratio = before[recipe.pilot_lights] / photometry.mean_sigma_deg(piloted, known)
         print(f"pilot: {ratio:.3f}")
         assert 1 / FACTOR_OF_PILOT < ratio < FACTOR_OF_PILOT
@@ -98,7 +98,7 @@ def test_prior_forecast_agrees_with_sessions_on_sphere() -> None:
                 plan.Problem.of(piloted, observations, recipe, REACH, known), count - recipe.pilot_lights
             )
             captured = scenes.capture(true, [*first, *chosen.lights])
-            result = normals.solve(captured, known, SolveSettings(), initial_depth_m=0.87)
+            result = normals.solve(captured, known, SolveSettings(), normals.ObjectPlace(0.87))
             ratio = before[count] / photometry.mean_sigma_deg(result, known)
             print(f"result of {count}: {ratio:.3f}")
             assert 1 / FACTOR_OF_RESULT < ratio < FACTOR_OF_RESULT, (count, ratio)

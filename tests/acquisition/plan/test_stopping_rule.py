@@ -21,7 +21,7 @@ REACH = scenes.Dome(refused=0, count=60)
 
 def solved(observations: Observations) -> NormalMap:
     depth = scenes.TABLE_DEPTH - 0.04
-    return normals.solve(observations, TRUE.calibration, SolveSettings(), initial_depth_m=depth)
+    return normals.solve(observations, TRUE.calibration, SolveSettings(), normals.ObjectPlace(depth))
 
 
 @pytest.fixture(scope="module")
