@@ -15,7 +15,7 @@ subtracted, and its derivative added, too. Of a metal, the lobe times ρ takes t
 first degree.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -80,7 +80,7 @@ LAMBERTIAN = ImageTerms()
 class TermValues:
     """The terms at N pixels: the sum of all (F, N), of it what is no diffuse reflection of the lamp's light (F, N), the
     lobe of a dielectric (F, N) and the offset, the variance (F, N) of what is mirrored, as it is predicted, and
-    derivatives by g (F, 3, N) and by b, a, o and either α (F, 5, N)."""
+    derivatives by g (F, 3, N); those by parameters (F, L, N) where they are not the usual ones (`by_parameter`)."""
 
     value: Float32Array
     nondiffuse: Float32Array
@@ -88,7 +88,7 @@ class TermValues:
     offset: float
     highlight_variance: Float32Array
     by_g: Float32Array
-    by_parameter: Float32Array
+    by_parameter: Float32Array | None = None
 
     @property
     def constant(self) -> Float32Array:
@@ -105,30 +105,29 @@ def evaluate(
     `usable` (F, N) measurements have a rough term and gloss; `view` (3, N) are unit directions to the camera;
     `response` (N,) are values of white at a mosaic's sites, by which a dielectric's lobe differs; none: ones.
     """
-    albedo = np.sqrt(np.sum(g * g, axis=0))
-    normal = g / np.maximum(albedo, np.float32(1e-9))
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    lamp = light / np.maximum(strength, np.float32(1e-9))[:, None]
-    rough, rough_by_g = _azimuthal_term(normal, lamp, view, usable)
-    parameters = [albedo * strength * rough, np.broadcast_to(albedo, rough.shape), np.ones_like(rough)]
-    weights = np.array([terms.roughness, terms.ambient, terms.offset], np.float32)
-    by_g = weights[0] * strength[:, None] * rough_by_g + weights[1] * normal
-    value = np.einsum("k,kfn->fn", weights, parameters)
-    lobe, by_alpha = np.zeros_like(value), np.zeros_like(value)
+    albedo, normal, strength, lamp = _directions(g, light)
+    ambient = np.float32(terms.ambient)
+    by_g = np.zeros_like(light) + ambient * normal
+    value = np.zeros_like(strength) + ambient * albedo + np.float32(terms.offset)
+    nondiffuse, lobe = value, np.zeros_like(value)
+    highlight_sigma = lobe
+    if terms.roughness > 0:
+        rough, rough_by_g = _azimuthal_term(normal, lamp, view, usable)
+        value = value + np.float32(terms.roughness) * albedo * strength * rough
+        by_g += np.float32(terms.roughness) * strength[:, None] * rough_by_g
     if terms.gloss > 0:
         gloss = microfacet.reflection(normal, lamp, view, usable, terms.gloss)
         diffuse = np.maximum(np.einsum("fcn,cn->fn", light, normal), 0)
         mirrored = strength if response is None else strength * response
-        lobe, by_alpha = mirrored * gloss.lobe, mirrored * gloss.lobe_by_log_alpha / np.float32(terms.gloss)
+        lobe = mirrored * gloss.lobe
+        nondiffuse = nondiffuse + lobe
+        highlight_sigma = np.float32(photometry.SETTINGS.predicted_highlight_sigma) * lobe
         value = value + lobe + albedo * diffuse * gloss.layer
         by_g += gloss.layer[:, None] * light + diffuse[:, None] * gloss.layer_by_normal
         by_g += (mirrored / np.maximum(albedo, np.float32(LEAST_ALBEDO)))[:, None] * gloss.lobe_by_normal
-    highlight_sigma = np.float32(photometry.SETTINGS.predicted_highlight_sigma) * lobe
-    nondiffuse, by_metal = lobe + weights[1] * albedo + np.float32(terms.offset), np.zeros_like(value)
     if terms.metal > 0:
         metal = microfacet.reflection(normal, lamp, view, usable, terms.metal, microfacet.METAL_F0)
         mirrored = albedo * strength * metal.lobe
-        by_metal = albedo * strength * metal.lobe_by_log_alpha / np.float32(terms.metal)
         value = value + mirrored - np.einsum("fcn,cn->fn", light, g)
         nondiffuse = nondiffuse + mirrored
         # What a metal mirrors of other surfaces is not predicted.
@@ -141,8 +140,34 @@ def evaluate(
         offset=terms.offset,
         highlight_variance=np.square(highlight_sigma).astype(np.float32),
         by_g=by_g.astype(np.float32),
-        by_parameter=np.stack([*parameters, by_alpha, by_metal], axis=1).astype(np.float32),
     )
+
+
+def by_parameter(
+    terms: ImageTerms, g: Float32Array, light: Float32Array, usable: BoolArray, view: Float32Array,
+    response: Float32Array | None = None,
+) -> Float32Array:  # fmt: skip
+    """Derivatives (F, 5, N) of the terms by b, a, o and either α; arguments as of `evaluate`."""
+    albedo, normal, strength, lamp = _directions(g, light)
+    rough, _ = _azimuthal_term(normal, lamp, view, usable)
+    out = np.zeros((len(light), len(fields(ImageTerms)), light.shape[2]), np.float32)
+    out[:, 0], out[:, 1], out[:, 2] = albedo * strength * rough, albedo, 1
+    if terms.gloss > 0:
+        mirrored = strength if response is None else strength * response
+        gloss = microfacet.reflection(normal, lamp, view, usable, terms.gloss)
+        out[:, 3] = mirrored * gloss.lobe_by_log_alpha / np.float32(terms.gloss)
+    if terms.metal > 0:
+        metal = microfacet.reflection(normal, lamp, view, usable, terms.metal, microfacet.METAL_F0)
+        out[:, 4] = albedo * strength * metal.lobe_by_log_alpha / np.float32(terms.metal)
+    return out
+
+
+def _directions(g: Float32Array, light: Float32Array) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
+    """Albedo (N,), unit normal (3, N), |s| (F, N) and unit directions to the lamps (F, 3, N)."""
+    albedo = np.sqrt(np.sum(g * g, axis=0))
+    strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
+    lamp = light / np.maximum(strength, np.float32(1e-9))[:, None]
+    return albedo, g / np.maximum(albedo, np.float32(1e-9)), strength, lamp
 
 
 def stepped(present: ImageTerms, step: ImageTerms) -> ImageTerms:
@@ -166,7 +191,7 @@ def chosen(where: BoolArray, one: TermValues | None, other: TermValues | None) -
     """`one` at some pixels (N,), elsewhere the `other`; none of none."""
     if one is None or other is None:
         return None
-    names = ("value", "nondiffuse", "lobe", "highlight_variance", "by_g", "by_parameter")
+    names = ("value", "nondiffuse", "lobe", "highlight_variance", "by_g")
     return replace(one, **{name: np.where(where, getattr(one, name), getattr(other, name)) for name in names})
 
 

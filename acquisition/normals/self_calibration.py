@@ -21,7 +21,7 @@ from scipy.linalg import block_diag
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
-from acquisition.normals import pixel_solve, pixel_solve_kernels
+from acquisition.normals import image_terms, pixel_solve, pixel_solve_kernels
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.normals.specular import HighlightDerivatives
@@ -112,7 +112,8 @@ class Equations:
     def posterior(self) -> tuple[FloatArray, FloatArray]:
         """Change (M,) of the parameters to the maximum a posteriori, and their covariance (M, M)."""
         covariance = np.asarray(np.linalg.inv(self.matrix + self.precision), np.float64)
-        return covariance @ (self.right - self.precision @ np.where(self.held, 0.0, self.before)), covariance
+        change = covariance @ (self.right - self.precision @ np.where(self.held, 0.0, self.before))
+        return np.where(self.held, 0.0, change), covariance
 
 
 def normal_equations(
@@ -133,7 +134,14 @@ def normal_equations(
     terms = estimate.terms
     derivatives: list[Float32Array] = []
     if terms is not None:
-        derivatives.append(terms.by_parameter)
+        view = -estimate.point / np.sqrt(np.sum(estimate.point * estimate.point, axis=0))
+        derivatives.append(
+            image_terms.by_parameter(
+                present.terms, estimate.g, estimate.light, estimate.usable, view, estimate.response
+            )
+            if terms.by_parameter is None
+            else terms.by_parameter
+        )
     if gloss is not None:
         derivatives.append(gloss.by_lobe)
     columns = sum(part.shape[1] for part in derivatives)

@@ -74,7 +74,10 @@ def scores(
     direct = np.maximum(np.einsum("fck,ck->fk", estimate.light, estimate.g), 0)
     signal = direct * (np.min(scene.noise.shot) / scene.noise.shot)[:, None]  # but for a factor, which albedo absorbs
     coded = np.where(estimate.usable, direct * np.log(np.maximum(signal, LEAST_SIGNAL)), 0)
-    columns = np.stack([*np.moveaxis(present.by_parameter[:, :3], 1, 0), glossy.value, coded], axis=1, dtype=np.float32)
+    usual = image_terms.by_parameter(
+        scene.terms or LAMBERTIAN, estimate.g, estimate.light, estimate.usable, axis, estimate.response
+    )
+    columns = np.stack([*np.moveaxis(usual[:, :3], 1, 0), glossy.value, coded], axis=1, dtype=np.float32)
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
     equations = self_calibration.normal_equations(
         replace(estimate, terms=replace(present, by_parameter=columns)), by_depth, values, scene.lamps, shared,
