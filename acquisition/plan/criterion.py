@@ -6,9 +6,9 @@ the images so far as prior. A light adds a design row: its light vector at the p
 each regards every light of probability above its level as visible, because an error of one pixel's normal hides all
 lights of one side together. Multiplying information by probability instead would be optimistic (decision 0027).
 
-The loss is the mean of v / (1 + v/cap²) over pixels and scenarios (A-optimality with a cap): the plain mean variance is
-dominated by a few pixels that no light can reach. Many sets of lights are within a few per cent of the best. Even ones
-among them suffer least from wrong depth; what makes plans even is the wide prior of the depth offset
+The loss is the mean σ over pixels and scenarios, which is what a plan forecasts; the mean variance would be decided by
+a few pixels that no light can reach. Many sets of lights are within a few per cent of the best. Even ones among them
+suffer least from wrong depth; what makes plans even is the wide prior of the depth offset
 (`photometry.SETTINGS.integrated_depth_sigma_m`), not a term of the loss (decision 0026).
 """
 
@@ -21,7 +21,6 @@ import numpy.typing as npt
 
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
-from acquisition.models.tuned import tuned
 from acquisition.plan import criterion_kernels
 
 VISIBILITY_LEVELS = (1 / 6, 1 / 2, 5 / 6)
@@ -32,21 +31,6 @@ COARSE_PIXELS = 300
 
 MIN_LIGHTS = 3
 """Lights needed to determine a pixel's normal and albedo."""
-
-
-@dataclass(frozen=True)
-class CriterionSettings:
-    """Tuned numbers of the loss."""
-
-    cap_factor: float = tuned(4.0, "1")
-    """Cap of σ, above which the loss saturates, in units of the mean σ of two rings. With a cap of 3° in its place the
-    mean error of eight images is 3 % larger and the median 3 % smaller (sixteen design scenes): where all pixels are
-    uncertain, as between interreflecting walls, it disregards half of them. With 3° as a lower bound the plans of eight
-    images are the same, those of twenty have 1.005 ± 0.003 of the mean σ on the true shape (eight design scenes;
-    scratch script, November 2026)."""
-
-
-SETTINGS = CriterionSettings()
 
 
 @dataclass(frozen=True)
@@ -90,20 +74,9 @@ class Posterior:
     lit: Float32Array  # (S, P) lights visible from the pixel, captured ones included
 
     @property
-    def sigma_deg(self) -> FloatArray:
-        """Posterior σ (P,), mean over the scenarios, degrees; a result's also has components of the model's errors
-        (`expected_sigma`)."""
-        return np.degrees(np.mean(np.sqrt(self.variance), axis=0))
-
-    def loss(self, inverse_cap: float) -> float:
-        """Mean of v / (1 + v · inverse_cap) over pixels and scenarios; `inverse_cap` is 1/cap², 1/rad²."""
-        return float(np.mean(self.variance / (1 + self.variance * inverse_cap)))
-
-    @property
-    def inverse_cap(self) -> float:
-        """The `inverse_cap` of plans for which this is the posterior of two rings."""
-        mean_sigma = float(np.mean(np.sqrt(self.variance)))
-        return float((SETTINGS.cap_factor * mean_sigma) ** -2)
+    def loss(self) -> float:
+        """Mean σ over pixels and scenarios, rad."""
+        return float(np.mean(np.sqrt(self.variance)))
 
 
 @dataclass(frozen=True)
@@ -147,15 +120,15 @@ class Candidates:
         """Leave-one-out: the posterior by all lights but one, for each of them."""
         return [self.posterior(np.delete(np.arange(len(self.row)), one)) for one in range(len(self.row))]
 
-    def scan(self, present: Posterior, inverse_cap: float) -> FloatArray:
+    def scan(self, present: Posterior) -> FloatArray:
         """The loss (K,) with each one of the lights added to the present posterior (Sherman–Morrison)."""
-        return self._scan(present, inverse_cap, slope=False)
+        return self._scan(present, slope=False)
 
     def gradient(self, present: Posterior) -> FloatArray:
-        """Gradient (K,) of the mean variance in each light's design weight, at the present posterior."""
-        return self._scan(present, 0.0, slope=True)
+        """Gradient (K,) of the loss in each light's design weight, at the present posterior."""
+        return self._scan(present, slope=True)
 
-    def _scan(self, present: Posterior, inverse_cap: float, *, slope: bool) -> FloatArray:
+    def _scan(self, present: Posterior, *, slope: bool) -> FloatArray:
         out = np.empty(len(self.row))
         criterion_kernels.scan(
             present.covariance,
@@ -165,7 +138,6 @@ class Candidates:
             self.sample.normal,
             self.sample.inverse_albedo2,
             np.array(VISIBILITY_LEVELS, np.float32),
-            inverse_cap,
             slope,
             out,
         )

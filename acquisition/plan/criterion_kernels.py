@@ -99,7 +99,7 @@ def posterior(
 
 @numba.njit(
     "void(float32[:,:,::1], float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1],"
-    " float32[::1], float64, boolean, float64[::1])",
+    " float32[::1], boolean, float64[::1])",
     **OPTIONS,
 )
 def scan(
@@ -110,14 +110,13 @@ def scan(
     normal: Float32Array,  # (3, P)
     inverse_albedo2: Float32Array,  # (P,)
     level: Float32Array,  # (S,)
-    inverse_cap: float,  # 1/rad²
     slope: bool,
     out: FloatArray,  # (K,)
 ) -> None:
-    """Rank-one (Sherman–Morrison) update: the mean capped variance with each candidate added in turn; or, for `slope`,
-    the gradient of the mean variance in each one's design weight, −mean |P C a|²/ρ²."""
+    """Rank-one (Sherman–Morrison) update: the mean σ with each candidate added in turn; or, for `slope`, its gradient
+    in each one's design weight, −mean |P C a|²/(2 ρ² σ)."""
     scenarios, pixels = variance.shape
-    zero, one, capped = np.float32(0.0), np.float32(1.0), np.float32(inverse_cap)
+    zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
     for k in numba.prange(row.shape[0]):
         total = 0.0
         for s in range(scenarios):
@@ -132,10 +131,9 @@ def scan(
                 seen = one if visibility[k, p] > level[s] else zero
                 gain = (u0 * u0 + u1 * u1 + u2 * u2 - along * along) * inverse_albedo2[p] * seen
                 if slope:
-                    part -= gain
+                    part -= half * gain / np.sqrt(variance[s, p])
                 else:
-                    v = max(variance[s, p] - gain / (one + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3), zero)
-                    part += v / (one + v * capped)
+                    part += np.sqrt(max(variance[s, p] - gain / (one + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3), zero))
             total += part
         out[k] = total / (scenarios * pixels)
 

@@ -17,7 +17,7 @@ from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
 from acquisition.plan import sample_pixels, visibility
 from acquisition.plan.criterion import Candidates, Samples
-from acquisition.plan.expected_sigma import ExpectedSigma
+from acquisition.plan.expected_sigma import ExpectedSigma, Prediction
 from acquisition.plan.planned_images import Gloss, PlannedImages
 
 SAMPLE_PIXELS = 900
@@ -95,9 +95,12 @@ class Problem:
         """Design rows of lights at positions (M, 3), m, view frame; exposures as of `PlannedImages.candidates`."""
         return self.images.candidates(sample, self.lights(positions), exposures)
 
-    def sigma_deg(self, positions: FloatArray) -> FloatArray:
-        """σ (P,) in degrees expected of the held-out pixels after lights at positions (M, 3)."""
-        return self.expected.sigma_deg(self.rows(self.holdout_sample, positions).posterior())
+    def predict(
+        self, positions: FloatArray, exposures: Sequence[Sequence[FrameExposure]] | None = None,
+        sample: Samples | None = None,
+    ) -> Prediction:  # fmt: skip
+        """What lights at positions (M, 3) bring at the pixels of a sample, None: at the held-out ones."""
+        return Prediction(self.rows(sample or self.holdout_sample, positions, exposures), self.expected)
 
 
 def candidates_of(reach: Reach, *, surround: bool = True) -> tuple[FloatArray, FloatArray]:

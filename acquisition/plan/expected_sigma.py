@@ -12,14 +12,15 @@ evaluation, November 2026). As in a result, σ stays below that of a normal of w
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import FloatArray
-from acquisition.models.result import NormalMap
+from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA, NormalMap
 from acquisition.models.tuned import tuned
-from acquisition.plan.criterion import Posterior
+from acquisition.plan.criterion import Candidates, Posterior
 
 
 @dataclass(frozen=True)
@@ -63,3 +64,37 @@ class ExpectedSigma:
         of_model = few + self.capture_deg**2 + self.structure_deg**2
         variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + of_model
         return np.asarray(np.mean(np.sqrt(photometry.bounded_variance(variance)), axis=0))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Expected σ of sample pixels after a set of lights, and without each one of these (leave-one-out)."""
+
+    lights: Candidates
+    expected: ExpectedSigma
+
+    @cached_property
+    def sigma_deg(self) -> FloatArray:
+        """Expected σ (P,) in degrees."""
+        return self.expected.sigma_deg(self.lights.posterior())
+
+    @cached_property
+    def without_deg(self) -> FloatArray:
+        """Expected σ (L, P) in degrees by all lights but one, for each of them."""
+        without = [self.expected.sigma_deg(posterior) for posterior in self.lights.without_each()]
+        return np.reshape(without, (len(without), len(self.sigma_deg)))
+
+    @property
+    def mean_deg(self) -> float:
+        """Mean of the expected σ, degrees."""
+        return float(np.mean(self.sigma_deg))
+
+    @property
+    def median_error_deg(self) -> float:
+        """Expected median error, degrees."""
+        return float(MEDIAN_ERROR_PER_SIGMA * np.median(self.sigma_deg))
+
+    @property
+    def gains(self) -> list[float]:
+        """For each light, the fraction by which the mean σ rises without it."""
+        return (np.mean(self.without_deg, axis=1) / self.mean_deg - 1).tolist()

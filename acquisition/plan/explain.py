@@ -1,12 +1,12 @@
-"""What planned and placed lights bring: expected σ, leave-one-out gains as numbers and as small images.
+"""Pictures of what planned and placed lights bring: expected σ, and each light's leave-one-out gain.
 
 The gain of a light at a pixel is the increase of σ if all other lights of the plan were captured but this one not. So
-the gains of two redundant lights are both small, and where an image is bright, its light has no substitute. Figures are
-means over the planner's held-out pixels: for a plan's own lights they are the plan's.
+the gains of two redundant lights are both small, and where an image is bright, its light has no substitute.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import cv2
 import numpy as np
@@ -35,7 +35,7 @@ ratios of σ look equally different."""
 
 @dataclass(frozen=True)
 class Basis:
-    """What pictures and forecasts need of the images so far, whatever the lights are.
+    """What pictures need of the images so far, whatever the lights are.
 
     Pictures are of about `IMAGE_PX`, cropped to the object; their pixels `inside` show the `nearest` of P shown ones.
     """
@@ -45,69 +45,47 @@ class Basis:
     inside: BoolArray  # (h, w)
     nearest: npt.NDArray[np.intp]  # (K,)
 
-    @cached_property
-    def before_deg(self) -> FloatArray:
-        """Expected σ (P,) of the held-out pixels without further lights."""
-        return self.problem.sigma_deg(np.empty((0, 3)))
+    @classmethod
+    def of(cls, problem: Problem, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Self:
+        """Prepares pictures from the last result and the `problem` that was made of it."""
+        usable = sample_pixels.usable(normal_map, calibration)
+        shown = sample_pixels.samples(normal_map, calibration, usable, observations=observations)
+        silhouette = normal_map.silhouette
+        rows, columns = np.flatnonzero(silhouette.any(axis=1)), np.flatnonzero(silhouette.any(axis=0))
+        cut = silhouette[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        step = max(1, -(-max(cut.shape) // IMAGE_PX))
+        inside = cut[::step, ::step]
+        pixels = np.argwhere(inside) * step + (rows[0], columns[0])
+        _, nearest = KDTree(np.column_stack([shown.row, shown.column])).query(pixels)
+        return cls(problem, shown, inside, np.asarray(nearest, np.intp))
 
     @cached_property
     def brightest_deg(self) -> float:
         """The σ that pictures show brightest: nearly the largest without further lights."""
-        none = self.problem.rows(self.shown, np.empty((0, 3))).posterior()
-        return float(np.percentile(self.problem.expected.sigma_deg(none), BRIGHTEST_PERCENTILE))
+        none = self.problem.predict(np.empty((0, 3)), sample=self.shown)
+        return float(np.percentile(none.sigma_deg, BRIGHTEST_PERCENTILE))
 
-    def png(self, shares: FloatArray) -> bytes:
+    def sigma_picture(self, positions: FloatArray) -> bytes:
+        """Expected σ with lights at positions (L, 3), m, view frame, as a PNG on a logarithmic scale; dark is
+        certain."""
+        sigma_deg = self.problem.predict(positions, sample=self.shown).sigma_deg
+        return self._png(1 + np.log(np.maximum(sigma_deg / self.brightest_deg, 1e-9)) / np.log(SHOWN_RANGE))
+
+    def gains_deg(self, positions: FloatArray) -> FloatArray:
+        """Leave-one-out gain (L, P), degrees, of each light at positions (L, 3) at the shown pixels."""
+        planned = self.problem.predict(positions, sample=self.shown)
+        return planned.without_deg - planned.sigma_deg
+
+    def gain_pictures(self, positions: FloatArray) -> tuple[list[bytes], float]:
+        """Each light's gain as a PNG, dark is no gain, and the gain in degrees that is shown brightest."""
+        gains_deg = self.gains_deg(positions)
+        brightest_deg = max(float(np.percentile(gains_deg, BRIGHTEST_PERCENTILE)), 1e-6)
+        return [self._png(of_light / brightest_deg) for of_light in gains_deg], brightest_deg
+
+    def _png(self, shares: FloatArray) -> bytes:
         """Values (P,) of the shown pixels as a colour-mapped PNG: 0 is dark, 1 brightest."""
         levels = np.zeros(self.inside.shape, np.uint8)
         levels[self.inside] = np.clip(255 * shares[self.nearest], 0, 255).astype(np.uint8)
         coloured = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)
         coloured[~self.inside] = OUTSIDE
         return cv2.imencode(".png", coloured)[1].tobytes()
-
-
-@dataclass(frozen=True)
-class PlacedForecast:
-    """Expected σ (P,) of the held-out pixels, each light's leave-one-out gain, and a picture of σ (PNG)."""
-
-    sigma_deg: FloatArray
-    gains: list[float]
-    picture: bytes
-
-
-def basis(problem: Problem, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Basis:
-    """Prepares gains and forecasts from the last result and the `problem` that was made of it."""
-    usable = sample_pixels.usable(normal_map, calibration)
-    shown = sample_pixels.samples(normal_map, calibration, usable, observations=observations)
-    silhouette = normal_map.silhouette
-    rows, columns = np.flatnonzero(silhouette.any(axis=1)), np.flatnonzero(silhouette.any(axis=0))
-    cut = silhouette[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    step = max(1, -(-max(cut.shape) // IMAGE_PX))
-    inside = cut[::step, ::step]
-    pixels = np.argwhere(inside) * step + (rows[0], columns[0])
-    _, nearest = KDTree(np.column_stack([shown.row, shown.column])).query(pixels)
-    return Basis(problem, shown, inside, np.asarray(nearest, np.intp))
-
-
-def gains_deg(known: Basis, positions: FloatArray) -> FloatArray:
-    """Leave-one-out gain (L, P), degrees, of each light at positions (L, 3) at the shown pixels."""
-    lights = known.problem.rows(known.shown, positions)
-    without = [posterior.sigma_deg for posterior in lights.without_each()]
-    return np.reshape(without, (len(positions), -1)) - lights.posterior().sigma_deg
-
-
-def gain_pictures(known: Basis, gain_deg: FloatArray) -> tuple[list[bytes], float]:
-    """Gains (L, P) as PNGs, cropped to the object, dark is no gain; and the gain in degrees that is shown brightest."""
-    brightest_deg = max(float(np.percentile(gain_deg, BRIGHTEST_PERCENTILE)), 1e-6)
-    return [known.png(of_light / brightest_deg) for of_light in gain_deg], brightest_deg
-
-
-def evaluate(known: Basis, positions: FloatArray) -> PlacedForecast:
-    """Expected σ with lights at positions (L, 3), m, view frame, each one's gain (the fraction by which the mean σ
-    rises without it), and a picture of σ on a logarithmic scale, cropped to the object; dark is certain."""
-    problem, sigma_of = known.problem, known.problem.expected.sigma_deg
-    shown_deg = sigma_of(problem.rows(known.shown, positions).posterior())
-    share = 1 + np.log(np.maximum(shown_deg / known.brightest_deg, 1e-9)) / np.log(SHOWN_RANGE)
-    lights = problem.rows(problem.holdout_sample, positions)
-    sigma_deg = sigma_of(lights.posterior())
-    gains = [float(np.mean(sigma_of(without)) / np.mean(sigma_deg) - 1) for without in lights.without_each()]
-    return PlacedForecast(sigma_deg, gains, known.png(share))

@@ -1,11 +1,11 @@
 """Exposure plan: exposure times and numbers of frames of each light, for the least expected loss in a given time.
 
-What a further light is worth sets the price of time: the angular variance of a session falls with the number of images
-as n^−1.26, so a session of expected loss L and capture time T is as good as any that has the same L · T^1.26, and the
-exposures minimise this product (for the exponent 1 the efficiency of a Monte Carlo estimate; Hammersley and Handscomb
-1964). The loss is that of the lights' choice, with the sensor's variance at each pixel by the frames that do not
-saturate there. Coordinate descent over the lights, each time over all options of one, whose times are octaves so that
-lights share lamp-off frames. Decision 0067.
+What a further light is worth sets the price of time: σ falls with the number of images as n^−0.63, so a session of
+expected loss L and capture time T is as good as any that has the same L · T^0.63, and the exposures minimise this
+product (for the exponent 1/2 the efficiency of a Monte Carlo estimate; Hammersley and Handscomb 1964). The loss is that
+of the lights' choice, with the sensor's variance at each pixel by the frames that do not saturate there. Coordinate
+descent over the lights, each time over all options of one, whose times are octaves so that lights share lamp-off
+frames. Decision 0067.
 """
 
 from collections.abc import Sequence
@@ -25,9 +25,9 @@ from acquisition.plan.design_problem import Problem
 class ExposurePlanSettings:
     """Tuned numbers of the exposure plan."""
 
-    time_exponent: float = tuned(1.26, "exponent")
-    """Exponent of the capture time in the product that is minimised: minus that of the number of images in the angular
-    variance (errors fall with n^−0.63 from 8 to 20 images, with the arm moving between them)."""
+    time_exponent: float = tuned(0.63, "exponent")
+    """Exponent of the capture time in the product that is minimised: errors fall with n^−0.63 from 8 to 20 images, with
+    the arm moving between them."""
 
 
 SETTINGS = ExposurePlanSettings()
@@ -66,9 +66,7 @@ class CaptureTimes:
         return sum(self.move_s + self.of_light(one) for one in lights) + sum(times) + len(times) * self.frame_s
 
 
-def choose(
-    problem: Problem, positions: FloatArray, inverse_cap: float, times: CaptureTimes | None
-) -> list[LightExposure] | None:
+def choose(problem: Problem, positions: FloatArray, times: CaptureTimes | None) -> list[LightExposure] | None:
     """The exposures of lights at positions (M, 3), each with its time, and with its gain at the held-out pixels.
 
     None where the recipe has fixed exposures, or nothing is known of the capture's `times`.
@@ -78,7 +76,7 @@ def choose(
         return None
     automatic_s = problem.images.automatic_seconds(problem.search_sample, problem.lights(positions))
     usual_s = np.clip(automatic_s, times.shortest_s, times.longest_s).tolist()
-    chosen = _descend(problem, positions, [options(one, wanted, times) for one in usual_s], inverse_cap, times)
+    chosen = _descend(problem, positions, [options(one, wanted, times) for one in usual_s], times)
     count, usual = len(positions), [[FrameExposure(exposure_s=one)] for one in usual_s]
     both = problem.rows(problem.holdout_sample, np.concatenate([positions, positions]), [*chosen, *usual])
 
@@ -114,10 +112,9 @@ def options(automatic_s: float, wanted: Exposure, times: CaptureTimes) -> list[l
 
 
 def _descend(
-    problem: Problem, positions: FloatArray, choices: Sequence[list[list[FrameExposure]]], inverse_cap: float,
-    times: CaptureTimes,
+    problem: Problem, positions: FloatArray, choices: Sequence[list[list[FrameExposure]]], times: CaptureTimes
 ) -> list[list[FrameExposure]]:  # fmt: skip
-    """Coordinate descent of loss · time^1.26 over the exposure options of each light."""
+    """Coordinate descent of loss · time^0.63 over the exposure options of each light."""
     sample, count = problem.search_sample, len(positions)
     spent_s = times.of_pass(problem.exposures) if problem.exposures else 0.0
     rows = [
@@ -130,7 +127,7 @@ def _descend(
         for number, some in enumerate(choices):
             others = [one for one in range(count) if one != number and (sweep > 0 or one < number)]
             known = [chosen[one] for one in others]
-            losses = rows[number].scan(problem.rows(sample, positions[others], known).posterior(), inverse_cap)
+            losses = rows[number].scan(problem.rows(sample, positions[others], known).posterior())
             later_s = (count - 1 - len(others)) * times.move_s
             seconds = np.array([spent_s + later_s + times.of_pass([*known, one]) for one in some])
             chosen[number] = some[int(np.argmin(np.log(losses) + SETTINGS.time_exponent * np.log(seconds)))]

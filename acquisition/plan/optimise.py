@@ -20,7 +20,7 @@ MIN_IMPROVEMENT = 1e-4
 """Smallest relative decrease of the loss that counts as an improvement."""
 
 
-def search(options: Candidates, inverse_cap: float, patterns: Sequence[list[int]], count: int, seed: int) -> list[int]:
+def search(options: Candidates, patterns: Sequence[list[int]], count: int, seed: int) -> list[int]:
     """Multistart exchange algorithm: numbers of the best set of `count` options.
 
     Exchange on few pixels from the first pattern and random starts, then on all pixels from the best of these sets and
@@ -33,19 +33,19 @@ def search(options: Candidates, inverse_cap: float, patterns: Sequence[list[int]
     rng = np.random.default_rng(seed)
     drawn = RANDOM_START_LIGHTS // count if count > 1 else 0  # one light is exchanged for the best of all
     starts = [patterns[0], *(rng.permutation(len(options.row))[:count].tolist() for _ in range(drawn))]
-    solutions = [exchange(coarse, inverse_cap, start) for start in starts]
-    best = min([*solutions, *patterns], key=lambda chosen: options.posterior(chosen).loss(inverse_cap))
-    return exchange(options, inverse_cap, best)
+    solutions = [exchange(coarse, start) for start in starts]
+    best = min([*solutions, *patterns], key=lambda chosen: options.posterior(chosen).loss)
+    return exchange(options, best)
 
 
-def exchange(options: Candidates, inverse_cap: float, start: list[int]) -> list[int]:
+def exchange(options: Candidates, start: list[int]) -> list[int]:
     """Coordinate exchange: replaces one light at a time by the best candidate, until no improvement."""
     chosen = list(start)
     unchanged = 0
     for turn in range(MAX_PASSES * len(chosen)):
         slot = turn % len(chosen)
         others = chosen[:slot] + chosen[slot + 1 :]
-        losses = options.scan(options.posterior(others), inverse_cap)
+        losses = options.scan(options.posterior(others))
         losses[others] = np.inf
         best = int(np.argmin(losses))
         # The present light is evaluated by the same scan, because its sums are in single precision.

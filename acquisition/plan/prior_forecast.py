@@ -115,7 +115,7 @@ def forecast(
             for count in counts
         ]
         places = [np.array([light.position for light in pattern]) for pattern in patterns]
-        sigma_deg = [float(np.mean(problem.sigma_deg(place))) for place in places]
+        sigma_deg = [problem.predict(place).mean_deg for place in places]
     points = [ForecastPoint(added=n, lights=n, sigma_deg=one) for n, one in zip(counts, sigma_deg, strict=True)]
     return PriorForecast(points=points, assumption=ASSUMPTION.format(diameter_mm=2e3 * radius_m))
 

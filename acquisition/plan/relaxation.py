@@ -1,9 +1,9 @@
 """Lower bound of any design by convex relaxation with multiplicative updates: the certificate of a plan.
 
-Each candidate gets a design weight in [0, 1]. The mean angular variance is convex in the weights, so its tangent at any
+Each candidate gets a design weight in [0, 1]. The mean σ is convex in the weights, so its tangent at any
 weights bounds it from below, and the minimum of the tangent over all choices of m lights is the sum of its m smallest
 slopes: a bound for every exact design, whether the weights are optimal or not (the gap of the equivalence theorem). How
-far they are from optimal is the relaxation's own gap. The bound is of the plain variance. Decision 0028.
+far they are from optimal is the relaxation's own gap. Decision 0028.
 
 Multiplicative updates: S. D. Silvey, D. M. Titterington and B. Torsney, J. Statist. Plann. Inference 2 (1978).
 """
@@ -29,8 +29,8 @@ MIN_RELATIVE_WEIGHT = 1e-4
 def bound(options: Candidates, count: int) -> tuple[float, float]:
     """Multiplicative updates (Silvey, Titterington and Torsney 1978) until the gap closes.
 
-    Returns the best lower bound of the mean variance (rad²) of any `count` of the candidates (K ≥ count ≥ 1), and the
-    relaxation's own gap: the fraction by which the variance at the best weights exceeds the bound.
+    Returns the best lower bound of the mean σ (rad) of any `count` of the candidates (K ≥ count ≥ 1), and the
+    relaxation's own gap: the fraction by which the mean σ at the best weights exceeds the bound.
     """
     weights = np.full(len(options.row), count / len(options.row))
     value, gradient = _value_and_gradient(options, weights)
@@ -51,10 +51,10 @@ def bound(options: Candidates, count: int) -> tuple[float, float]:
 
 
 def _value_and_gradient(options: Candidates, weights: FloatArray) -> tuple[float, FloatArray]:
-    """Mean variance of the weighted design, and its gradient (K,) in the weights."""
+    """Loss of the weighted design, and its gradient (K,) in the weights."""
     used = np.flatnonzero(weights)
     relaxed = options.posterior(used, weights[used])
-    return float(np.mean(relaxed.variance)), options.gradient(relaxed)
+    return relaxed.loss, options.gradient(relaxed)
 
 
 def _scaled_to_sum(weights: FloatArray, count: int) -> FloatArray:

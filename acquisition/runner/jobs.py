@@ -35,8 +35,9 @@ from acquisition.models.result import NormalMap, ResultSummary, SolveSettings
 from acquisition.models.route import JointPath, Route
 from acquisition.models.shot import Observations
 from acquisition.normals import colour_albedo
-from acquisition.plan import baselines, explain, visibility
+from acquisition.plan import baselines, visibility
 from acquisition.plan import prior_forecast as prior
+from acquisition.plan.explain import Basis
 from acquisition.runner import light_forecast
 from acquisition.runner.board_jobs import board_moved, board_poses, estimate_from_board, look_at_board
 from acquisition.runner.check_jobs import check_poses, estimate_check
@@ -132,8 +133,8 @@ def further_lights(
     if not chosen.lights:
         return chosen, []
     positions = np.array([light.position for light in chosen.lights])
-    basis = explain.basis(problem, normal_map, observations, calibration)
-    pictures, brightest_deg = explain.gain_pictures(basis, explain.gains_deg(basis, positions))
+    basis = Basis.of(problem, normal_map, observations, calibration)
+    pictures, brightest_deg = basis.gain_pictures(positions)
     summary = {
         "levels_per_s": expected_levels(normal_map, chosen.lights, calibration),
         "brightest_gain_deg": brightest_deg,

@@ -15,9 +15,7 @@ from acquisition.capture import region
 from acquisition.formats import export
 from acquisition.models.base import FloatArray, Vector3
 from acquisition.models.light_forecast import ForecastInput, LightForecast, PlacedLight
-from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA
 from acquisition.models.route import Refusal
-from acquisition.plan import explain
 from acquisition.plan.design_problem import Problem
 from acquisition.plan.explain import Basis
 from acquisition.waypoints.reach import ReachMap, refusals
@@ -61,18 +59,19 @@ def forecast(
             lights=lights, sigma_before_deg=None, sigma_deg=None, median_deg=None, brightest_sigma_deg=None
         ), None
     served = [position for position, verdict in zip(positions, verdicts, strict=True) if verdict is None]
-    result = explain.evaluate(review.basis, np.array(served).reshape(-1, 3))
-    gains = iter(result.gains)
+    basis, places = review.basis, np.array(served).reshape(-1, 3)
+    predicted = basis.problem.predict(places)
+    gains = iter(predicted.gains)
     return LightForecast(
         lights=[
             PlacedLight(position=position, refusal=verdict, gain=next(gains) if verdict is None else None)
             for position, verdict in zip(positions, verdicts, strict=True)
         ],
-        sigma_before_deg=float(np.mean(review.basis.before_deg)),
-        sigma_deg=float(np.mean(result.sigma_deg)),
-        median_deg=float(MEDIAN_ERROR_PER_SIGMA * np.median(result.sigma_deg)),
-        brightest_sigma_deg=review.basis.brightest_deg,
-    ), result.picture
+        sigma_before_deg=basis.problem.predict(np.empty((0, 3))).mean_deg,
+        sigma_deg=predicted.mean_deg,
+        median_deg=predicted.median_error_deg,
+        brightest_sigma_deg=basis.brightest_deg,
+    ), basis.sigma_picture(places)
 
 
 def _basis(given: ForecastInput, reach: ReachMap) -> Basis | None:
@@ -81,7 +80,7 @@ def _basis(given: ForecastInput, reach: ReachMap) -> Basis | None:
     normal_map, observations, calibration = export.read(given.result), given.observations, given.calibration
     mask = None if given.region_file is None else region.decode_mask(given.region_file.read_bytes(), calibration)
     problem = Problem.of(normal_map, observations, given.recipe, reach, calibration, region=mask)
-    return explain.basis(problem, normal_map, observations, calibration)
+    return Basis.of(problem, normal_map, observations, calibration)
 
 
 def _verdict(review: _Review, position: Vector3, center: FloatArray, given: ForecastInput) -> Refusal | None:

@@ -51,7 +51,7 @@ class Planned:
         frames = None if chosen.exposures is None else [one.frames for one in chosen.exposures]
         rows = true.rows(true.holdout_sample, patterns.places(chosen.lights), frames)
         seconds = 1.0 if frames is None else TIMES.of_pass(true.exposures) + TIMES.of_pass(frames)
-        error = float(np.mean(rows.posterior().sigma_deg)) * seconds ** (exposure_plan.SETTINGS.time_exponent / 2)
+        error = rows.posterior().loss * seconds**exposure_plan.SETTINGS.time_exponent
         return {"error": error, "forecast": chosen.predicted_sigma_deg or math.nan}
 
 

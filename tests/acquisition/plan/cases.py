@@ -16,9 +16,6 @@ from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.planned_images import PlannedImages
 from tests.acquisition.scenes import Frames, Scene
 
-CAPPED = float(np.radians(3.0) ** -2)
-"""The inverse of a cap of 3°."""
-
 NO_OBSERVATIONS = Observations(shots=[], darks={}, frames=Frames())
 
 

@@ -12,10 +12,9 @@ from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.plan import planned_images, sample_pixels, visibility
-from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Posterior
+from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
-from tests.acquisition.plan.cases import CAPPED
 
 
 def variance_by_hand(lights: Candidates, chosen: list[int]) -> FloatArray:
@@ -37,7 +36,7 @@ def variance_by_hand(lights: Candidates, chosen: list[int]) -> FloatArray:
 
 
 def objective_by_hand(variance: FloatArray) -> float:
-    return float(np.mean(variance / (1 + variance * CAPPED)))
+    return float(np.mean(np.sqrt(variance)))
 
 
 @settings(max_examples=15, deadline=None)
@@ -48,8 +47,7 @@ def test_posterior_variance_equals_inverted_information(seed: int, count: int) -
     expected = variance_by_hand(lights, chosen)
     posterior = lights.posterior(chosen)
     np.testing.assert_allclose(posterior.variance, expected, rtol=1e-4)
-    assert posterior.loss(CAPPED) == pytest.approx(objective_by_hand(expected), rel=1e-4)
-    np.testing.assert_allclose(posterior.sigma_deg, np.degrees(np.sqrt(expected)).mean(axis=0), rtol=1e-4)
+    assert posterior.loss == pytest.approx(objective_by_hand(expected), rel=1e-4)
 
 
 @settings(max_examples=15, deadline=None)
@@ -57,7 +55,7 @@ def test_posterior_variance_equals_inverted_information(seed: int, count: int) -
 def test_scan_candidate_equals_adding_it(seed: int, count: int) -> None:
     lights = cases.random_case(seed)
     chosen = list(range(count))
-    scanned = lights.scan(lights.posterior(chosen), CAPPED)
+    scanned = lights.scan(lights.posterior(chosen))
     for k in range(len(lights.row)):
         added = objective_by_hand(variance_by_hand(lights, [*chosen, k]))
         assert scanned[k] == pytest.approx(added, rel=2e-3)
@@ -77,15 +75,8 @@ def test_posterior_shadow_gains_nothing_uncertain_visibility_less(seed: int) -> 
     lights = cases.random_case(seed)
     before = lights.posterior([])
     hidden, doubtful, lit = (replace(lights, visibility=np.full_like(lights.visibility, v)) for v in (0.0, 0.5, 1.0))
-    np.testing.assert_allclose(hidden.scan(before, CAPPED), before.loss(CAPPED), rtol=1e-5)
-    assert np.all(doubtful.scan(before, CAPPED) >= lit.scan(before, CAPPED) * (1 - 1e-6))
-
-
-@pytest.mark.parametrize(("sigma_deg", "cap_deg"), [((0.1, 0.3), 0.8), ((1.0, 1.0), 4.0), ((1.0, 3.0), 8.0)])
-def test_cap_is_four_times_what_two_rings_leave(sigma_deg: tuple[float, float], cap_deg: float) -> None:
-    variance = np.tile(np.radians(sigma_deg) ** 2, (3, 1))
-    rings = Posterior(np.zeros((3, 10, 2), np.float32), variance, np.full((3, 2), 4.0, np.float32))
-    assert rings.inverse_cap == pytest.approx(np.radians(cap_deg) ** -2)
+    np.testing.assert_allclose(hidden.scan(before), before.loss, rtol=1e-5)
+    assert np.all(doubtful.scan(before) >= lit.scan(before) * (1 - 1e-6))
 
 
 # ------------------------------------------------------------------------------------------------ from a normal map
@@ -150,7 +141,7 @@ def test_candidates_light_behind_wall_is_invisible() -> None:
         sample = sample_pixels.samples(normal_map, true.calibration, chosen)
         lights = cases.design_rows(sample, [light], normal_map, true.calibration)
         before = lights.posterior([])
-        sides[name] = lights.visibility, before.loss(CAPPED) - lights.scan(before, CAPPED)[0]
+        sides[name] = lights.visibility, before.loss - lights.scan(before)[0]
     assert np.mean(sides["left"][0] < 0.1) > 0.97
     assert np.mean(sides["right"][0] > 0.9) > 0.97
     assert sides["left"][1] < 0.02 * sides["right"][1]
@@ -213,7 +204,7 @@ def test_posterior_unlit_pixels_keep_prior_of_40_degrees(cushion: scenes.Scene) 
     normal_map = cases.known_map(cushion, [])
     sample = sample_pixels.samples(normal_map, cushion.calibration, np.arange(50))
     nothing = cases.design_rows(sample, [], normal_map, cushion.calibration)
-    np.testing.assert_allclose(nothing.posterior().sigma_deg, np.degrees(np.sqrt(0.5)), rtol=1e-3)
+    assert nothing.posterior().loss == pytest.approx(np.sqrt(0.5), rel=1e-3)
 
 
 def test_posterior_more_lights_lowers_sigma_by_count(cushion: scenes.Scene) -> None:

@@ -22,12 +22,12 @@ PLACES = np.array([light.position for light in LIGHTS])
 def basis() -> Basis:
     known = cases.known_map(TRUE, PILOT_LIGHTS)
     problem = plan.Problem.of(known, cases.NO_OBSERVATIONS, Recipe(), scenes.Dome(refused=0), TRUE.calibration)
-    return explain.basis(problem, known, cases.NO_OBSERVATIONS, TRUE.calibration)
+    return Basis.of(problem, known, cases.NO_OBSERVATIONS, TRUE.calibration)
 
 
 @pytest.fixture(scope="module")
 def gains(basis: Basis) -> FloatArray:
-    return explain.gains_deg(basis, PLACES)
+    return basis.gains_deg(PLACES)
 
 
 def test_gains_all_lights_are_not_negative(basis: Basis, gains: FloatArray) -> None:
@@ -47,12 +47,12 @@ def test_gains_grazing_light_is_on_its_own_side(basis: Basis, gains: FloatArray,
 
 
 def test_gains_duplicate_light_is_small(basis: Basis, gains: FloatArray) -> None:
-    twice = explain.gains_deg(basis, np.concatenate([PLACES, PLACES[:1]]))
+    twice = basis.gains_deg(np.concatenate([PLACES, PLACES[:1]]))
     assert np.mean(twice[0]) < 0.8 * np.mean(gains[0])
 
 
 def test_gain_image_shows_object_on_common_scale(basis: Basis, gains: FloatArray) -> None:
-    images, _ = explain.gain_pictures(basis, gains)
+    images, _ = basis.gain_pictures(PLACES)
     pictures = [cv2.imdecode(np.frombuffer(image, np.uint8), cv2.IMREAD_COLOR) for image in images]
     rows, columns = np.flatnonzero(TRUE.mask.any(axis=1)), np.flatnonzero(TRUE.mask.any(axis=0))
     for picture in pictures:

@@ -1,16 +1,16 @@
 """Forecasts for lights that a person places agree with the plan's own, and show what a light brings."""
 
-from typing import Any
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 import pytest
 
 from acquisition import pilot, plan
-from acquisition.models.light_plan import LightPlan
+from acquisition.models.base import FloatArray
+from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.recipe import Recipe
-from acquisition.plan import explain
-from acquisition.plan.explain import Basis, PlacedForecast
+from acquisition.plan.explain import Basis
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -21,12 +21,12 @@ def prepared() -> tuple[Basis, LightPlan]:
     reach, scene = scenes.Dome(seed=1, count=150), scenes.scene(scenes.bumps, scenes.calibration(128))
     known = cases.known_map(scene, pilot.pattern(Recipe(), reach))
     problem = plan.Problem.of(known, cases.NO_OBSERVATIONS, Recipe(), reach, scene.calibration)
-    basis = explain.basis(problem, known, cases.NO_OBSERVATIONS, scene.calibration)
+    basis = Basis.of(problem, known, cases.NO_OBSERVATIONS, scene.calibration)
     return basis, plan.choose(problem, 4, certify=False)
 
 
-def forecast(basis: Basis, positions: Any) -> PlacedForecast:
-    return explain.evaluate(basis, np.array(positions).reshape(-1, 3))
+def places(lights: Sequence[Light]) -> FloatArray:
+    return np.array([light.position for light in lights]).reshape(-1, 3)
 
 
 def brightness(picture: bytes) -> float:
@@ -35,34 +35,33 @@ def brightness(picture: bytes) -> float:
     return float(image.mean())
 
 
-def test_evaluate_own_lights_of_plan_gives_its_forecast(prepared: tuple[Basis, LightPlan]) -> None:
+def test_predict_own_lights_of_plan_gives_its_forecast(prepared: tuple[Basis, LightPlan]) -> None:
     basis, planned = prepared
 
-    result = forecast(basis, [light.position for light in planned.lights])
+    predicted, before = (basis.problem.predict(places(lights)) for lights in (planned.lights, []))
 
-    assert planned.predicted_sigma_deg is not None
-    assert np.mean(result.sigma_deg) == pytest.approx(planned.predicted_sigma_deg, rel=1e-6)
-    assert result.gains == pytest.approx(planned.gains, abs=1e-6)
-    assert np.mean(basis.before_deg) > np.mean(result.sigma_deg)
+    assert predicted.mean_deg == pytest.approx(planned.predicted_sigma_deg, rel=1e-6)
+    assert predicted.gains == pytest.approx(planned.gains, abs=1e-6)
+    assert before.mean_deg > predicted.mean_deg
+    assert before.gains == []
 
 
-def test_evaluate_fewer_lights_is_less_certain_and_brighter(prepared: tuple[Basis, LightPlan]) -> None:
+def test_fewer_lights_are_less_certain_and_brighter(prepared: tuple[Basis, LightPlan]) -> None:
     basis, planned = prepared
-    positions = [light.position for light in planned.lights]
+    some = [places(planned.lights[:count]) for count in (4, 1, 0)]
 
-    every, fewer, none = (forecast(basis, positions[:count]) for count in (4, 1, 0))
+    every, fewer, none = (basis.problem.predict(one).mean_deg for one in some)
+    pictures = [brightness(basis.sigma_picture(one)) for one in some]
 
-    assert np.mean(every.sigma_deg) < np.mean(fewer.sigma_deg) < np.mean(none.sigma_deg)
-    assert brightness(every.picture) < brightness(fewer.picture) < brightness(none.picture)
-    assert none.gains == []
-    assert np.allclose(none.sigma_deg, basis.before_deg)
+    assert every < fewer < none
+    assert pictures[0] < pictures[1] < pictures[2]
 
 
-def test_evaluate_same_light_twice_gains_less_than_each_of_two(prepared: tuple[Basis, LightPlan]) -> None:
+def test_predict_same_light_twice_gains_less_than_each_of_two(prepared: tuple[Basis, LightPlan]) -> None:
     basis, planned = prepared
-    one, other = (light.position for light in planned.lights[:2])
+    one, other = planned.lights[:2]
 
-    twice, two = forecast(basis, [one, one]), forecast(basis, [one, other])
+    twice, two = (basis.problem.predict(places(lights)) for lights in ([one, one], [one, other]))
 
     assert twice.gains[0] == twice.gains[1] < two.gains[0]
-    assert np.mean(two.sigma_deg) < np.mean(twice.sigma_deg)
+    assert two.mean_deg < twice.mean_deg

@@ -13,7 +13,6 @@ from acquisition.models.result import CAST, LIT, FisherInformation, NormalMap
 from acquisition.plan import baselines, sample_pixels
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
-from tests.acquisition.plan.cases import CAPPED
 
 # ---------------------------------------------------------------------------------------------------- complete plans
 
@@ -75,8 +74,7 @@ def test_choose_plan_is_predicted_better_than_two_rings(
     rings = plan.baseline("two-rings", 4, Recipe(method="two-rings"), reach).lights
     sample = sample_pixels.samples(piloted, cushion.calibration, sample_pixels.usable(piloted, cushion.calibration))
     ours, theirs = (
-        cases.design_rows(sample, lights, piloted, cushion.calibration).posterior().loss(CAPPED)
-        for lights in (chosen, rings)
+        cases.design_rows(sample, lights, piloted, cushion.calibration).posterior().loss for lights in (chosen, rings)
     )
     assert ours < theirs
 
@@ -200,9 +198,8 @@ def test_choose_never_predicts_more_loss_than_completed_rings(
     units = (reach.candidates - reach.center) / reach.radius_m
     rings = baselines.two_ring_completions(-np.array([light.axis for light in lights]), units, count)
     positions = [[lamp_pose.light_at(reach.candidates[one], reach.center) for one in numbers] for numbers in rings]
-    inverse_cap = cases.design_rows(sample, positions[0], normal_map, cushion.calibration).posterior().inverse_cap
     planned_loss, *ring_losses = (
-        cases.design_rows(sample, some, normal_map, cushion.calibration).posterior().loss(inverse_cap)
+        cases.design_rows(sample, some, normal_map, cushion.calibration).posterior().loss
         for some in (chosen.lights, *positions)
     )
     assert chosen.fallback is None
