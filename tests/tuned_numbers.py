@@ -57,8 +57,7 @@ REASONS: dict[str, str] = {
         pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS
         sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS session_images.BYTES_PER_EXTRA
         session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES
-        criterion_kernels.BLOCK stopping_rule.COUNTS criterion.COARSE_PIXELS
-        optimise.RANDOM_START_LIGHTS design_problem.SAMPLE_PIXELS
+        stopping_rule.COUNTS optimise.RANDOM_START_LIGHTS design_problem.SAMPLE_PIXELS
         design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
         visibility.MAP_SIZE translucency.GRID photon_transfer.BINS
@@ -108,7 +107,6 @@ STRAYS = (
     "sensor_estimate.MAX_GAIN_SIGMA",
     "sensor_estimate.MAX_READ_NOISE_SIGMA",
     "specular.EXPONENTS",
-    "criterion.VISIBILITY_LEVELS",
 )
 """Tuned numbers that are not in settings yet."""
 

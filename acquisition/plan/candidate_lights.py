@@ -1,8 +1,9 @@
-"""Candidate lights without an arm: a free dome round the object, or a list of the lamps that there are."""
+"""Candidate lights: of an arm's reach, a free dome round the object, or a list of the lamps that there are."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -33,6 +34,16 @@ class CandidateLights:
         cosine = np.linspace(np.cos(np.radians(MIN_SLANT_DEG)), np.cos(max_slant_rad), DOME_CANDIDATES)
         azimuth = np.arange(DOME_CANDIDATES) * np.pi * (3 - np.sqrt(5))
         return cls(center + radius_m * geometry.direction(np.arccos(cosine), azimuth), center)
+
+    @cached_property
+    def units(self) -> FloatArray:
+        """Unit directions (K, 3) of the candidates from the centre."""
+        return self.directions(self.candidates)
+
+    def directions(self, positions: FloatArray) -> FloatArray:
+        """Unit directions (M, 3) of positions (M, 3) from the centre."""
+        offsets = positions - self.center
+        return offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
 
     def numbers(self, lights: Sequence[Light]) -> list[int]:
         """The number of the candidate at each light's position, each number once."""

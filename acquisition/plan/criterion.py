@@ -2,32 +2,27 @@
 
 The parameters of a sample pixel are (g, ζ), albedo × normal and a scaled depth offset, with the Fisher information of
 the images so far as prior. A light adds a design row: its light vector at the pixel, whitened by the noise of its image
-(`planned_images`). Whether the pixel will see the light is a probability. Three scenarios carry it into the criterion:
-each regards every light of probability above its level as visible, because an error of one pixel's normal hides all
-lights of one side together. Multiplying information by probability instead would be optimistic (decision 0027).
+(`planned_images`), zero where the pixel will not see it. How far normals and depth are wrong there decides that, so a
+third of the pixels each count as turned away from all lights by 1 σ, as they are, and towards them by 1 σ: an error of
+a pixel's normal hides all lights of one side together. Multiplying information by the probability of being seen instead
+would be optimistic (decision 0027).
 
-The loss is the mean σ over pixels and scenarios, which is what a plan forecasts; the mean variance would be decided by
-a few pixels that no light can reach. Many sets of lights are within a few per cent of the best. Even ones among them
-suffer least from wrong depth; what makes plans even is the wide prior of the depth offset
+The loss is the mean σ over the pixels, which is what a plan forecasts; the mean variance would be decided by a few that
+no light can reach. Many sets of lights are within a few per cent of the best. Even ones among them suffer least from
+wrong depth; what makes plans even is the wide prior of the depth offset
 (`photometry.SETTINGS.integrated_depth_sigma_m`), not a term of the loss (decision 0026).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from functools import cached_property
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
 from acquisition import photometry
-from acquisition.models.base import Float32Array, FloatArray
-from acquisition.plan import criterion_kernels
-
-VISIBILITY_LEVELS = (1 / 6, 1 / 2, 5 / 6)
-"""Visibility probabilities above which a light counts as visible, one for each scenario; decision 0027."""
-
-COARSE_PIXELS = 300
-"""Approximate number of pixels of the search from all starts, and of the lower bound."""
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 
 MIN_LIGHTS = 3
 """Lights needed to determine a pixel's normal and albedo."""
@@ -43,101 +38,67 @@ class Samples:
     ray_direction: Float32Array  # (3, P) ∂x/∂Z
     normal: Float32Array  # (3, P)
     albedo: Float32Array  # (P,)
-    sigma: Float32Array  # (P,) rad
     information: FloatArray  # (4, 4, P) of (g, ζ), weak prior included
     lit: Float32Array  # (P,) images so far in which the pixel is lit
     indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
+    margin: FloatArray  # (P,) by which cosine of incidence and slope of clearance exceed a shadow's threshold if lit
     offset_sigma_m: float = photometry.SETTINGS.offset_sigma_m  # ζ = 1 is a depth offset of so much
-
-    @cached_property
-    def upper(self) -> FloatArray:
-        """The upper entries (10, P) of the information."""
-        return self.information[np.triu_indices(4)]
-
-    @cached_property
-    def inverse_albedo2(self) -> Float32Array:
-        """1/ρ² (P,)."""
-        return (1.0 / self.albedo**2).astype(np.float32)
-
-    def thinned(self, step: int) -> "Samples":
-        """Every `step`-th pixel."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
-        return replace(self, **{name: _every(step, v) for name, v in values.items() if isinstance(v, np.ndarray)})
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Posterior covariance of all sample pixels in all visibility scenarios, given a set of lights."""
+    """Posterior covariance of all sample pixels, given a set of lights."""
 
-    covariance: Float32Array  # (S, 10, P) upper entries of that of (g, ζ)
-    variance: FloatArray  # (S, P) rad²
-    lit: Float32Array  # (S, P) lights visible from the pixel, captured ones included
+    covariance: FloatArray  # (4, 4, P) of (g, ζ)
+    variance: FloatArray  # (P,) rad², of the normal
+    lit: FloatArray  # (P,) lights visible from the pixel, captured ones included
 
     @property
     def loss(self) -> float:
-        """Mean σ over pixels and scenarios, rad."""
+        """Mean σ over the pixels, rad."""
         return float(np.mean(np.sqrt(self.variance)))
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """Lights that may be added, as whitened design rows and visibilities at each sample pixel."""
+    """Lights that may be added, as whitened design rows at each sample pixel."""
 
     sample: Samples
-    row: Float32Array  # (K, 4, P) whitened
-    visibility: Float32Array  # (K, P) probability
+    row: Float32Array  # (K, 4, P) whitened, zero where the pixel does not see the light
 
-    @property
-    def coarse(self) -> "Candidates":
-        """The same lights at about `COARSE_PIXELS` of the pixels."""
-        step = max(1, len(self.sample.albedo) // COARSE_PIXELS)
-        return Candidates(self.sample.thinned(step), _every(step, self.row), _every(step, self.visibility))
+    @cached_property
+    def visible(self) -> BoolArray:
+        """Which pixels see which light (K, P)."""
+        return np.any(self.row != 0, axis=1)
 
     def posterior(
         self, chosen: Sequence[int] | npt.NDArray[np.intp] | None = None, weight: FloatArray | None = None
     ) -> Posterior:
         """Bayesian update by the `chosen` lights (M,), None: all of them, each `weight` (M,) times, None: once."""
         numbers = slice(None) if chosen is None else np.asarray(chosen, np.intp)
-        row, visibility = self.row[numbers], self.visibility[numbers]
-        shape = (len(VISIBILITY_LEVELS), len(self.sample.albedo))
-        covariance = np.empty((shape[0], 10, shape[1]), np.float32)
-        variance, lit = np.empty(shape), np.empty(shape, np.float32)
-        criterion_kernels.posterior(
-            self.sample.upper,
-            row,
-            visibility,
-            np.ones(len(row)) if weight is None else weight,
-            np.array(VISIBILITY_LEVELS, np.float32),
-            self.sample.normal,
-            self.sample.inverse_albedo2,
-            covariance,
-            variance,
-            lit,
-        )
-        return Posterior(covariance, variance, lit + self.sample.lit)
+        row, visible, sample = self.row[numbers], self.visible[numbers], self.sample
+        weight = np.ones(len(row)) if weight is None else weight
+        weighted = weight[:, None, None].astype(np.float32) * row
+        information = sample.information + np.einsum("kap,kbp->abp", weighted, row, dtype=np.float64)
+        covariance = np.moveaxis(np.linalg.inv(np.moveaxis(information, 2, 0)), 0, 2)
+        of_g, normal = covariance[:3, :3], sample.normal
+        across = np.trace(of_g) - np.einsum("ap,abp,bp->p", normal, of_g, normal)
+        return Posterior(covariance, np.maximum(across, 1e-12) / sample.albedo**2, sample.lit + weight @ visible)
 
     def without_each(self) -> list[Posterior]:
         """Leave-one-out: the posterior by all lights but one, for each of them."""
         return [self.posterior(np.delete(np.arange(len(self.row)), one)) for one in range(len(self.row))]
 
-    def scan(self, present: Posterior) -> FloatArray:
-        """The loss (K,) with each one of the lights added to the present posterior (Sherman–Morrison)."""
-        return self._scan(present, slope=False)
-
-    def gradient(self, present: Posterior) -> FloatArray:
-        """Gradient (K,) of the loss in each light's design weight, at the present posterior."""
-        return self._scan(present, slope=True)
-
-    def _scan(self, present: Posterior, *, slope: bool) -> FloatArray:
+    def scan(self, present: Posterior, *, slope: bool = False) -> FloatArray:
+        """Rank-one update (Sherman–Morrison): the loss (K,) with each one of the lights added to the present posterior;
+        or, for `slope`, the loss's gradient in each one's design weight."""
         out = np.empty(len(self.row))
-        criterion_kernels.scan(
-            present.covariance,
+        _scan(
+            np.ascontiguousarray(present.covariance, np.float32),
             present.variance.astype(np.float32),
             self.row,
-            self.visibility,
             self.sample.normal,
-            self.sample.inverse_albedo2,
-            np.array(VISIBILITY_LEVELS, np.float32),
+            (1 / self.sample.albedo**2).astype(np.float32),
             slope,
             out,
         )
@@ -152,5 +113,40 @@ def prior_information(albedo: Float32Array) -> FloatArray:
     return prior
 
 
-def _every(step: int, values: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(values[..., ::step])
+@numba.njit(
+    "void(float32[:,:,::1], float32[::1], float32[:,:,::1], float32[:,::1], float32[::1], boolean, float64[::1])",
+    cache=True,
+    parallel=True,
+    fastmath=True,
+    error_model="numpy",
+)
+def _scan(
+    c: Float32Array,  # (4, 4, P) covariance
+    variance: Float32Array,  # (P,) rad²
+    row: Float32Array,  # (K, 4, P)
+    normal: Float32Array,  # (3, P)
+    inverse_albedo2: Float32Array,  # (P,)
+    slope: bool,
+    out: FloatArray,  # (K,)
+) -> None:
+    """The mean σ with each candidate added in turn; for `slope`, its gradient −mean |P C a|²/(2 ρ² σ)."""
+    pixels = len(variance)
+    zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+    for k in numba.prange(row.shape[0]):
+        total = zero
+        for p in range(pixels):
+            a0, a1, a2, a3 = row[k, 0, p], row[k, 1, p], row[k, 2, p], row[k, 3, p]
+            u0 = c[0, 0, p] * a0 + c[0, 1, p] * a1 + c[0, 2, p] * a2 + c[0, 3, p] * a3
+            u1 = c[0, 1, p] * a0 + c[1, 1, p] * a1 + c[1, 2, p] * a2 + c[1, 3, p] * a3
+            u2 = c[0, 2, p] * a0 + c[1, 2, p] * a1 + c[2, 2, p] * a2 + c[2, 3, p] * a3
+            u3 = c[0, 3, p] * a0 + c[1, 3, p] * a1 + c[2, 3, p] * a2 + c[3, 3, p] * a3
+            along = normal[0, p] * u0 + normal[1, p] * u1 + normal[2, p] * u2
+            gain = (u0 * u0 + u1 * u1 + u2 * u2 - along * along) * inverse_albedo2[p]
+            if slope:
+                total -= half * gain / np.sqrt(variance[p])
+            else:
+                total += np.sqrt(max(variance[p] - gain / (one + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3), zero))
+        out[k] = total / pixels
+
+
+KERNELS = (_scan,)

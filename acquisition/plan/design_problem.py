@@ -16,9 +16,10 @@ from acquisition.models.result import NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
 from acquisition.plan import sample_pixels, visibility
+from acquisition.plan.candidate_lights import CandidateLights
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.expected_sigma import ExpectedSigma, Prediction
-from acquisition.plan.planned_images import Gloss, PlannedImages
+from acquisition.plan.planned_images import PlannedImages
 
 SAMPLE_PIXELS = 900
 """Number of random sample pixels of the search; from 50 to 4,000 the errors of the plans differ by less than 5 %."""
@@ -35,9 +36,7 @@ class Problem:
     """
 
     recipe: Recipe
-    reach: Reach
-    positions: FloatArray  # (K, 3) m, view frame, of the candidates
-    units: FloatArray  # (K, 3)
+    reach: CandidateLights
     captured: FloatArray  # (T, 3) unit directions of the lights captured so far
     exposures: Sequence[Sequence[FrameExposure]]  # of the same
     images: PlannedImages
@@ -62,17 +61,13 @@ class Problem:
         sample = partial(sample_pixels.samples, normal_map, calibration, observations=observations)
         wide = photometry.SETTINGS.integrated_depth_sigma_m
         shots = [shot for shot in observations.shots if shot.kind == "light"]
-        positions, units = candidates_of(reach, surround=surround)
+        candidates = candidates_of(reach, surround=surround)
         return cls(
             recipe=recipe,
-            reach=reach,
-            positions=positions,
-            units=units,
-            captured=directions([shot.light for shot in shots if shot.light is not None], reach),
+            reach=candidates,
+            captured=candidates.directions(positions_of([shot.light for shot in shots if shot.light is not None])),
             exposures=[sample_pixels.of_frames(observations.frames_of(shot)) for shot in shots],
-            images=PlannedImages(
-                visibility.surface(normal_map, calibration), calibration, recipe.exposure, Gloss.of(normal_map)
-            ),
+            images=PlannedImages(visibility.surface(normal_map, calibration), calibration, recipe.exposure),
             expected=ExpectedSigma.of(
                 normal_map, lamp_pose.common_direction_sigma_rad(reach.candidates, reach.center, calibration)
             ),
@@ -83,7 +78,7 @@ class Problem:
     @cached_property
     def options(self) -> Candidates:
         """Design rows of all candidates at the search pixels."""
-        return self.rows(self.search_sample, self.positions)
+        return self.rows(self.search_sample, self.reach.candidates)
 
     def lights(self, positions: FloatArray) -> list[Light]:
         """Lights at positions (M, 3) with their axes towards the dome's centre."""
@@ -103,20 +98,19 @@ class Problem:
         return Prediction(self.rows(sample or self.holdout_sample, positions, exposures), self.expected)
 
 
-def candidates_of(reach: Reach, *, surround: bool = True) -> tuple[FloatArray, FloatArray]:
-    """Candidate positions (K, 3) and their unit directions (K, 3) from the dome's centre, evenly out of those in reach.
+def candidates_of(reach: Reach, *, surround: bool = True) -> CandidateLights:
+    """The candidates, evenly out of those in reach.
 
     Raises RigError plan.infeasible where there are none or, where they are to `surround` the object, all on one side.
     """
-    units = lamp_pose.directions(reach.candidates, reach.center, 1, surround=surround)
-    kept = np.linspace(0, len(units) - 1, min(len(units), MAX_CANDIDATES)).round().astype(int)
-    return reach.candidates[kept], units[kept]
+    count = len(lamp_pose.directions(reach.candidates, reach.center, 1, surround=surround))
+    kept = np.linspace(0, count - 1, min(count, MAX_CANDIDATES)).round().astype(int)
+    return CandidateLights(reach.candidates[kept], reach.center)
 
 
-def directions(lights: Sequence[Light], reach: Reach) -> FloatArray:
-    """Unit directions (T, 3) of lights from the dome's centre."""
-    offsets = np.array([light.position for light in lights]).reshape(-1, 3) - reach.center
-    return offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
+def positions_of(lights: Sequence[Light]) -> FloatArray:
+    """Positions (M, 3) of lights, m, view frame."""
+    return np.array([light.position for light in lights]).reshape(-1, 3)
 
 
 def _counted(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None) -> np.ndarray:

@@ -55,7 +55,7 @@ class ExpectedSigma:
         )
 
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
-        """Expected σ (P,) in degrees of pixels with a posterior, mean over its visibility scenarios."""
+        """Expected σ (P,) in degrees of pixels with a posterior."""
         settings = photometry.SETTINGS
         factor = 1 + settings.misfit_factor * posterior.lit * (self.misfit - 1)
         few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, settings.unchecked_sigma_deg**2, 0.0)
@@ -63,7 +63,7 @@ class ExpectedSigma:
         shared = 2 * self.calibration_rad**2
         of_model = few + self.capture_deg**2 + self.structure_deg**2
         variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + of_model
-        return np.asarray(np.mean(np.sqrt(photometry.bounded_variance(variance)), axis=0))
+        return np.asarray(np.sqrt(photometry.bounded_variance(variance)))
 
 
 @dataclass(frozen=True)

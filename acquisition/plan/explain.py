@@ -4,7 +4,7 @@ The gain of a light at a pixel is the increase of σ if all other lights of the 
 the gains of two redundant lights are both small, and where an image is bright, its light has no substitute.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -50,6 +50,7 @@ class Basis:
         """Prepares pictures from the last result and the `problem` that was made of it."""
         usable = sample_pixels.usable(normal_map, calibration)
         shown = sample_pixels.samples(normal_map, calibration, usable, observations=observations)
+        shown = replace(shown, margin=np.zeros(len(usable)))  # neighbours of different margins would speckle
         silhouette = normal_map.silhouette
         rows, columns = np.flatnonzero(silhouette.any(axis=1)), np.flatnonzero(silhouette.any(axis=0))
         cut = silhouette[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]

@@ -77,18 +77,13 @@ def choose(problem: Problem, positions: FloatArray, times: CaptureTimes | None) 
     automatic_s = problem.images.automatic_seconds(problem.search_sample, problem.lights(positions))
     usual_s = np.clip(automatic_s, times.shortest_s, times.longest_s).tolist()
     chosen = _descend(problem, positions, [options(one, wanted, times) for one in usual_s], times)
-    count, usual = len(positions), [[FrameExposure(exposure_s=one)] for one in usual_s]
-    both = problem.rows(problem.holdout_sample, np.concatenate([positions, positions]), [*chosen, *usual])
-
-    def mean_deg(numbers: Sequence[int]) -> float:
-        return float(np.mean(problem.expected.sigma_deg(both.posterior(numbers))))
-
-    with_all = mean_deg(range(count))
-    swapped = [mean_deg([*(other for other in range(count) if other != one), count + one]) for one in range(count)]
-    return [
-        LightExposure(frames=frames, seconds=times.of_light(frames), gain=without / with_all - 1)
-        for frames, without in zip(chosen, swapped, strict=True)
-    ]
+    planned_deg = problem.predict(positions, chosen).mean_deg
+    found: list[LightExposure] = []
+    for number, (frames, usual) in enumerate(zip(chosen, usual_s, strict=True)):
+        others = [*chosen[:number], [FrameExposure(exposure_s=usual)], *chosen[number + 1 :]]
+        gain = problem.predict(positions, others).mean_deg / planned_deg - 1
+        found.append(LightExposure(frames=frames, seconds=times.of_light(frames), gain=gain))
+    return found
 
 
 def options(automatic_s: float, wanted: Exposure, times: CaptureTimes) -> list[list[FrameExposure]]:

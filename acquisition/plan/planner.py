@@ -15,14 +15,13 @@ def choose(
     problem: Problem, count: int | None = None, *, certify: bool = True, times: CaptureTimes | None = None,
     forecast_counts: Sequence[int] = (),
 ) -> LightPlan:  # fmt: skip
-    """A-optimal sequential design: the `count` lights that lower the mean σ most.
+    """Sequential Bayesian design: the `count` lights that lower the mean σ most, given the images so far.
 
-    Bayesian: the information of the images so far is the prior of the new lights. Exchange over the dome's candidates
-    from many starts, completed rings among them (`optimise.search`), and to `certify` it the relaxation's lower bound.
-    `count` None: as many lights as remain of the recipe; an empty plan means that it is fulfilled. `times`: limits and
-    times of the capture, by which exposures are planned where the recipe asks for it; None: each light has the
-    automatic one. `forecast_counts`: numbers of further lights for which σ is forecast, where there are as many
-    candidates. Raises RigError plan.infeasible when the arm reaches too few positions.
+    `count` None: as many as remain of the recipe; an empty plan means that it is fulfilled. To `certify` it, the
+    relaxation's lower bound is stated. `times`: limits and times of the capture, by which exposures are planned where
+    the recipe asks for it; None: each light has the automatic one. `forecast_counts`: numbers of further lights for
+    which σ is forecast, where there are as many candidates. Raises RigError plan.infeasible when the arm reaches too
+    few positions.
     """
     count = max(problem.recipe.lights_total - len(problem.captured), 0) if count is None else count
     before = problem.predict(np.empty((0, 3)))
@@ -36,13 +35,13 @@ def choose(
             predicted_median_deg=before.median_error_deg,
         )
     chosen, rings = _search(problem, count)
-    positions = problem.positions[chosen]
+    positions = problem.reach.candidates[chosen]
     exposures = exposure_plan.choose(problem, positions, times)
     frames = None if exposures is None else [one.frames for one in exposures]
     planned = problem.predict(positions, frames)
     notes = [
         f"mean σ {before.mean_deg:.2f}° so far, {planned.mean_deg:.2f}° expected with these lights, "
-        f"{problem.predict(problem.positions[rings]).mean_deg:.2f}° with two rings"
+        f"{problem.predict(problem.reach.candidates[rings]).mean_deg:.2f}° with two rings"
     ]
     undetermined = float(np.mean(problem.search_sample.lit < criterion.MIN_LIGHTS))
     if len(problem.captured) and undetermined > 0.5:
@@ -50,7 +49,7 @@ def choose(
             f"{undetermined:.0%} of the pixels were lit by fewer than {criterion.MIN_LIGHTS} lights so far: the "
             "shape behind this plan is unreliable there; check that all lamps were on and nothing blocked their light"
         )
-    unlit = float(np.mean(np.sum(planned.lights.visibility > 0.5, axis=0) == 0))
+    unlit = float(np.mean(~np.any(planned.lights.visible, axis=0)))
     if unlit > 0.02:
         notes.append(f"{unlit:.0%} of the pixels are expected to see none of the new lights")
     if exposures is not None:
@@ -60,12 +59,12 @@ def choose(
         method="optimal",
         reasons=[
             _reason(unit, planned.sigma_deg, without)
-            for unit, without in zip(problem.units[chosen], planned.without_deg, strict=True)
+            for unit, without in zip(problem.reach.units[chosen], planned.without_deg, strict=True)
         ],
         gains=planned.gains,
         notes=notes,
         exposures=exposures,
-        forecast=forecast(problem, [further for further in forecast_counts if further <= len(problem.positions)]),
+        forecast=forecast(problem, [further for further in forecast_counts if further <= len(problem.options.row)]),
         predicted_sigma_deg=planned.mean_deg,
         predicted_median_deg=planned.median_error_deg,
     )
@@ -77,14 +76,14 @@ def forecast(problem: Problem, counts: Sequence[int]) -> list[ForecastPoint]:
     points: list[ForecastPoint] = []
     for count in counts:
         chosen = _search(problem, count)[0] if count else []
-        sigma_deg = problem.predict(problem.positions[chosen]).mean_deg
+        sigma_deg = problem.predict(problem.reach.candidates[chosen]).mean_deg
         points.append(ForecastPoint(added=count, lights=len(problem.captured) + count, sigma_deg=sigma_deg))
     return points
 
 
 def _search(problem: Problem, count: int) -> tuple[list[int], list[int]]:
-    """Numbers of the best candidates, of of those that complete the captured lights to two rings."""
-    patterns = baselines.two_ring_completions(problem.captured, problem.units, count)
+    """Numbers of the best candidates, of those that complete the captured lights to two rings."""
+    patterns = baselines.two_ring_completions(problem.captured, problem.reach.units, count)
     return optimise.search(problem.options, patterns, count, problem.recipe.seed), patterns[0]
 
 
@@ -93,7 +92,7 @@ def _certificate(problem: Problem, chosen: list[int], pattern: list[int]) -> dic
 
     The certificate is of the posterior: variances that no light lowers would pull all efficiencies towards 1.
     """
-    options = problem.options.coarse
+    options = problem.options
     bound, gap = relaxation.bound(options, len(chosen))
     losses = [bound, *(options.posterior(some).loss for some in (chosen, pattern))]
     bound_deg, plan_deg, rings_deg = np.degrees(losses).tolist()

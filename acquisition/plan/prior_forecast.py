@@ -20,7 +20,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.route import Reach
 from acquisition.plan import baselines, criterion, design_problem, planner
 from acquisition.plan.criterion import Samples
-from acquisition.plan.design_problem import Problem
+from acquisition.plan.design_problem import Problem, positions_of
 from acquisition.plan.expected_sigma import ExpectedSigma
 from acquisition.plan.planned_images import PlannedImages
 
@@ -61,10 +61,10 @@ def assumed_sphere(center: FloatArray, radius_m: float) -> Samples:
         ray_direction=np.ascontiguousarray(-point / point[2], np.float32),
         normal=np.ascontiguousarray(normal, np.float32),
         albedo=albedo,
-        sigma=none,
         information=criterion.prior_information(albedo),
         lit=none,
         indirect=none,
+        margin=none,
     )
 
 
@@ -81,22 +81,18 @@ def forecast(
     optimal = recipe.method == "optimal"
     counts, known = _counts(recipe, len(reach.candidates)), first_lights if optimal else []
     images = PlannedImages(None, calibration, recipe.exposure)
-    if optimal:
-        piloted = images.candidates(sample, first_lights)
-        seen = piloted.visibility > 0.5
-        own = piloted.row.astype(np.float64) * seen[:, None]
-        sample = replace(
-            sample,
-            information=sample.information + np.einsum("kap,kbp->abp", own, own),
-            lit=np.count_nonzero(seen, axis=0).astype(np.float32),
-        )
-    positions, units = design_problem.candidates_of(reach)
+    piloted = images.candidates(sample, known)
+    row = piloted.row.astype(np.float64)
+    sample = replace(
+        sample,
+        information=sample.information + np.einsum("kap,kbp->abp", row, row),
+        lit=np.sum(piloted.visible, axis=0, dtype=np.float32),
+    )
+    candidates = design_problem.candidates_of(reach)
     problem = Problem(
         recipe=recipe,
-        reach=reach,
-        positions=positions,
-        units=units,
-        captured=design_problem.directions(known, reach),
+        reach=candidates,
+        captured=candidates.directions(positions_of(known)),
         exposures=[],
         images=images,
         expected=ExpectedSigma(
@@ -105,17 +101,16 @@ def forecast(
         search_sample=sample,
         holdout_sample=sample,
     )
+
+    def of_pattern(count: int) -> float:
+        if count == len(first_lights):
+            return problem.predict(positions_of(first_lights)).mean_deg
+        return problem.predict(positions_of(baselines.baseline(recipe.method, count, recipe, reach).lights)).mean_deg
+
     if optimal:
         sigma_deg = [one.sigma_deg for one in planner.forecast(problem, [count - len(known) for count in counts])]
     else:
-        patterns = [
-            first_lights
-            if count == len(first_lights)
-            else baselines.baseline(recipe.method, count, recipe, reach).lights
-            for count in counts
-        ]
-        places = [np.array([light.position for light in pattern]) for pattern in patterns]
-        sigma_deg = [problem.predict(place).mean_deg for place in places]
+        sigma_deg = [of_pattern(count) for count in counts]
     points = [ForecastPoint(added=n, lights=n, sigma_deg=one) for n, one in zip(counts, sigma_deg, strict=True)]
     return PriorForecast(points=points, assumption=ASSUMPTION.format(diameter_mm=2e3 * radius_m))
 

@@ -39,7 +39,7 @@ def bound(options: Candidates, count: int) -> tuple[float, float]:
         lower = max(lower, value - float(gradient @ weights) + float(np.sum(np.partition(gradient, count - 1)[:count])))
         if best - lower <= MAX_GAP * best:
             break
-        trial = _scaled_to_sum(weights * (gradient / np.mean(gradient)) ** exponent, count)
+        trial = _scaled_to_sum(weights * (-gradient) ** exponent, count)
         trial_value, trial_gradient = _value_and_gradient(options, trial)
         if trial_value > value * (1 + 1e-9) and exponent > 0.05:
             exponent *= 0.5
@@ -54,12 +54,13 @@ def _value_and_gradient(options: Candidates, weights: FloatArray) -> tuple[float
     """Loss of the weighted design, and its gradient (K,) in the weights."""
     used = np.flatnonzero(weights)
     relaxed = options.posterior(used, weights[used])
-    return relaxed.loss, options.gradient(relaxed)
+    return relaxed.loss, options.scan(relaxed, slope=True)
 
 
 def _scaled_to_sum(weights: FloatArray, count: int) -> FloatArray:
     """Weights scaled so that, clipped at 1, they sum to `count`."""
     weights = np.where(weights < MIN_RELATIVE_WEIGHT * np.max(weights), 0.0, weights)
+    weights = weights * (count / np.sum(weights))
     for _ in range(50):
         full = weights >= 1.0
         weights = np.where(full, 1.0, weights)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition import photometry
+from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import FrameExposure
 from acquisition.models.result import LIT, NormalMap
@@ -22,17 +23,12 @@ def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
     if not len(rows):
         return np.empty(0, dtype=np.int64)
     ray_direction = photometry.ray_directions(visibility.rays_at(calibration, rows, columns))
-    normal = normal_map.normals[rows, columns].T
-    cosine = -np.sum(normal * ray_direction, axis=0) / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
-    finite = (
-        np.isfinite(information.matrices).all(axis=(1, 2))
-        & np.isfinite(normal).all(axis=0)
-        & np.isfinite(normal_map.depth[rows, columns])
-        & np.isfinite(normal_map.albedo[rows, columns])
-        & (normal_map.depth[rows, columns] > 0)
-    )
+    normal, depth = normal_map.normals[rows, columns], normal_map.depth[rows, columns]
+    cosine = -np.sum(normal.T * ray_direction, axis=0) / np.linalg.norm(ray_direction, axis=0)
+    matrices = information.matrices.reshape(len(rows), -1)
+    finite = np.isfinite(np.column_stack([matrices, normal, depth, normal_map.albedo[rows, columns]])).all(axis=1)
     counted = photometry.inside(normal_map)[rows, columns] & (cosine > np.cos(np.radians(photometry.GRADED_SLANT_DEG)))
-    return np.flatnonzero(finite & counted)
+    return np.flatnonzero(finite & counted & (depth > 0))
 
 
 def samples(
@@ -56,13 +52,19 @@ def samples(
         ray_direction=photometry.ray_directions(ray),
         normal=np.ascontiguousarray(normal_map.normals[rows, columns].T),
         albedo=albedo,
-        sigma=np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0)).astype(np.float32),
         information=np.ascontiguousarray(np.moveaxis(information, 0, 2)) + prior_information(albedo),
         lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
         indirect=np.zeros_like(albedo),
+        margin=shadow_margins(np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0))),
         offset_sigma_m=offset_sigma_m,
     )
     return sample if observations is None else reweight(sample, normal_map, observations, calibration)
+
+
+def shadow_margins(sigma_rad: FloatArray) -> FloatArray:
+    """Margins (P,) of shadows where normals have σ (P,): for a third of the pixels each −1 σ, 0 and 1 σ of the normal's
+    component towards a light."""
+    return (np.arange(len(sigma_rad)) % 3 - 1.0) * sigma_rad / np.sqrt(2.0)
 
 
 def of_frames(frames: Sequence[Shot]) -> list[FrameExposure]:

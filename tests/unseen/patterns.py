@@ -113,7 +113,7 @@ def oracle(scene: Scene, solved: NormalMap, first: Capture) -> NormalMap:
         information=FisherInformation(rows, columns, np.zeros((len(rows), 4, 4))),
     )
     known, lights = first.calibration, list(first.stack.lights)
-    samples = sample_pixels.samples(blank, known, np.arange(len(rows)))
+    samples = replace(sample_pixels.samples(blank, known, np.arange(len(rows))), margin=np.zeros(len(rows)))
     design = PlannedImages(visibility.surface(blank, known), known, Exposure()).candidates(samples, lights)
     row = design.row.astype(float) * lit[:, rows, columns][:, None]
     row[:, 3] /= photometry.SETTINGS.offset_sigma_m

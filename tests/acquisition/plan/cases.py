@@ -37,22 +37,21 @@ def pixels_with(normal: FloatArray, albedo: FloatArray, information: FloatArray)
         ray_direction=np.zeros(normal.shape, np.float32),
         normal=normal.astype(np.float32),
         albedo=albedo.astype(np.float32),
-        sigma=none,
         information=np.ascontiguousarray(information),
         lit=none,
         indirect=none,
+        margin=none,
     )
 
 
 def random_case(seed: int, pixels: int = 20, lights: int = 6) -> Candidates:
-    """Random pixels with random prior information, and random design rows with random visibility probabilities."""
+    """Random pixels with random prior information, and random design rows, some of them hidden."""
     rng = np.random.default_rng(seed)
     half = rng.normal(size=(pixels, 4, 4)) * 20
     information = np.moveaxis(half @ half.transpose(0, 2, 1) + 5 * np.eye(4), 0, 2)
     samples = pixels_with(facing_camera(rng, pixels), rng.uniform(0.2, 0.9, pixels), information)
-    row = rng.normal(size=(lights, 4, pixels)) * 60
-    visibility = rng.random((lights, pixels)).astype(np.float32)
-    return Candidates(samples, row.astype(np.float32), visibility)
+    row = rng.normal(size=(lights, 4, pixels)) * 60 * (rng.random((lights, 1, pixels)) < 0.6)
+    return Candidates(samples, row.astype(np.float32))
 
 
 def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -> Candidates:
@@ -61,7 +60,7 @@ def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -
     samples = pixels_with(normal, np.ones(pixels), np.repeat(np.eye(4)[..., None], pixels, axis=2))
     row = np.zeros((len(units), 4, pixels), np.float32)
     row[:, :3] = scale * units[:, :, None]
-    return Candidates(samples, row, np.ones((len(units), pixels), np.float32))
+    return Candidates(samples, row)
 
 
 def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> Candidates:
@@ -70,10 +69,10 @@ def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> Candidates:
     normal = facing_camera(rng, pixels)
     options = distant_case(normal, units, scale=80.0)
     cosine = units @ normal
-    visibility = 1 / (1 + np.exp(-(cosine - 0.08) / 0.04))
     hidden = rng.random((pixels, 3)) - 0.5  # each pixel has a side from which lights are occluded
     blocked = units @ np.stack([hidden[:, 0], hidden[:, 1], 0 * hidden[:, 2]]) > 0.25
-    return replace(options, visibility=np.where(blocked, 0, visibility).astype(np.float32))
+    seen = (cosine > 0.08) & ~blocked
+    return replace(options, row=options.row * seen[:, None])
 
 
 def shot_of(light: Light, number: int) -> Shot:
@@ -92,9 +91,9 @@ def shot_of(light: Light, number: int) -> Shot:
 def design_rows(
     samples: Samples, lights: list[Light], normal_map: NormalMap, known: Calibration, recipe: Recipe | None = None
 ) -> Candidates:
-    """Design rows and visibilities of lights at sample pixels of a normal map."""
+    """Design rows of lights at sample pixels of a normal map, as they are."""
     images = PlannedImages(visibility.surface(normal_map, known), known, (recipe or Recipe()).exposure)
-    return images.candidates(samples, lights)
+    return images.candidates(replace(samples, margin=np.zeros(len(samples.row))), lights)
 
 
 def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: int = 3) -> NormalMap:
@@ -129,9 +128,8 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
         return blank
     samples = sample_pixels.samples(blank, known, np.arange(len(rows)))
     design = design_rows(samples, lights, blank, known)
-    lit = design.visibility > 0.5
-    flags[:, rows, columns] = np.where(lit, LIT, 0)
-    row = design.row.astype(float) * lit[:, None]
+    flags[:, rows, columns] = np.where(design.visible, LIT, 0)
+    row = design.row.astype(float)
     row[:, 3] /= photometry.SETTINGS.offset_sigma_m
     return made(np.einsum("kap,kbp->pab", row, row), flags)
 
@@ -151,9 +149,7 @@ def noise_by_hand(
     """Variance of values exposed so that y = 1 gives `level` of full scale, from the planner's constants."""
     known, sensor = true.calibration, true.calibration.sensor
     electrons = sensor.gain_e_per_dn * sensor.full_scale_dn * level
-    aside = known.lamp_position_sigma_m / distance
-    share = planned_images.SETTINGS.self_calibration_factor**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
-    turn = aside**2 * (1 - cosine**2)
+    turn = (known.lamp_position_sigma_m / distance) ** 2 * (1 - cosine**2)
     floor = 2 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12) / electrons**2
     own = value / electrons + floor + photometry.SETTINGS.flat_field_sigma**2 * value**2
-    return planned_images.SETTINGS.integrability_factor * own + share * value**2 + turn * strength**2
+    return planned_images.SETTINGS.integrability_factor * own + turn * strength**2

@@ -12,26 +12,24 @@ from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.plan import planned_images, sample_pixels, visibility
-from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates
+from acquisition.plan.criterion import Candidates
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
 
 def variance_by_hand(lights: Candidates, chosen: list[int]) -> FloatArray:
-    """Angular variance (S, P), one pixel and one scenario at a time."""
+    """Angular variance (P,), one pixel at a time."""
     sample = lights.sample
-    out = np.empty((len(VISIBILITY_LEVELS), len(sample.albedo)))
-    for s, level in enumerate(VISIBILITY_LEVELS):
-        for p in range(len(sample.albedo)):
-            fisher = sample.information[..., p].copy()
-            for k in chosen:
-                if lights.visibility[k, p] > level:
-                    row = lights.row[k, :, p].astype(float)
-                    fisher += np.outer(row, row)
-            n = sample.normal[:, p].astype(float)
-            across = np.eye(3) - np.outer(n, n)
-            covariance = np.linalg.inv(fisher)[:3, :3]
-            out[s, p] = np.trace(across @ covariance @ across) / float(sample.albedo[p]) ** 2
+    out = np.empty(len(sample.albedo))
+    for p in range(len(out)):
+        fisher = sample.information[..., p].copy()
+        for k in chosen:
+            row = lights.row[k, :, p].astype(float)
+            fisher += np.outer(row, row)
+        n = sample.normal[:, p].astype(float)
+        across = np.eye(3) - np.outer(n, n)
+        covariance = np.linalg.inv(fisher)[:3, :3]
+        out[p] = np.trace(across @ covariance @ across) / float(sample.albedo[p]) ** 2
     return out
 
 
@@ -71,12 +69,17 @@ def test_posterior_added_light_never_raises_variance(seed: int) -> None:
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 2**31 - 1))
-def test_posterior_shadow_gains_nothing_uncertain_visibility_less(seed: int) -> None:
+def test_scan_hidden_light_gains_nothing(seed: int) -> None:
     lights = cases.random_case(seed)
     before = lights.posterior([])
-    hidden, doubtful, lit = (replace(lights, visibility=np.full_like(lights.visibility, v)) for v in (0.0, 0.5, 1.0))
+    hidden = replace(lights, row=np.zeros_like(lights.row))
     np.testing.assert_allclose(hidden.scan(before), before.loss, rtol=1e-5)
-    assert np.all(doubtful.scan(before) >= lit.scan(before) * (1 - 1e-6))
+    assert not np.any(hidden.visible)
+
+
+def test_shadow_margins_are_of_three_kinds() -> None:
+    margins = sample_pixels.shadow_margins(np.full(6, 0.05 * np.sqrt(2.0)))
+    np.testing.assert_allclose(margins, np.tile([-0.05, 0.0, 0.05], 2))
 
 
 # ------------------------------------------------------------------------------------------------ from a normal map
@@ -93,13 +96,15 @@ def test_candidates_rows_are_whitened_light_vectors_and_depth_slopes(cushion: sc
     chosen = np.arange(0, len(normal_map.information.rows), 7)
     sample = sample_pixels.samples(normal_map, cushion.calibration, chosen)
     recipe = Recipe(exposure=Exposure(seconds=0.03))
-    row = cases.design_rows(sample, [light], normal_map, cushion.calibration, recipe).row[0]
+    lights = cases.design_rows(sample, [light], normal_map, cushion.calibration, recipe)
+    row = lights.row[0]
 
     rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
     n, albedo = cushion.normals[rows, columns].T, cushion.albedo[rows, columns]
     s = cases.vectors_by_hand(cushion, light, rows, columns)
     strength = np.linalg.norm(s, axis=0)
-    lit = np.sum(n * s, axis=0) > 0.1 * strength
+    lit = (np.sum(n * s, axis=0) > 0.1 * strength) & lights.visible[0]
+    assert np.mean(lit) > 0.7
     distance = np.linalg.norm(np.array(light.position) - cushion.points[:, rows, columns].T, axis=1)
     level = 0.03 * cushion.calibration.lamp_intensity
     value = albedo * np.sum(n * s, axis=0)
@@ -141,9 +146,9 @@ def test_candidates_light_behind_wall_is_invisible() -> None:
         sample = sample_pixels.samples(normal_map, true.calibration, chosen)
         lights = cases.design_rows(sample, [light], normal_map, true.calibration)
         before = lights.posterior([])
-        sides[name] = lights.visibility, before.loss - lights.scan(before)[0]
-    assert np.mean(sides["left"][0] < 0.1) > 0.97
-    assert np.mean(sides["right"][0] > 0.9) > 0.97
+        sides[name] = lights.visible, before.loss - lights.scan(before)[0]
+    assert np.mean(sides["left"][0]) < 0.03
+    assert np.mean(sides["right"][0]) > 0.97
     assert sides["left"][1] < 0.02 * sides["right"][1]
     shaded = visibility.shaded(normal_map, [light], true.calibration, (rows, columns))[0]
     assert np.mean(shaded[left]) > 0.97
@@ -154,25 +159,23 @@ def test_candidates_surface_turned_away_is_invisible(cushion: scenes.Scene) -> N
     normal_map = cases.known_map(cushion, [])
     sample = sample_pixels.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     light = scenes.ring(1, 70.0)[0]
-    visibility = cases.design_rows(sample, [light], normal_map, cushion.calibration).visibility[0]
+    visible = cases.design_rows(sample, [light], normal_map, cushion.calibration).visible[0]
     toward = np.array(light.position)[:, None] - sample.point
     cosine = np.sum(toward * sample.normal, axis=0) / np.linalg.norm(toward, axis=0)
     assert np.sum(cosine < -0.1) > 20
-    assert np.all(visibility[cosine < -0.1] < VISIBILITY_LEVELS[0])
+    assert not np.any(visible[cosine < -0.1])
 
 
 def test_candidates_certain_map_has_visibility_of_scene(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [], sigma_deg=0.2)
     sample = sample_pixels.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     lights = scenes.ring(5, 60.0, turn=0.2)
-    visibility = cases.design_rows(sample, lights, normal_map, cushion.calibration).visibility
+    visible = cases.design_rows(sample, lights, normal_map, cushion.calibration).visible
     rows, columns = normal_map.information.rows, normal_map.information.columns
     brightest = [cases.vectors_by_hand(cushion, light, rows, columns) for light in lights]
     least = planned_images.MIN_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # rejected below
     lit = np.stack([scenes.lit(cushion, light)[rows, columns] for light in lights]) > least
-    assert np.mean((visibility > 0.5) == lit) > 0.95
-    assert np.mean(lit[visibility > 0.9]) > 0.98
-    assert np.mean(lit[visibility < 0.1]) < 0.05
+    assert np.mean(visible == lit) > 0.95
 
 
 def test_candidates_clipping_exposure_gives_no_information(cushion: scenes.Scene) -> None:
@@ -182,8 +185,8 @@ def test_candidates_clipping_exposure_gives_no_information(cushion: scenes.Scene
     seconds = 1.0 / (0.5 * cushion.calibration.lamp_intensity)  # y = 0.5 · 1.0 saturates the converter
     for factor, expected in ((0.5, 0.0), (8.0, 1.0)):
         recipe = Recipe(exposure=Exposure(seconds=factor * seconds))
-        visibility = cases.design_rows(sample, light, normal_map, cushion.calibration, recipe).visibility
-        assert np.mean(visibility < 0.01) == pytest.approx(expected, abs=0.08)
+        visible = cases.design_rows(sample, light, normal_map, cushion.calibration, recipe).visible
+        assert np.mean(~visible) == pytest.approx(expected, abs=0.08)
 
 
 def test_usable_pixels_grazing_or_not_finite_are_left_out(cushion: scenes.Scene) -> None:
@@ -216,5 +219,5 @@ def test_posterior_more_lights_lowers_sigma_by_count(cushion: scenes.Scene) -> N
     for normal_map in (few, many):
         sample = sample_pixels.samples(normal_map, cushion.calibration, chosen)
         nothing = cases.design_rows(sample, [], normal_map, cushion.calibration)
-        spread.append(np.median(nothing.posterior().variance[0]))
+        spread.append(np.median(nothing.posterior().variance))
     assert spread[0] / spread[1] == pytest.approx(2.0, rel=0.15)

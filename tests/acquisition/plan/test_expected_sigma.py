@@ -16,9 +16,9 @@ from tests.acquisition.plan import cases
 
 def posterior(sigma_deg: float, lit: float = 6.0) -> Posterior:
     return Posterior(
-        np.zeros((3, 10, 5), np.float32),
-        np.full((3, 5), np.radians(sigma_deg) ** 2),
-        np.full((3, 5), lit, np.float32),
+        np.zeros((4, 4, 5)),
+        np.full(5, np.radians(sigma_deg) ** 2),
+        np.full(5, lit),
     )
 
 

@@ -64,4 +64,4 @@ def test_predict_same_light_twice_gains_less_than_each_of_two(prepared: tuple[Ba
     twice, two = (basis.problem.predict(places(lights)) for lights in ([one, one], [one, other]))
 
     assert twice.gains[0] == twice.gains[1] < two.gains[0]
-    assert two.mean_deg < twice.mean_deg
+    assert two.lights.posterior().loss < twice.lights.posterior().loss

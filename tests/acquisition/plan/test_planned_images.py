@@ -1,4 +1,4 @@
-"""Noise model of planned images: gloss, indirect light, and the reweighting of information."""
+"""Noise model of planned images: indirect light, and the reweighting of information."""
 
 from dataclasses import replace
 
@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from acquisition import pilot
-from acquisition.models.recipe import Exposure, Recipe
+from acquisition.models.recipe import Recipe
 from acquisition.models.result import LIT, NormalMap
-from acquisition.plan import planned_images, sample_pixels, visibility
+from acquisition.plan import planned_images, sample_pixels
 from acquisition.plan.criterion import prior_information
-from acquisition.plan.planned_images import Gloss, PlannedImages
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -24,34 +23,6 @@ def piloted(true: scenes.Scene) -> NormalMap:
     lights = pilot.pattern(Recipe(), scenes.Dome(refused=0))
     known = cases.known_map(true, lights)
     return replace(known, flags=np.where(true.mask, LIT, 0)[None].repeat(4, axis=0).astype(np.uint8))
-
-
-def test_gloss_is_what_the_solver_leaves_of_its_lobe(ball: scenes.Scene) -> None:
-    normal_map = piloted(ball)
-    lobes = ({"strength": 0.15, "exponent": 35.0}, {"strength": 0.0, "exponent": 120.0})
-    glossy, matt = (Gloss.of(replace(normal_map, notes={"lobe": lobe})) for lobe in lobes)
-    assert glossy == Gloss(0.2 * 0.15, 35.0)
-    assert matt == Gloss.of(normal_map) == Gloss()
-
-
-def test_candidates_gloss_devalues_light_at_its_highlight(ball: scenes.Scene) -> None:
-    normal_map = piloted(ball)
-    sample = sample_pixels.samples(normal_map, ball.calibration, np.arange(len(normal_map.information.rows)))
-    surface = visibility.surface(normal_map, ball.calibration)
-    light = scenes.ring(1, 40.0)
-    matt, glossy = (
-        np.sum(
-            PlannedImages(surface, ball.calibration, Exposure(), gloss).candidates(sample, light).row[0, :3] ** 2,
-            axis=0,
-        )
-        for gloss in (Gloss(), Gloss(0.1, 30.0))
-    )
-    half = np.array([np.sin(np.radians(20)), 0.0, np.cos(np.radians(20))])  # camera on +z, light at 40° towards +x
-    near = half @ sample.normal > np.cos(np.radians(6))
-    far = half @ sample.normal < np.cos(np.radians(45))
-    assert np.sum(near) > 5
-    assert np.all(glossy[near] < 0.1 * matt[near])
-    np.testing.assert_allclose(glossy[far], matt[far], rtol=1e-3)
 
 
 def test_reweight_scales_information_to_expected_noise(ball: scenes.Scene) -> None:
