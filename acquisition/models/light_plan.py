@@ -76,11 +76,11 @@ class LightPlan(Value):
     )
     lower_bound_sigma_deg: float | None = Field(
         default=None,
-        description="Square root of the lower bound of the mean angular variance over all designs of the candidates, "
-        "given the predicted shadows; comparable with efficiencies, not with the mean of σ",
+        description="Lower bound of the mean posterior σ over all designs of the candidates, given the predicted shadows; "
+        "comparable with efficiencies, not with predicted_sigma_deg, which has the model's errors too",
     )
     efficiency: float | None = Field(
-        default=None, description="Efficiency of the plan: lower bound over its own root mean variance; 1 is optimal"
+        default=None, description="Efficiency of the plan: lower bound over its own mean posterior σ; 1 is optimal"
     )
     two_rings_efficiency: float | None = Field(default=None, description="Efficiency of as many lights on two rings")
     relaxation_gap: float | None = Field(

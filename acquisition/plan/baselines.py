@@ -75,10 +75,8 @@ def _nearest_pattern(method: Method, count: int, recipe: Recipe, units: FloatArr
 
 
 def two_rings(count: int, turn: float = 0.0) -> FloatArray:
-    """Two-ring pattern: unit directions (count, 3), a third at 25°, the rest at 55°, staggered by half a step.
-
-    `turn` rotates both rings, in steps of each.
-    """
+    """Two-ring pattern: unit directions (count, 3), a third at 25°, the rest at 55°, staggered by half a step; each is
+    turned by `turn` of its step."""
     inner = round(count / 3) if count > 3 else 0
     outer = count - inner
     step = 2 * np.pi / outer
@@ -97,10 +95,10 @@ def ring(count: int, slant_rad: float, turn: float = 0.0) -> FloatArray:
 
 
 def two_ring_completions(captured: FloatArray, units: FloatArray, count: int) -> list[list[int]]:
-    """Completes unit lights `captured` (T, 3) to two rings: sets of `count` distinct numbers of `units` (K, 3).
+    """Completes unit lights `captured` (T, 3) to two rings: sets of `count` distinct numbers of `units` (K, 3), one for
+    each turn of the rings, that which the captured lights fit best first.
 
-    One set for each turn of the rings, that to which the captured lights fit best first: each of them fills a position
-    (linear assignment of least squared angle), and the open positions are added.
+    Each captured light fills a position (linear assignment of least squared angle), and the open ones are added.
     """
     scored: list[tuple[float, list[int]]] = []
     for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS:

@@ -5,12 +5,12 @@ the images so far as prior. A light adds a design row: its light vector at the p
 (`planned_images`), zero where the pixel will not see it. How far normals and depth are wrong there decides that, so a
 third of the pixels each count as turned away from all lights by 1 σ, as they are, and towards them by 1 σ: an error of
 a pixel's normal hides all lights of one side together. Multiplying information by the probability of being seen instead
-would be optimistic (decision 0027).
+would be optimistic (decision 0068).
 
 The loss is the mean σ over the pixels, which is what a plan forecasts; the mean variance would be decided by a few that
 no light can reach. Many sets of lights are within a few per cent of the best. Even ones among them suffer least from
 wrong depth; what makes plans even is the wide prior of the depth offset
-(`photometry.SETTINGS.integrated_depth_sigma_m`), not a term of the loss (decision 0026).
+(`photometry.SETTINGS.integrated_depth_sigma_m`), not a term of the loss (decision 0068).
 """
 
 from collections.abc import Sequence
@@ -85,23 +85,12 @@ class Candidates:
         across = np.trace(of_g) - np.einsum("ap,abp,bp->p", normal, of_g, normal)
         return Posterior(covariance, np.maximum(across, 1e-12) / sample.albedo**2, sample.lit + weight @ visible)
 
-    def without_each(self) -> list[Posterior]:
-        """Leave-one-out: the posterior by all lights but one, for each of them."""
-        return [self.posterior(np.delete(np.arange(len(self.row)), one)) for one in range(len(self.row))]
-
     def scan(self, present: Posterior, *, slope: bool = False) -> FloatArray:
         """Rank-one update (Sherman–Morrison): the loss (K,) with each one of the lights added to the present posterior;
-        or, for `slope`, the loss's gradient in each one's design weight."""
-        out = np.empty(len(self.row))
-        _scan(
-            np.ascontiguousarray(present.covariance, np.float32),
-            present.variance.astype(np.float32),
-            self.row,
-            self.sample.normal,
-            (1 / self.sample.albedo**2).astype(np.float32),
-            slope,
-            out,
-        )
+        for `slope`, its gradient in each one's design weight."""
+        covariance, variance = np.ascontiguousarray(present.covariance, np.float32), present.variance.astype(np.float32)
+        inverse_albedo2, out = (1 / self.sample.albedo**2).astype(np.float32), np.empty(len(self.row))
+        _scan(covariance, variance, self.row, self.sample.normal, inverse_albedo2, slope, out)
         return out
 
 

@@ -3,8 +3,8 @@
     σ² = (1 + B m (κ − 1)) (v + C²) + S² + D² [fewer than four lights expected] + E²
 
 v is the posterior's variance and m the number of lights that will reach the pixel. κ is χ² of the images so far over
-the whole object, between 1 and `max_misfit`: few images have few residuals, so that a pixel's own χ² says next to
-nothing. What raises it is shared by images, so that its part does not fall with their number. C is what the calibration
+the whole object, since few images have few residuals; what raises it is shared by images, so that its part does not
+fall with their number. C is what the calibration
 leaves uncertain of all lamps alike, E what is wrong with the capture (`photometry.capture_sigma_deg`). S is what
 creases and detail make of σ in the images so far, mean over the pixels; without it the mean error that is forecast is
 0.61 of what is found, with it 0.83 (geometric means of 16 plans of eight lights, design seeds 46 and 47; scratch
@@ -81,8 +81,9 @@ class Prediction:
     @cached_property
     def without_deg(self) -> FloatArray:
         """Expected σ (L, P) in degrees by all lights but one, for each of them."""
-        without = [self.expected.sigma_deg(posterior) for posterior in self.lights.without_each()]
-        return np.reshape(without, (len(without), len(self.sigma_deg)))
+        numbers = np.arange(len(self.lights.row))
+        without = [self.expected.sigma_deg(self.lights.posterior(np.delete(numbers, one))) for one in numbers]
+        return np.reshape(without, (len(numbers), len(self.sigma_deg)))
 
     @property
     def mean_deg(self) -> float:

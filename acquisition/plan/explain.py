@@ -28,17 +28,14 @@ BRIGHTEST_PERCENTILE = 98.0
 OUTSIDE = (32, 32, 32)
 """Colour (RGB, 8 bits) outside the object."""
 SHOWN_RANGE = 100.0
-"""Ratio of the largest σ that a picture tells apart to the smallest. Lights take σ from 15° after a pilot to 1°, and
-what is moved changes it by tenths: on a linear scale the picture of a good plan is black, on a logarithmic one equal
-ratios of σ look equally different."""
+"""Ratio of the largest σ that a picture tells apart to the smallest, on a logarithmic scale: lights take σ from 15°
+after a pilot to 1°, so that on a linear one the picture of a good plan is black."""
 
 
 @dataclass(frozen=True)
 class Basis:
-    """What pictures need of the images so far, whatever the lights are.
-
-    Pictures are of about `IMAGE_PX`, cropped to the object; their pixels `inside` show the `nearest` of P shown ones.
-    """
+    """What pictures need of the images so far, whatever the lights are: their pixels `inside` the object, to which they
+    are cropped, show the `nearest` of P shown ones."""
 
     problem: Problem
     shown: Samples
@@ -67,8 +64,7 @@ class Basis:
         return float(np.percentile(none.sigma_deg, BRIGHTEST_PERCENTILE))
 
     def sigma_picture(self, positions: FloatArray) -> bytes:
-        """Expected σ with lights at positions (L, 3), m, view frame, as a PNG on a logarithmic scale; dark is
-        certain."""
+        """Expected σ with lights at positions (L, 3), m, view frame, as a PNG; dark is certain."""
         sigma_deg = self.problem.predict(positions, sample=self.shown).sigma_deg
         return self._png(1 + np.log(np.maximum(sigma_deg / self.brightest_deg, 1e-9)) / np.log(SHOWN_RANGE))
 

@@ -18,6 +18,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import FrameExposure, LightExposure
 from acquisition.models.recipe import Exposure
 from acquisition.models.tuned import tuned
+from acquisition.plan import planned_images
 from acquisition.plan.design_problem import Problem
 
 
@@ -40,7 +41,6 @@ FRAMES = (1, 2, 4)
 
 RATIOS = (2, 3, 4, 5)
 """Octaves by which the longer of two exposure times exceeds the shorter."""
-
 
 SWEEPS = 3
 """Most rounds of the coordinate descent; most plans are settled after two."""
@@ -74,8 +74,9 @@ def choose(problem: Problem, positions: FloatArray, times: CaptureTimes | None) 
     wanted = problem.recipe.exposure
     if wanted.plan == "fixed" or times is None:
         return None
-    automatic_s = problem.images.automatic_seconds(problem.search_sample, problem.lights(positions))
-    usual_s = np.clip(automatic_s, times.shortest_s, times.longest_s).tolist()
+    images, lights = problem.images, problem.lights(positions)
+    shaded = planned_images.shading(problem.search_sample, lights, images.calibration, images.surface)
+    usual_s = np.clip(images.automatic_seconds(shaded), times.shortest_s, times.longest_s).tolist()
     chosen = _descend(problem, positions, [options(one, wanted, times) for one in usual_s], times)
     planned_deg = problem.predict(positions, chosen).mean_deg
     found: list[LightExposure] = []

@@ -36,11 +36,10 @@ class PlannedImagesSettings:
     normals to an integrable field. With it, measured over expected mean errors of eight images are 0.83–1.0 for smooth
     objects and figures, 1.0–1.3 for parts and fine relief."""
     indirect_sigma: float = tuned(0.4, "share")
-    """1 σ of the residual indirect radiance after correction, as a share of it, for each light. It contains more than
-    the part that differs between lights, by which the solver weights (`predicted_indirect_sigma`): that part
-    is a tenth, but the residual common to all lights, a fifth and more, also affects normals least where many lights
-    are well visible. Eight path-traced images have 0.98–0.99 times the error of two rings with 0.4, 1.03 times
-    without."""
+    """1 σ of the residual indirect radiance after correction, as a share of it, for each light. By a tenth of it lights
+    differ, by which the solver weights (`predicted_indirect_sigma`); a fifth and more is common to all, which affects
+    normals least where many lights are well visible. Eight path-traced images have 0.98–0.99 times the error of two
+    rings with 0.4, 1.03 times without."""
 
 
 SETTINGS = PlannedImagesSettings()
@@ -48,13 +47,14 @@ SETTINGS = PlannedImagesSettings()
 
 @dataclass(frozen=True)
 class Shading:
-    """Near-light shading of P sample pixels by K lights, without shadows."""
+    """Near-light shading of P sample pixels by K lights."""
 
     light: Float32Array  # (K, 3, P) light vectors s
     strength: Float32Array  # (K, P) ρ|s|
     distance: Float32Array  # (K, P) m
     cosine: Float32Array  # (K, P) of the angle of incidence
-    value: Float32Array  # (K, P) y
+    value: Float32Array  # (K, P) y, without shadows
+    seen: BoolArray  # (K, P) in neither attached nor cast shadow
 
 
 @dataclass(frozen=True)
@@ -74,47 +74,43 @@ class PlannedImages:
         `exposures` None: the automatic one of each light, with planned exposures also one that is `UNPLANNED_FACTOR`
         times as long, until they are planned.
         """
-        shaded, seen = self._shading_and_visibility(sample, lights)
+        shaded = shading(sample, lights, self.calibration, self.surface)
         if exposures is None:
             factors = (1.0,) if self.exposure.plan == "fixed" else (1.0, UNPLANNED_FACTOR)
-            seconds = self._seconds(shaded, seen)
-            exposures = [[FrameExposure(exposure_s=float(one * factor)) for factor in factors] for one in seconds]
+            exposures = [
+                [FrameExposure(exposure_s=float(one * factor)) for factor in factors]
+                for one in self.automatic_seconds(shaded)
+            ]
         sensor, saturated = sensor_variance(shaded.value, exposures, self.calibration)
         noise = variance(shaded, sensor, self.calibration, sample.indirect)
         along = np.einsum("fcp,cp->fp", shaded.light, sample.ray_direction) * sample.albedo
         facing = np.einsum("cp,cp->p", sample.normal, sample.ray_direction) * shaded.strength
         slope = (3 * shaded.cosine * along - facing) / shaded.distance * sample.offset_sigma_m
         row = np.concatenate([shaded.light, slope[:, None]], axis=1) / np.sqrt(noise)[:, None]
-        return Candidates(sample, np.ascontiguousarray(row * (seen & ~saturated)[:, None], np.float32))
+        return Candidates(sample, np.ascontiguousarray(row * (shaded.seen & ~saturated)[:, None], np.float32))
 
-    def automatic_seconds(self, sample: Samples, lights: Sequence[Light]) -> FloatArray:
+    def automatic_seconds(self, shaded: Shading) -> FloatArray:
         """The automatic exposure time (K,), s, of lights by the sample pixels' expected level."""
-        return self._seconds(*self._shading_and_visibility(sample, lights))
-
-    def _shading_and_visibility(self, sample: Samples, lights: Sequence[Light]) -> tuple[Shading, BoolArray]:
-        """Shading, and which pixels (K, P) are in neither attached nor cast shadow."""
-        lamp = photometry.lamps(lights)
-        shaded = shading(sample, lamp, self.calibration)
-        seen = shaded.cosine - MIN_COSINE > sample.margin
-        if self.surface is not None:
-            seen &= self.surface.clearance(sample.point, lamp) > sample.margin
-        return shaded, seen
-
-    def _seconds(self, shading: Shading, seen: BoolArray) -> FloatArray:
-        brightest = np.maximum(np.quantile(np.where(seen, shading.value, 0.0), 0.995, axis=1), 1e-4)
         if self.exposure.seconds is not None:
-            return np.full_like(brightest, self.exposure.seconds)
+            return np.full(len(shaded.value), self.exposure.seconds)
+        brightest = np.maximum(np.quantile(np.where(shaded.seen, shaded.value, 0.0), 0.995, axis=1), 1e-4)
         return self.exposure.target / brightest / self.calibration.lamp_intensity
 
 
-def shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> Shading:
-    """Shading of the sample pixels by lamps (K, 6 or 9) as of `photometry.lamps`."""
+def shading(
+    sample: Samples, lights: Sequence[Light], calibration: Calibration, surface: Surface | None = None
+) -> Shading:
+    """Shading of the sample pixels by lights, with the cast shadows of a `surface`, where one is given."""
+    lamp = photometry.lamps(lights)
     light = photometry.light_vectors(sample.point, lamp, calibration)
     length = np.sqrt(np.einsum("fcp,fcp->fp", light, light))
     distance = np.sqrt(np.sum((lamp[:, :3, None] - sample.point[None]) ** 2, axis=1))
     cosine = np.einsum("fcp,cp->fp", light, sample.normal) / np.maximum(length, 1e-9)
+    seen = cosine - MIN_COSINE > sample.margin
+    if surface is not None:
+        seen &= surface.clearance(sample.point, lamp) > sample.margin
     strength = sample.albedo * length
-    return Shading(light, strength, distance, cosine, np.maximum(cosine, MIN_COSINE) * strength)
+    return Shading(light, strength, distance, cosine, np.maximum(cosine, MIN_COSINE) * strength, seen)
 
 
 def sensor_variance(
@@ -128,10 +124,8 @@ def sensor_variance(
 
 
 def variance(shading: Shading, sensor: FloatArray, calibration: Calibration, indirect: Float32Array) -> FloatArray:
-    """Heteroscedastic noise model of a diffuse surface: expected variance of y (K, P).
-
-    `sensor` (K, P) is the sensor's part of it, `indirect` (P,) the indirect radiance, in y.
-    """
+    """Heteroscedastic noise model of a diffuse surface: expected variance of y (K, P), of which `sensor` (K, P) is the
+    sensor's part, where the indirect radiance is `indirect` (P,), in y."""
     value, strength = shading.value, shading.strength
     lamp_angle = calibration.lamp_position_sigma_m / shading.distance
     pixel_variance = sensor + photometry.SETTINGS.flat_field_sigma**2 * value**2

@@ -77,18 +77,15 @@ def forecast(
     the recipe's first pass, `radius_m` is the assumed sphere's. Raises RigError plan.infeasible when the arm reaches
     too few positions for the recipe's lights.
     """
-    sample = assumed_sphere(reach.center, radius_m)
-    optimal = recipe.method == "optimal"
-    counts, known = _counts(recipe, len(reach.candidates)), first_lights if optimal else []
-    images = PlannedImages(None, calibration, recipe.exposure)
-    piloted = images.candidates(sample, known)
+    known = first_lights if recipe.method == "optimal" else []
+    images, candidates = PlannedImages(None, calibration, recipe.exposure), design_problem.candidates_of(reach)
+    piloted = images.candidates(assumed_sphere(reach.center, radius_m), known)
     row = piloted.row.astype(np.float64)
     sample = replace(
-        sample,
-        information=sample.information + np.einsum("kap,kbp->abp", row, row),
+        piloted.sample,
+        information=piloted.sample.information + np.einsum("kap,kbp->abp", row, row),
         lit=np.sum(piloted.visible, axis=0, dtype=np.float32),
     )
-    candidates = design_problem.candidates_of(reach)
     problem = Problem(
         recipe=recipe,
         reach=candidates,
@@ -101,16 +98,14 @@ def forecast(
         search_sample=sample,
         holdout_sample=sample,
     )
-
-    def of_pattern(count: int) -> float:
-        if count == len(first_lights):
-            return problem.predict(positions_of(first_lights)).mean_deg
-        return problem.predict(positions_of(baselines.baseline(recipe.method, count, recipe, reach).lights)).mean_deg
-
-    if optimal:
+    counts = _counts(recipe, len(reach.candidates))
+    if recipe.method == "optimal":
         sigma_deg = [one.sigma_deg for one in planner.forecast(problem, [count - len(known) for count in counts])]
     else:
-        sigma_deg = [of_pattern(count) for count in counts]
+        others = [count for count in counts if count != len(first_lights)]
+        patterns = {count: baselines.baseline(recipe.method, count, recipe, reach).lights for count in others}
+        patterns[len(first_lights)] = list(first_lights)
+        sigma_deg = [problem.predict(positions_of(patterns[count])).mean_deg for count in counts]
     points = [ForecastPoint(added=n, lights=n, sigma_deg=one) for n, one in zip(counts, sigma_deg, strict=True)]
     return PriorForecast(points=points, assumption=ASSUMPTION.format(diameter_mm=2e3 * radius_m))
 

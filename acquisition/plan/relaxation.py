@@ -19,9 +19,6 @@ MAX_GAP = 0.001
 MAX_ROUNDS = 400
 """Maximum number of multiplicative updates."""
 
-MAX_EXPONENT = 4.0
-"""Upper bound of the exponent of the multiplicative update."""
-
 MIN_RELATIVE_WEIGHT = 1e-4
 """Weights below this fraction of the largest are set to zero. The bound remains valid; the gap shows if they matter."""
 
@@ -32,21 +29,14 @@ def bound(options: Candidates, count: int) -> tuple[float, float]:
     Returns the best lower bound of the mean σ (rad) of any `count` of the candidates (K ≥ count ≥ 1), and the
     relaxation's own gap: the fraction by which the mean σ at the best weights exceeds the bound.
     """
-    weights = np.full(len(options.row), count / len(options.row))
-    value, gradient = _value_and_gradient(options, weights)
-    lower, best, exponent = -np.inf, value, 2.0
+    weights, lower, best = np.full(len(options.row), count / len(options.row)), -np.inf, np.inf
     for _ in range(MAX_ROUNDS):
+        value, gradient = _value_and_gradient(options, weights)
         lower = max(lower, value - float(gradient @ weights) + float(np.sum(np.partition(gradient, count - 1)[:count])))
+        best = min(best, value)
         if best - lower <= MAX_GAP * best:
             break
-        trial = _scaled_to_sum(weights * (-gradient) ** exponent, count)
-        trial_value, trial_gradient = _value_and_gradient(options, trial)
-        if trial_value > value * (1 + 1e-9) and exponent > 0.05:
-            exponent *= 0.5
-            continue
-        exponent = min(exponent * 1.15, MAX_EXPONENT)
-        weights, value, gradient = trial, trial_value, trial_gradient
-        best = min(best, value)
+        weights = _scaled_to_sum(-weights * gradient, count)
     return max(lower, 0.0), float((best - lower) / best)
 
 

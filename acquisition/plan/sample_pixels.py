@@ -74,14 +74,12 @@ def of_frames(frames: Sequence[Shot]) -> list[FrameExposure]:
 
 
 def reweight(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
-    """Reweights the samples' information from the variance by which the solver weighted to the planner's.
-
-    The scale is per pixel. Also fills in the mean indirect part of the images.
-    """
+    """Reweights each pixel's information from the variance by which the solver weighted to the planner's, and fills in
+    the mean indirect part of the images."""
     shots = [(shot, shot.light) for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     if not shots or len(shots) != len(normal_map.flags):
         return sample
-    shaded = planned_images.shading(sample, photometry.lamps([light for _, light in shots]), calibration)
+    shaded = planned_images.shading(sample, [light for _, light in shots], calibration)
     frames = [of_frames(observations.frames_of(shot)) for shot, _ in shots]
     sensor, _ = planned_images.sensor_variance(shaded.value, frames, calibration)
     lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0

@@ -27,10 +27,9 @@ class StoppingRuleSettings:
     """Tuned numbers of the stopping rule."""
 
     tolerance: float = tuned(0.03, "share")
-    """Fraction by which the mean σ may exceed the target and still meet it. Measured errors scatter by more, and near
-    the limit of what is attainable a light lowers σ by 1 %, so the last per cent would need as many lights
-    again. Forecasts after the first may exceed it as far, and where even the maximum number of lights does not meet
-    the target, final lights that together gain no more are omitted."""
+    """Fraction by which the mean σ, and forecasts after the first, may exceed the target and still meet it. Measured
+    errors scatter by more, and near the limit of what is attainable a light lowers σ by 1 %. Where even the maximum
+    number of lights does not meet the target, final lights that together gain no more are omitted."""
     first_slack: float = tuned(0.2, "share")
     """Fraction by which the first forecast may exceed the target: a missing light costs a pass, a superfluous one an
     image. Forecasts from the pilot are 5–14 % too large. The pilot itself must be below the target by it: too few

@@ -42,7 +42,7 @@ def test_reweight_scales_information_to_expected_noise(ball: scenes.Scene) -> No
 def random_shading() -> planned_images.Shading:
     """Three pixels under two lights."""
     value, cosine, strength, distance = np.random.default_rng(3).uniform(0.1, 0.9, (4, 2, 3)).astype(np.float32)
-    return planned_images.Shading(np.zeros((2, 3, 3), np.float32), strength, distance, cosine, value)
+    return planned_images.Shading(np.zeros((2, 3, 3), np.float32), strength, distance, cosine, value, cosine > 0)
 
 
 def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene) -> None:
