@@ -20,7 +20,7 @@ GUARD = 1e-5
 
 REASONS: dict[str, str] = {
     "physics, statistics, standards and formulas": """
-        lit_mask.WITHIN_SIGMA distant.LUMA goodness_of_fit.GAUSSIAN_MEDIAN_SQUARE microfacet.F0
+        silhouette.WITHIN_SIGMA distant.LUMA goodness_of_fit.GAUSSIAN_MEDIAN_SQUARE microfacet.F0
         microfacet.METAL_F0 photon_transfer.CLIP_SIGMA photon_transfer.CLIPPED_GAUSSIAN_VARIANCE
         residual_noise.GAUSSIAN_MEDIAN_DEVIATION self_calibration.STRONG_EVIDENCE pixel_solve_kernels.CAUCHY_MEAN_WEIGHT
         surface_diffusion.MAX_EIGENVALUE
@@ -32,7 +32,7 @@ REASONS: dict[str, str] = {
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENTS""",
     "counts of unknowns, marks and definitions": """
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
-        lit_mask.MIN_IMAGES reflectance_fit.LAMBERT_PARAMS
+        silhouette.MIN_IMAGES reflectance_fit.LAMBERT_PARAMS
         reflectance_kernels.BASIS_SIZE reflectance_kernels.DIFFUSE_PARAMS
         goodness_of_fit.GRID baselines.FAR_DEG
         reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M
@@ -40,23 +40,23 @@ REASONS: dict[str, str] = {
         equivalent_session.EXPOSURE error_variance.MIN_LIGHTS specular.NO_LOBE
         surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE sensor_estimate.MAX_EXPOSURE_RATIO
         translucency.MIN_LIGHTS
-        cast_shadows.HIDDEN session_images.BYTES_PER_VALUE criterion.MIN_LIGHTS
+        cast_shadows.HIDDEN images.BYTES_PER_VALUE criterion.MIN_LIGHTS
         photometry.OVERDETERMINED
         photometry.REDUNDANT prior_forecast.ALBEDO""",
     "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE distant.DIRECTION_SIGMA_RAD",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
         photometry.LOBE_SAMPLES distant.SAMPLE_ROWS
-        lit_mask.SAMPLE_ROWS reflectance_fit.CHUNK light_tests.REGIONS
+        silhouette.SAMPLE_ROWS reflectance_fit.CHUNK light_tests.REGIONS
         reflectance_solve.SAMPLE_PIXELS error_variance.STRIP_ROWS
         error_variance.NEIGHBOUR_ROWS final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS
         integrability.OVERLAP_ROWS integration.STRIP_ROWS interreflection.AZIMUTHS
         interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
-        photon_transfer.INITIAL_SAMPLE pixel_noise.STRIPS pixel_noise.MAX_PRODUCTS
+        photon_transfer.INITIAL_SAMPLE pixel_noise.MAX_PRODUCTS
         pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS poisson._STRIP
         pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS
-        sensor_estimate.MAX_PIXELS sensor_estimate.STRIPS session_images.BYTES_PER_EXTRA
-        session_images.MAX_HELD_BYTES session_images.BLOCK_ROWS surface_diffusion.NODES
+        sensor_estimate.MAX_PIXELS photon_transfer.STRIPS images.BYTES_PER_EXTRA
+        images.MAX_HELD_BYTES images.BLOCK_ROWS surface_diffusion.NODES
         stopping_rule.COUNTS optimise.RANDOM_START_LIGHTS design_problem.SAMPLE_PIXELS
         design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
@@ -104,19 +104,17 @@ STRAYS = (
     "model_alternatives.AXES_BETTER",
     "model_alternatives.MIN_SWAP_IMAGES",
     "model_alternatives.SWAP_SHARE",
-    "sensor_estimate.MAX_GAIN_SIGMA",
-    "sensor_estimate.MAX_READ_NOISE_SIGMA",
     "specular.EXPONENTS",
 )
 """Tuned numbers that are not in settings yet."""
 
 INLINE = {
     "alternation": 1, "cast_shadows": 2, "discontinuity": 1,
-    "distant": 2, "lit_mask": 1, "reflectance_fit": 6, "reflectance_kernels": 14, "exposure_plan": 2,
+    "distant": 2, "reflectance_fit": 6, "reflectance_kernels": 14, "exposure_plan": 2,
     "grey_tile": 1, "image_terms": 4,
     "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "photometry": 1,
     "photon_transfer": 3, "pixel_solve": 1, "planned_images": 2, "planner": 2, "prior_forecast": 1,
-    "residual_noise": 2, "sample_pixels": 2, "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,
+    "sample_pixels": 2, "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,
 }  # fmt: skip
 """Numbers within functions that are not plain, by module."""
 

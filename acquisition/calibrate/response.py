@@ -9,7 +9,7 @@ the sensor's. The lamp's own brightness in each frame is then known too: its sca
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -141,7 +141,7 @@ def _saturation(exposures: Sequence[Exposure], black: float, top: float) -> tupl
 def _transfer(
     exposures: Sequence[Exposure], cells: tuple[np.ndarray, np.ndarray], black: float, usable: float
 ) -> TransferCurve:
-    """Photon-transfer curve of all pairs, by sampling errors alone."""
+    """Photon-transfer curve of all pairs."""
     curves: list[TransferCurve] = []
     for one in exposures:
         for pair in (one.lit, one.dark):
@@ -154,10 +154,9 @@ def _transfer(
             ratio = float(first.sum() / second.sum()) if one.lit is pair and second.sum() > 0 else 1.0
             apart = first - ratio * second
             # Half the alternating sum of four independent differences has the variance of one.
-            alternating = (apart[0] - apart[1] - apart[2] + apart[3]) / 2 / np.sqrt(1 + ratio)
+            alternating = photon_transfer.quad_differences(apart) / np.sqrt(1 + ratio)
             level = (first + ratio * second).mean(axis=0) / 2
-            curve = photon_transfer.transfer_curve(level, alternating, max(usable - black, 1.0), 1.0)
-            curves.append(replace(curve, relative=curve.sampling))
+            curves.append(photon_transfer.transfer_curve(level, alternating, max(usable - black, 1.0), 1.0))
     return photon_transfer.concatenate(curves)
 
 

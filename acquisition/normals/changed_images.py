@@ -3,31 +3,45 @@
 Lights and window stay; values and clipped pixels are changed as they are read.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.normals import surface_diffusion
-from acquisition.normals.session_images import ImageBlock, Images, StoredImages, derived
+from acquisition.normals.images import ImageBlock, Images
 from acquisition.normals.surface_diffusion import SurfaceGraph
 
 HALF = 0.5
 """Share of a pixel that has to come from clipped ones for it to count as clipped."""
 
 
-def without(images: Images, number: int) -> StoredImages:
-    """The images without one: its pixels are read as clipped, so that the number of images stays."""
+def _changed(images: Images, change: Callable[[ImageBlock, int], ImageBlock], margin: int = 0) -> Images:
+    """Images whose blocks, read with a `margin` of rows above and below, are changed; the change is told the block's
+    first row."""
 
     def read(start: int, stop: int) -> ImageBlock:
-        block = images.read(start, stop)
+        first = max(start - margin, 0)
+        block = change(images.read(first, min(stop + margin, images.height)), first)
+        return block.rows(start - first, stop - first)
+
+    return replace(images, read=read)
+
+
+def without(images: Images, number: int) -> Images:
+    """The images without one: its pixels are read as clipped, so that the number of images stays."""
+
+    def change(block: ImageBlock, _: int) -> ImageBlock:
         clipped = block.clipped.copy()
         clipped[number] = True
         return block._replace(clipped=clipped)
 
-    return derived(images, read)
+    return _changed(images, change)
 
 
-def linearised(images: Images, exponent: float) -> StoredImages:
+def linearised(images: Images, exponent: float) -> Images:
     """The images with a power law undone: values to the `exponent`, at the level of each image's signal.
 
     A value's signal is proportional to value / shot; factors common to all images are part of the albedo. Their noise
@@ -35,71 +49,61 @@ def linearised(images: Images, exponent: float) -> StoredImages:
     """
     level = (np.min(images.shot) / images.shot)[:, None, None].astype(np.float32)
 
-    def read(start: int, stop: int) -> ImageBlock:
-        block = images.read(start, stop)
+    def change(block: ImageBlock, _: int) -> ImageBlock:
         return block._replace(values=np.maximum(block.values * level, 0) ** np.float32(exponent) / level)
 
-    return derived(images, read, images.shot * exponent**2, images.floor * exponent**2)
+    return replace(_changed(images, change), shot=images.shot * exponent**2, floor=images.floor * exponent**2)
 
 
-def scaled(images: Images, factors: FloatArray) -> StoredImages:
+def scaled(images: Images, factors: FloatArray) -> Images:
     """The images divided by a factor each (F,), and their noise with them."""
 
-    def read(start: int, stop: int) -> ImageBlock:
-        block = images.read(start, stop)
+    def change(block: ImageBlock, _: int) -> ImageBlock:
         return block._replace(values=block.values / factors[:, None, None].astype(np.float32))
 
-    return derived(images, read, images.shot / factors, images.floor / factors**2)
+    return replace(_changed(images, change), shot=images.shot / factors, floor=images.floor / factors**2)
 
 
-def translated(images: Images, translation: FloatArray, spacing: int = 1) -> StoredImages:
+def translated(images: Images, translation: FloatArray, spacing: int = 1) -> Images:
     """The images with each one's content moved by −`translation` (F, 2), pixels in x and y, by cubic interpolation, of
     a mosaic among the sites of each place in its cells, whose side is `spacing` px.
 
     Noise is left as it is, though interpolation lowers it.
     """
-    margin = spacing * (int(np.ceil(np.max(np.abs(translation)) / spacing)) + 1)
 
-    def moved(image: Float32Array, shift: FloatArray) -> Float32Array:
-        out = np.empty_like(image)
-        for row in range(spacing):
-            for column in range(spacing):
-                alike = (slice(row, None, spacing), slice(column, None, spacing))
-                out[alike] = shifted(np.ascontiguousarray(image[alike]), -shift / spacing)
+    def moved(images: np.ndarray) -> Float32Array:
+        out = np.empty(images.shape, np.float32)
+        for row, column in np.ndindex(spacing, spacing):
+            alike = (slice(row, None, spacing), slice(column, None, spacing))
+            for image, shift, into in zip(images, translation, out, strict=True):
+                into[alike] = shifted(np.ascontiguousarray(image[alike], np.float32), -shift / spacing)
         return out
 
-    def read(start: int, stop: int) -> ImageBlock:
-        first, last = max(start - margin, 0), min(stop + margin, images.rows.stop - images.rows.start)
-        values, clipped, extra = images.read(first, last)
-        own = slice(start - first, stop - first)
-        out = [moved(image, shift)[own] for image, shift in zip(values, translation, strict=True)]
-        full = [moved(one.astype(np.float32), shift)[own] for one, shift in zip(clipped, translation, strict=True)]
-        return ImageBlock(np.stack(out), np.stack(full) >= HALF, None if extra is None else extra[:, own])
+    def change(block: ImageBlock, _: int) -> ImageBlock:
+        return block._replace(values=moved(block.values), clipped=moved(block.clipped) >= HALF)
 
-    return derived(images, read)
+    return _changed(images, change, spacing * (int(np.ceil(np.max(np.abs(translation)) / spacing)) + 1))
 
 
-def sharpened(images: Images, over: SurfaceGraph, albedo: Float32Array, length_px: float, gain: float) -> StoredImages:
+def sharpened(images: Images, over: SurfaceGraph, albedo: Float32Array, length_px: float, gain: float) -> Images:
     """The images with the spread of light below the surface undone, by a mean of `length_px` pixels along the graph of
     the window; `gain` is the factor of their noise's variance.
 
     What is sharpened is the irradiance: values over the albedo (h, w). Where that is 0, values stay as they are.
     """
-    margin = surface_diffusion.reach(length_px)
 
-    def read(start: int, stop: int) -> ImageBlock:
-        first, last = max(start - margin, 0), min(stop + margin, images.rows.stop - images.rows.start)
-        values, clipped, extra = images.read(first, last)
-        own, graph, white = slice(start - first, stop - first), over.rows(first, last), albedo[first:last]
-        known = white > 0
-        out = values[:, own].copy()
-        for number, image in enumerate(values):
+    def change(block: ImageBlock, first: int) -> ImageBlock:
+        rows = slice(first, first + block.values.shape[1])
+        graph, white = over.rows(rows.start, rows.stop), albedo[rows]
+        known, out = white > 0, block.values.copy()
+        for image in out:
             irradiance = np.divide(image, white, out=np.zeros_like(white), where=known)
             sharp = surface_diffusion.sharpened(irradiance, graph, length_px)
-            np.multiply(sharp[own], white[own], out=out[number], where=known[own])
-        return ImageBlock(out, clipped[:, own], None if extra is None else extra[:, own])
+            np.multiply(sharp, white, out=image, where=known)
+        return block._replace(values=out)
 
-    return derived(images, read, images.shot * gain, images.floor * gain)
+    sharp = _changed(images, change, surface_diffusion.reach(length_px))
+    return replace(sharp, shot=images.shot * gain, floor=images.floor * gain)
 
 
 def shifted(image: Float32Array, shift: FloatArray) -> Float32Array:

@@ -11,12 +11,13 @@ from typing import Literal
 import numpy as np
 
 from acquisition import photometry
-from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import LIT, SATURATED, FisherInformation, NormalMap, SolveSettings
 from acquisition.models.tuned import tuned
-from acquisition.normals import integration, lit_mask, memory_mapped, near_light, reflectance_solve, session_images
+from acquisition.normals import integration, memory_mapped, near_light, reflectance_solve, silhouette
 from acquisition.normals.image_set import Camera, DistantLights, ImageSet, NearLights, check
+from acquisition.normals.images import row_blocks
 
 Solver = Literal["auto", "ls"]
 
@@ -65,7 +66,7 @@ def solve(images: ImageSet, solver: Solver = "auto", *, keep_steps: bool = False
     check(images)
     notes = {"solver": solver, "depth_unit": "pixel"}
     if not images.mask_given:
-        images = replace(images, mask=lit_mask.propose(images), mask_given=True)
+        images = replace(images, mask=silhouette.propose(images), mask_given=True)
         notes["mask"] = "proposed"
     if solver == "ls":
         solved = _least_squares_map(images)
@@ -75,7 +76,7 @@ def solve(images: ImageSet, solver: Solver = "auto", *, keep_steps: bool = False
         many = images.count >= photometry.SETTINGS.many_lights
         solved = near_light.solve(far, SolveSettings(keep_steps=keep_steps), thorough=not many)
         if many and _unexplained(solved):
-            solved = reflectance_solve.solve(near_light.windowed_images(far), _units(_distant(images)), solved)
+            solved = reflectance_solve.solve(near_light.windowed_images(far), _distant(images).units, solved)
         colour = None if solved.albedo_rgb is None else solved.albedo_rgb * white
         solved = replace(solved, albedo=solved.albedo * white, albedo_rgb=colour)
     variance = np.square(np.radians(np.nan_to_num(solved.sigma_deg, nan=90.0)))
@@ -97,16 +98,14 @@ def _unexplained(solved: NormalMap) -> bool:
 def from_afar(images: ImageSet) -> ImageSet:
     """The same images as of near light: a camera and lamps at CAMERA_M and LAMPS_M from the object. Raises RigError
     normals.infeasible where the lights are no directions."""
-    lights = _distant(images)
-    rows, columns = (np.flatnonzero(np.any(images.mask, axis=axis)) for axis in (1, 0))
-    height, width = (part[-1] - part[0] + 1 for part in (rows, columns))
-    focal = CAMERA_M * max(height, width) / OBJECT_SIZE_M
-    middle = columns[0] + (width - 1) / 2, rows[0] + (height - 1) / 2
+    lights, (rows, columns) = _distant(images), silhouette.bounding_box(images.mask)
+    focal = CAMERA_M * max(rows.stop - rows.start, columns.stop - columns.start) / OBJECT_SIZE_M
+    middle = (columns.start + columns.stop - 1) / 2, (rows.start + rows.stop - 1) / 2
     strength = lights.intensities.mean(axis=1)
     return replace(
         images,
         lights=NearLights(
-            positions_m=LAMPS_M * _units(lights) - np.array([0.0, 0.0, CAMERA_M]),
+            positions_m=LAMPS_M * lights.units - np.array([0.0, 0.0, CAMERA_M]),
             intensity=strength * _white(images),
             reference_m=LAMPS_M,
             colour=lights.intensities / strength[:, None],
@@ -123,74 +122,51 @@ def _distant(images: ImageSet) -> DistantLights:
     return images.lights
 
 
-def _units(lights: DistantLights) -> FloatArray:
-    """Unit directions (F, 3)."""
-    return lights.directions / np.linalg.norm(lights.directions, axis=1, keepdims=True)
-
-
 def _white(images: ImageSet) -> float:
     """Value of a white surface that faces a light of intensity 1: the median image's brightest percent has
     BRIGHT_ALBEDO."""
     rows = np.flatnonzero(np.any(images.mask, axis=1))
-    rows = rows[np.linspace(0, len(rows) - 1, min(SAMPLE_ROWS, len(rows))).astype(int)]
-    strength = _distant(images).intensities.mean(axis=1)
+    rows = rows[np.linspace(0, len(rows) - 1, min(SAMPLE_ROWS, len(rows))).astype(int)].tolist()
     bright: list[float] = []
-    for number in range(images.count):
-        values = [images.values(number, int(row), int(row) + 1)[0][images.mask[row]] for row in rows]
-        bright.append(float(np.quantile(np.concatenate(values), 0.99)) / float(strength[number]))
+    for number, strength in enumerate(_distant(images).intensities.mean(axis=1).tolist()):
+        values = [images.values(number, row, row + 1)[0][images.mask[row]] for row in rows]
+        bright.append(float(np.quantile(np.concatenate(values), 0.99)) / strength)
     return max(float(np.median(bright)), 1e-6) / BRIGHT_ALBEDO
 
 
-def least_squares(values: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lambertian least squares (Woodham 1980): albedo × normal (3, N) of values (F, N) under unit directions (F, 3);
-    the mean square residual (N,) and the variance (N,), rad², of the normals over both tangential directions."""
-    scaled = np.linalg.pinv(directions) @ values
-    squared = np.sum((values - directions @ scaled) ** 2, axis=0)
-    inverse = np.linalg.inv(directions.T @ directions)
-    power = np.maximum(np.sum(scaled**2, axis=0), 1e-12)
-    leverage = np.trace(inverse) - np.einsum("an,ab,bn->n", scaled, inverse, scaled) / power
-    count = len(directions)
-    spread = squared / max(count - photometry.PIXEL_UNKNOWNS, 1)
-    variance = spread * leverage / power
-    if count <= photometry.PIXEL_UNKNOWNS:  # no residual is left that would tell
-        variance = np.full_like(variance, np.radians(photometry.SETTINGS.unchecked_sigma_deg) ** 2)
-    return scaled, squared / count, variance
-
-
 def _least_squares_map(images: ImageSet) -> NormalMap:
-    """`least_squares` of all pixels of the mask, by blocks of rows; colours are mixed by LUMA."""
+    """Lambertian least squares (Woodham 1980) of the mask's pixels, by blocks of rows; colours are mixed by LUMA."""
     lights, size = _distant(images), (images.height, images.width)
     maps: dict[str, Float32Array] = {name: np.zeros(size, np.float32) for name in ("albedo", "residual")}
     maps |= {"normals": np.zeros((*size, 3), np.float32), "sigma_deg": np.full(size, np.nan, np.float32)}
     if images.channels == 3:
         maps["albedo_rgb"] = np.zeros((*size, 3), np.float32)
-    flags, solved = memory_mapped.zeros((images.count, *size)), np.zeros(size, np.bool_)
-    for start in range(0, images.height, session_images.BLOCK_ROWS):
-        rows = slice(start, min(start + session_images.BLOCK_ROWS, images.height))
+    flags = memory_mapped.zeros((images.count, *size))
+    for rows in row_blocks(images.height):
         inside = images.mask[rows]
-        values, clipped = _block(images, rows, inside)
-        scaled_values = values / lights.intensities[:, None, : images.channels]
-        grey = scaled_values @ LUMA if images.channels == 3 else scaled_values[..., 0]
-        scaled, squared, variance = least_squares(grey, _units(lights))
-        albedo = np.linalg.norm(scaled, axis=0)
-        maps["normals"][rows][inside] = (scaled / np.maximum(albedo, 1e-12)).T
-        maps["albedo"][rows][inside], maps["residual"][rows][inside] = albedo, np.sqrt(squared)
-        maps["sigma_deg"][rows][inside] = np.sqrt(photometry.bounded_variance(np.degrees(1) ** 2 * variance))
-        if images.channels == 3:
-            ratio = scaled_values.sum(axis=0) / np.maximum(grey.sum(axis=0), 1e-12)[:, None]
-            maps["albedo_rgb"][rows][inside] = albedo[:, None] * ratio
-        solved[rows][inside] = albedo > 0
-        part = flags[:, rows]
-        part[:, inside] = np.where(clipped, SATURATED, LIT)
+        stack = [images.values(number, rows.start, rows.stop)[inside] for number in range(images.count)]
+        values = np.stack(stack).reshape(images.count, -1, images.channels)
+        flags[:, rows][:, inside] = np.where(np.any(values >= images.saturated_from, axis=2), SATURATED, LIT)
         memory_mapped.release(flags)
+        values = values / lights.intensities[:, None, : images.channels]
+        grey = values @ LUMA if images.channels == 3 else values[..., 0]
+        scaled, squared, variance = _least_squares(grey, lights.units)
+        albedo = np.linalg.norm(scaled, axis=0)
+        found = {
+            "normals": (scaled / np.maximum(albedo, 1e-12)).T,
+            "albedo": albedo,
+            "residual": np.sqrt(squared),
+            "sigma_deg": np.sqrt(photometry.bounded_variance(np.degrees(1) ** 2 * variance)),
+        }
+        if images.channels == 3:
+            ratio = values.sum(axis=0) / np.maximum(grey.sum(axis=0), 1e-12)[:, None]
+            found["albedo_rgb"] = albedo[:, None] * ratio
+        for name, part in found.items():
+            maps[name][rows][inside] = part
     return NormalMap(
-        normals=maps["normals"],
-        albedo=maps["albedo"],
-        sigma_deg=maps["sigma_deg"],
-        residual=maps["residual"],
-        albedo_rgb=maps.get("albedo_rgb"),
+        **maps,
         depth=np.zeros(size, np.float32),
-        mask=solved,
+        mask=maps["albedo"] > 0,
         silhouette=images.mask,
         flags=flags,
         intensity_factors=np.ones(images.count),
@@ -200,8 +176,16 @@ def _least_squares_map(images: ImageSet) -> NormalMap:
     )
 
 
-def _block(images: ImageSet, rows: slice, inside: BoolArray) -> tuple[Float32Array, BoolArray]:
-    """Fractions of full scale (F, N, C) at the pixels inside, and where any channel is clipped (F, N)."""
-    stack = [images.values(number, rows.start, rows.stop)[inside] for number in range(images.count)]
-    values = np.stack(stack).reshape(images.count, -1, images.channels)
-    return values, np.any(values >= images.saturated_from, axis=2)
+def _least_squares(values: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Albedo × normal (3, N) of values (F, N) under unit directions (F, 3); the mean square residual (N,) and the
+    variance (N,), rad², of the normals over both tangential directions."""
+    scaled = np.linalg.pinv(directions) @ values
+    squared = np.sum((values - directions @ scaled) ** 2, axis=0)
+    inverse, count = np.linalg.inv(directions.T @ directions), len(directions)
+    power = np.maximum(np.sum(scaled**2, axis=0), 1e-12)
+    if count > photometry.PIXEL_UNKNOWNS:
+        leverage = np.trace(inverse) - np.einsum("an,ab,bn->n", scaled, inverse, scaled) / power
+        variance = squared / (count - photometry.PIXEL_UNKNOWNS) * leverage / power
+    else:  # no residual is left that would tell
+        variance = np.full_like(power, np.radians(photometry.SETTINGS.unchecked_sigma_deg) ** 2)
+    return scaled, squared / count, variance

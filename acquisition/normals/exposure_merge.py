@@ -12,7 +12,6 @@ all count; `extra` is what the others have beyond it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -20,45 +19,11 @@ import numpy.typing as npt
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.light_plan import FrameExposure
 from acquisition.models.shot import Shot
+from acquisition.normals.images import ImageBlock
 
 FrameGroup = Sequence[Shot]
 """Frames of one light and one exposure time."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Variance of y of each group of equal frames, shot·y + floor, (G,) each."""
-
-    shot: FloatArray
-    floor: FloatArray
-
-    @classmethod
-    def of(cls, groups: Sequence[FrameGroup], calibration: Calibration, ambient_dn: Mapping[float, float]) -> "Noise":
-        """Of groups of frames, given the mean signal above black of each exposure time's lamp-off frame."""
-        times = [FrameExposure(exposure_s=group[0].exposure_s, frames=len(group)) for group in groups]
-        ambient = [ambient_dn[one.exposure_s] for one in times]
-        return cls(*photometry.frames_noise(calibration, times, ambient))
-
-    @property
-    def all_shot(self) -> float:
-        """Shot noise of pixels at which all frames count."""
-        return float(1 / np.sum(1 / self.shot))
-
-    @property
-    def all_floor(self) -> float:
-        """Noise floor of pixels at which all frames count."""
-        return float(1 / np.sum(1 / np.maximum(self.floor, np.finfo(float).tiny)))
-
-
-@dataclass(frozen=True)
-class Merged:
-    """Values y, pixels that are saturated in every frame, and variance beyond that of all frames; each (n, w)."""
-
-    values: Float32Array
-    clipped: BoolArray
-    extra: Float32Array | None
 
 
 def groups(frames: Sequence[Shot]) -> list[FrameGroup]:
@@ -67,32 +32,35 @@ def groups(frames: Sequence[Shot]) -> list[FrameGroup]:
     return [[shot for shot in frames if shot.exposure_s == seconds] for seconds in times]
 
 
+def all_counting(noise: FloatArray) -> FloatArray:
+    """Shot noise and floor (2,) of pixels at which all frames count, from those of each group (2, G)."""
+    return 1 / np.sum(1 / np.maximum(noise, np.finfo(float).tiny), axis=1)
+
+
 def merge(
     frame_groups: Sequence[FrameGroup], read: Callable[[Shot], npt.NDArray[np.uint16]],
-    darks: Mapping[float, npt.NDArray[np.uint16]], noise: Noise, calibration: Calibration,
-) -> Merged:  # fmt: skip
+    darks: Mapping[float, npt.NDArray[np.uint16]], noise: FloatArray, calibration: Calibration,
+) -> ImageBlock:  # fmt: skip
     """Weighted mean of one light's frames, whose pixels (n, w) `read` gives; `darks` are the lamp-off frames' pixels by
-    exposure time."""
+    exposure time, `noise` (2, G) shot and floor of each group's variance."""
     if len(frame_groups) == 1 and len(frame_groups[0]) == 1:
         shot = frame_groups[0][0]
         frame = read(shot)
         values = photometry.normalised(frame, darks[shot.exposure_s], shot.exposure_s, calibration)
-        return Merged(values, photometry.saturated(frame, calibration.sensor), None)
+        return ImageBlock(values, photometry.saturated(frame, calibration.sensor))
     means = [_mean(group, read, darks[group[0].exposure_s], calibration) for group in frame_groups]
     values, usable, saturated = (np.stack(parts) for parts in zip(*means, strict=True))
     time = np.array([sum(shot.exposure_s for shot in group) for group in frame_groups], np.float32)
     nowhere = ~np.any(usable, axis=0)
     usable[0] |= nowhere  # its value is kept for whoever looks at it
     rough = np.maximum(_weighted(values, usable.astype(np.float32) * time[:, None, None]), 0)
-    shot, floor = noise.shot.astype(np.float32), noise.floor.astype(np.float32)
-    floor = np.maximum(floor, np.float32(1e-30))
-    weight = usable.astype(np.float32) / (shot[:, None, None] * rough + floor[:, None, None])
+    photons, floor = noise.astype(np.float32)[..., None, None]
+    weight = usable.astype(np.float32) / (photons * rough + np.maximum(floor, np.float32(1e-30)))
     merged = _weighted(values, weight)
-    present = np.maximum(merged, 0)
-    variance = 1 / np.sum(weight, axis=0)
-    extra = variance - (np.float32(noise.all_shot) * present + np.float32(noise.all_floor))
+    all_photons, all_floor = all_counting(noise).astype(np.float32)
+    extra = 1 / np.sum(weight, axis=0) - (all_photons * np.maximum(merged, 0) + all_floor)
     # Where it saturates at the shortest time, longer ones do too.
-    return Merged(merged, nowhere & saturated[0], np.maximum(extra, 0))
+    return ImageBlock(merged, nowhere & saturated[0], np.maximum(extra, 0))
 
 
 def _mean(

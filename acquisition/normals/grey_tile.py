@@ -28,15 +28,11 @@ where the object sees it, and the object sends the tile some light."""
 class GreyTileSettings:
     """Tuned numbers of the intensities from a grey tile."""
 
-    max_clipped_share: float = tuned(0.02, "share")
-    """Share of clipped pixels of the tile above which an image counts as saturated there."""
     min_evenness: float = tuned(0.9, "1")
-    """Median over the 90th percentile of the tile's pixels, each over its own median of all images, below which a
+    """The 10th over the 90th percentile of the tile's pixels, each over its own median of all images, below which a
     shadow lies on part of it: noise of a tile of 25 pixels at a tenth of full scale leaves 0.97."""
     min_brightness: float = tuned(0.6, "of the median")
     """Value over the median of all images below which the whole tile lies in a shadow: no lamp loses so much."""
-    min_share: float = tuned(0.5, "share")
-    """Share of the images in which the tile has to be seen."""
 
 
 SETTINGS = GreyTileSettings()
@@ -68,7 +64,8 @@ class TileIntensities:
 
 
 def measure(observations: Observations, calibration: Calibration, tile: GreyTile) -> TileIntensities | None:
-    """Measures the images' relative intensities on a tile; none where less than `min_share` of the images show it lit.
+    """Measures the images' relative intensities on a tile; none where less than half of the images show it lit, from
+    which no median tells what is usual.
 
     Raises RigError normals.infeasible as `session_images.read` does.
     """
@@ -79,26 +76,27 @@ def measure(observations: Observations, calibration: Calibration, tile: GreyTile
     lamps = photometry.lamps(lights)
     shading = np.einsum("c,fcn->fn", tile.normal, photometry.light_vectors(point, lamps, calibration))
     images = session_images.read(observations, calibration, rows, columns)
-    values, clipped, _ = images.read(0, rows.stop - rows.start)
+    values, clipped, _ = images.whole
     ratio = values[:, inside] / np.maximum(shading, 1e-6)
-    brightness = np.mean(ratio, axis=1).astype(np.float64)
-    even = _evenness(ratio)
-    saturated = np.mean(clipped[:, inside], axis=1) > SETTINGS.max_clipped_share
-    lit = (shading.min(axis=1) > 0) & (even > SETTINGS.min_evenness)
-    typical = float(np.median(brightness[lit & ~saturated])) if np.any(lit & ~saturated) else 1.0
-    shadowed = ~saturated & (~lit | (brightness < SETTINGS.min_brightness * typical))
-    usable = ~saturated & ~shadowed
-    if np.mean(usable) < SETTINGS.min_share:
+    brightness = np.median(ratio, axis=1).astype(np.float64)
+    pattern = np.median(ratio / np.maximum(ratio.mean(axis=1, keepdims=True), 1e-6), axis=0)
+    relative = np.where(clipped[:, inside], np.inf, ratio / np.maximum(pattern, 1e-6))
+    dark, bright = np.percentile(relative, (10, 90), axis=1, method="higher")
+    saturated = np.isinf(bright)
+    lit = ~saturated & (shading.min(axis=1) > 0) & (dark > SETTINGS.min_evenness * bright)
+    typical = float(np.median(brightness[lit])) if np.any(lit) else 1.0
+    usable = lit & (brightness >= SETTINGS.min_brightness * typical)
+    if 2 * np.count_nonzero(usable) < len(usable):
         return None
     log = np.log(np.where(usable, brightness, typical) / np.median(brightness[usable]))
     level = np.mean(values[:, inside], axis=1)
     level = np.maximum(level, 1e-6).astype(np.float64)
-    noise = (images.shot * level + images.floor) / (np.count_nonzero(inside) * level**2)
+    noise = np.pi / 2 * (images.shot * level + images.floor) / (np.count_nonzero(inside) * level**2)  # of a median
     position = calibration.lamp_position_sigma_m * _log_gradient(tile, point, lamps)
     sigma = np.sqrt(noise + position**2 + MODEL_SIGMA**2)
     log[~usable] = np.interp(_times(shots)[~usable], _times(shots)[usable], log[usable])
     sigma[~usable] = np.maximum(sigma[~usable], calibration.intensity_sigma)
-    finding = None if np.all(usable) else _finding(np.flatnonzero(saturated), np.flatnonzero(shadowed))
+    finding = None if np.all(usable) else _finding(saturated, ~saturated & ~usable)
     return TileIntensities(log, float(np.sqrt(np.mean(sigma**2))), finding)
 
 
@@ -110,13 +108,6 @@ def unusable() -> ModelFinding:
         "object's shadow does not fall, choose a darker one, and look whether `grey_tile.outline_px` is its outline",
         corrected=False,
     )
-
-
-def _evenness(ratio: Float32Array) -> FloatArray:
-    """How even the tile is lit in each image (F,), by `ratio` (F, N): its own pattern is taken out."""
-    relative = ratio / np.maximum(np.median(ratio / np.maximum(ratio.mean(axis=1, keepdims=True), 1e-6), axis=0), 1e-6)
-    bright = np.percentile(relative, 90, axis=1)
-    return np.asarray(np.percentile(relative, 10, axis=1) / np.maximum(bright, 1e-6), np.float64)
 
 
 def _log_gradient(tile: GreyTile, point: Float32Array, lamps: Float32Array) -> FloatArray:
@@ -133,12 +124,13 @@ def _times(shots: tuple[Shot, ...]) -> FloatArray:
     return times if np.all(np.diff(np.sort(times)) > 0) else np.arange(len(shots), dtype=np.float64)
 
 
-def _finding(saturated: np.ndarray, shadowed: np.ndarray) -> ModelFinding:
-    """Names the images that do not show the tile as it should be."""
+def _finding(saturated: BoolArray, shadowed: BoolArray) -> ModelFinding:
+    """Names the images that do not show the tile as it should be, (F,) each."""
     said = [
-        f"{why} in image {', '.join(map(str, numbers[:10]))}"
-        for numbers, why in ((saturated, "is saturated"), (shadowed, "lies in a shadow"))
-        if len(numbers)
+        f"{why} in image {', '.join(map(str, np.flatnonzero(which)[:10]))}"
+        for which, why in ((saturated, "is saturated"), (shadowed, "lies in a shadow"))
+        if np.any(which)
     ]
     message = f"the grey tile {' and '.join(said)}: intensities of images before and after stand in"
-    return ModelFinding(kind="grey tile", message=message, corrected=True, value=float(len(saturated) + len(shadowed)))
+    value = float(np.count_nonzero(saturated | shadowed))
+    return ModelFinding(kind="grey tile", message=message, corrected=True, value=value)

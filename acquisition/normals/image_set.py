@@ -7,7 +7,7 @@ rows without holding every image; formats that decode only as a whole are for th
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +19,11 @@ from acquisition.models.tuned import tuned
 
 @dataclass(frozen=True)
 class ImageCheckSettings:
-    """Tuned numbers of the check of distant lights."""
+    """Tuned numbers of the check of lights."""
 
-    min_direction_spread: float = tuned(0.02, "1")
-    """Least `direction_spread` of distant lights, below which they count as lying in one plane. The directions are
-    stated and hold at all pixels, so that it is lower than the one of near lights in `solve`."""
+    min_direction_spread: float = tuned(0.05, "1")
+    """Least `direction_spread` of lights, of near ones from the object's centroid at a rough depth, below which they
+    count as lying in one plane."""
 
 
 SETTINGS = ImageCheckSettings()
@@ -52,6 +52,11 @@ class DistantLights:
 
     directions: FloatArray
     intensities: FloatArray
+
+    @property
+    def units(self) -> FloatArray:
+        """Unit directions (F, 3)."""
+        return self.directions / np.linalg.norm(self.directions, axis=1, keepdims=True)
 
 
 @dataclass(frozen=True)
@@ -166,45 +171,40 @@ def check(images: ImageSet) -> None:
     not finite, a light without direction or intensity, lights in one plane, or an empty mask.
     """
     lights = images.lights
-    first = lights.directions if isinstance(lights, DistantLights) else lights.positions_m
-    strength = lights.intensities if isinstance(lights, DistantLights) else lights.intensity[:, None]
+    distant = isinstance(lights, DistantLights)
+    first, strength = (
+        (lights.directions, lights.intensities) if distant else (lights.positions_m, lights.intensity[:, None])
+    )
+
+    def refuse(detail: str, **context: str | float) -> NoReturn:
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, detail, **context)
+
     if images.count < 3:
-        raise RigError(
-            ErrorCode.NORMALS_INFEASIBLE,
+        refuse(
             f"{images.count} image(s) ({', '.join(images.names) or 'none'}): three lights are the least that give a "
-            "normal; add images from other lights",
+            "normal; add images from other lights"
         )
     if first.shape != (images.count, 3) or len(strength) != images.count:
-        raise RigError(
-            ErrorCode.NORMALS_INFEASIBLE,
+        refuse(
             f"{images.count} images but {len(first)} lights and {len(strength)} intensities: give one row for each "
-            "image, in the images' order",
+            "image, in the images' order"
         )
     for name, place, power in zip(images.names, first, strength, strict=True):
         if not np.all(np.isfinite(place)) or not np.linalg.norm(place) > 0:
-            raise RigError(
-                ErrorCode.NORMALS_INFEASIBLE,
-                f"{name}: its light is at {place.tolist()}, which is no place or direction: correct that row",
-                file=name,
-            )
+            where = f"its light is at {place.tolist()}, which is no place or direction: correct that row"
+            refuse(f"{name}: {where}", file=name)
         if not np.all(np.isfinite(power)) or not np.all(power > 0):
-            raise RigError(
-                ErrorCode.NORMALS_INFEASIBLE,
-                f"{name}: its light's intensity is {power.tolist()}: it must be positive; correct that row",
-                file=name,
+            refuse(
+                f"{name}: its light's intensity is {power.tolist()}: it must be positive; correct that row", file=name
             )
     if images.mask.shape != (images.height, images.width) or not np.any(images.mask):
-        raise RigError(
-            ErrorCode.NORMALS_INFEASIBLE,
+        refuse(
             f"the mask is empty or not {images.width} × {images.height} like {images.names[0]}: draw it round the "
-            "object",
+            "object"
         )
-    if isinstance(lights, DistantLights):
-        spread = direction_spread(first)
-        if not spread > SETTINGS.min_direction_spread:
-            raise RigError(
-                ErrorCode.NORMALS_INFEASIBLE,
-                f"the lights of {images.names[0]} … {images.names[-1]} are parallel or lie in one plane: take images "
-                "with lights from other sides",
-                spread=spread,
-            )
+    if distant and not (spread := direction_spread(first)) > SETTINGS.min_direction_spread:
+        refuse(
+            f"the lights of {images.names[0]} … {images.names[-1]} are parallel or lie in one plane: take images "
+            "with lights from other sides",
+            spread=spread,
+        )

@@ -16,9 +16,9 @@ from acquisition.normals import alternation, final_solve
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
+from acquisition.normals.images import Images
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
-from acquisition.normals.session_images import StoredImages
 from acquisition.normals.term_tests import TermScores
 
 
@@ -72,7 +72,7 @@ class Problem:
     factors: FloatArray | float = 1.0
     thorough: bool = True
 
-    def reread(self, images: StoredImages) -> "Problem":
+    def reread(self, images: Images) -> "Problem":
         """The same object in changed images, with their sensor noise."""
         masked = replace(self.masked, images=images)
         count = int(np.count_nonzero(masked.mask))

@@ -16,9 +16,9 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
 from acquisition.models.tuned import tuned
-from acquisition.normals import colour_albedo, colour_channels, pixel_noise, session_images, silhouette
+from acquisition.normals import colour_albedo, colour_channels, pixel_noise, silhouette
 from acquisition.normals.image_set import ImageSet, NearLights
-from acquisition.normals.session_images import ImageBlock, ImageStack, StoredImages
+from acquisition.normals.images import ImageBlock, Images, held_if_small, row_blocks
 from acquisition.normals.solve import ObjectPlace, solve_stack
 
 
@@ -53,15 +53,15 @@ def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -
     window = windowed_images(images)
     inside = (window.rows, window.columns)
     rough = np.broadcast_to(np.asarray(depth, np.float32), images.mask.shape)[inside]
-    noise = pixel_noise.estimate(window, images.mask[inside], rough, calibration, _quantisation_step(images))
+    window, note = pixel_noise.estimate(window, images.mask[inside], rough, calibration, _quantisation_step(images))
     normal_map = solve_stack(
-        noise.images,
+        window,
         calibration,
         settings,
         ObjectPlace(depth, silhouette=images.mask if images.mask_given else None),
         thorough=thorough,
     )
-    notes = {"sensor": noise.note} | ({} if images.mask_given else {"mask": "proposed"})
+    notes = {"sensor": note} | ({} if images.mask_given else {"mask": "proposed"})
     normal_map = replace(normal_map, notes=normal_map.notes | notes)
     return normal_map if images.channels == 1 else _with_colours(normal_map, images)
 
@@ -70,8 +70,7 @@ def _with_colours(normal_map: NormalMap, images: ImageSet) -> NormalMap:
     """The result with each channel's albedo (H, W, 3), from lit measurements without highlights."""
     light = _lights(images).of_channels(images.channels)
     colours = np.zeros((images.height, images.width, 3), np.float32)
-    for start in range(0, images.height, session_images.BLOCK_ROWS):
-        rows = slice(start, min(start + session_images.BLOCK_ROWS, images.height))
+    for rows in row_blocks(images.height):
         if not np.any(normal_map.mask[rows]):
             continue
         values = np.stack([images.values(index, rows.start, rows.stop) for index in range(images.count)])
@@ -82,7 +81,7 @@ def _with_colours(normal_map: NormalMap, images: ImageSet) -> NormalMap:
     return replace(normal_map, albedo_rgb=colours, notes=normal_map.notes | {"colour": colour_albedo.CAMERA})
 
 
-def windowed_images(images: ImageSet) -> ImageStack | StoredImages:
+def windowed_images(images: ImageSet) -> Images:
     """Normalises the images within the mask's window: y = 1 is a white surface facing the lamp at its reference."""
     lights = _lights(images)
     rows, columns = silhouette.bounding_box(images.mask)
@@ -90,8 +89,8 @@ def windowed_images(images: ImageSet) -> ImageStack | StoredImages:
         (SETTINGS.read_noise_e / SETTINGS.full_well_e / lights.intensity) ** 2 + _quantisation_step(images) ** 2 / 12
     ) / images.channels
     middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
-    return session_images.held_if_small(
-        StoredImages(
+    return held_if_small(
+        Images(
             read=_Rows(images, lights.of_channels(images.channels), rows, columns),
             lights=tuple(_light(place, middle) for place in lights.positions_m),
             rows=rows,

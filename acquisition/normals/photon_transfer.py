@@ -8,12 +8,14 @@ little brighter or a little displaced. Differences at edges are not noise, so th
 estimated from its core by σ-clipping, and a bin with many outliers is dropped.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition import photometry
-from acquisition.models.base import FloatArray
+from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 
@@ -28,16 +30,22 @@ class TransferSettings:
     max_tail_share: float = tuned(0.04, "share")
     """Share of a bin's differences beyond CLIP_SIGMA σ, 0.003 for a Gaussian, from which the bin is dropped: edges of
     shadows, or all edges when the scene has moved."""
-    variance_sigma: float = tuned(0.01, "share")
-    """1 σ of a bin's variance beyond its sampling error, as a share of it: tails are not quite Gaussian."""
     rounding_sigma: float = tuned(0.06, "1")
-    """The same, by clipping of quantised values, times the squared step over the variance."""
+    """1 σ of a bin's variance beyond its sampling error, by clipping of quantised values, as a share of it, times the
+    squared step over it. Without it the noise of a sensor that reads with 0.8 steps is 5 % too small by 5 of its σ
+    (`test_fit_line_synthetic_sensor_recovers_gain_and_read_noise`)."""
     pattern_sigma: float = tuned(0.001, "share")
     """1 σ of the difference of two frames from pixel to pixel in proportion to brightness, where a lamp came back
     displaced: a term in the square of brightness, which would otherwise be counted as photons."""
+    max_relative_sigma: float = tuned(0.05, "share")
+    """1 σ of an estimate of gain or read noise, as a share of it, up to which it replaces what is stated. A scene of
+    fine detail that has moved between its two frames gives a gain wrong a thousandfold, of 7–8 % (scratch evaluation,
+    November 2026; `test_estimate_fine_detail_shifted_keeps_calibration`)."""
 
 
 SETTINGS = TransferSettings()
+
+ScalarT = TypeVar("ScalarT", bound=np.generic)
 
 BINS = 24
 """Bins of brightness, of equal width in its square root, as the noise is. Each is many times as wide as the noise,
@@ -55,19 +63,20 @@ CLIP_ITERATIONS = 12
 INITIAL_SAMPLE = 2000
 """Differences of a bin that its first variance is estimated from."""
 
+STRIPS = 16
+"""Strips of rows, spread over a window, that are read: more do not improve the estimate."""
+
 IRLS_ITERATIONS = 8
 """Iterations of the reweighted line fit."""
 
 
 @dataclass(frozen=True)
 class TransferCurve:
-    """A photon-transfer curve: mean brightness (B,), variance (B,) of one frame's values there, its relative 1 σ, and
-    what the number of differences alone makes of that."""
+    """A photon-transfer curve: mean brightness (B,), variance (B,) of one frame's values there, its relative 1 σ."""
 
     level: FloatArray
     variance: FloatArray
     relative: FloatArray
-    sampling: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -80,6 +89,30 @@ class LinearFit:
     floor_sigma: float
     covariance: float = 0.0
 
+    @property
+    def known(self) -> bool:
+        """Whether the slope, one over the gain, is known well enough to replace what is stated."""
+        return self.slope > 0 and self.slope_sigma <= SETTINGS.max_relative_sigma * self.slope
+
+
+def strips(height: int, most_rows: int) -> list[slice]:
+    """Strips of pairs of rows, spread over `height` rows, of at most `most_rows` in all but two each."""
+    each = max(2, min(-(-height // STRIPS), most_rows // STRIPS) // 2 * 2)
+    starts = range(0, height, each) if each * STRIPS >= height else np.linspace(0, height - each, STRIPS).astype(int)
+    return [slice(int(start), min(int(start) + each, height)) for start in starts]
+
+
+def quads(image: NDArray[ScalarT]) -> NDArray[ScalarT]:
+    """The corners (4, h/2, w/2) of each 2 × 2 square of an image (h, w), row by row."""
+    height, width = (length // 2 * 2 for length in image.shape)
+    return np.stack([image[row:height:2, column:width:2] for row in (0, 1) for column in (0, 1)])
+
+
+def quad_differences(corners: Float32Array, axis: int = 0) -> Float32Array:
+    """Differences of four neighbours along an axis, with one's variance."""
+    one, right, below, across = np.moveaxis(corners, axis, 0)
+    return (one - right - below + across) * np.float32(0.5)
+
 
 def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: float) -> TransferCurve:
     """Photon-transfer curve of differences (N,), of one frame's variance, at brightness `level` (N,) up to `top`.
@@ -91,7 +124,7 @@ def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: 
     ends = np.cumsum(np.bincount(bin_number, minlength=BINS))
     squares = np.square(difference[order], dtype=np.float64)
     level = level[order]
-    bins: list[tuple[float, float, float, float]] = []
+    bins: list[tuple[float, float, float]] = []
     for start, stop in zip(np.concatenate([[0], ends[:-1]]), ends, strict=True):
         if stop - start >= photometry.SETTINGS.min_sample:
             members = squares[start:stop]
@@ -99,18 +132,15 @@ def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: 
             variance = _core_variance(members, step)
             if variance > SETTINGS.min_variance_steps * step**2:
                 sampling = 2.3 / (stop - start)  # clipping costs a little of the efficiency
-                relative = np.sqrt(
-                    sampling + SETTINGS.variance_sigma**2 + (SETTINGS.rounding_sigma * step**2 / variance) ** 2
-                )
-                bins.append((mean, variance, float(relative), float(np.sqrt(sampling))))
-    return TransferCurve(*np.array(bins).reshape(-1, 4).T)
+                relative = np.sqrt(sampling + (SETTINGS.rounding_sigma * step**2 / variance) ** 2)
+                bins.append((mean, variance, float(relative)))
+    return TransferCurve(*np.array(bins).reshape(-1, 3).T)
 
 
 def concatenate(curves: list[TransferCurve]) -> TransferCurve:
     """The points of several curves of one sensor together."""
-    return TransferCurve(
-        *(np.concatenate([getattr(curve, one.name) for curve in curves]) for one in fields(TransferCurve))
-    )
+    parts = ([curve.level, curve.variance, curve.relative] for curve in curves)
+    return TransferCurve(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def fit_line(curve: TransferCurve) -> LinearFit | None:

@@ -5,7 +5,7 @@ gathered in one pass over them.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,10 +13,10 @@ from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
 from acquisition.mosaic import Sites
-from acquisition.normals import resampling, session_images, silhouette
+from acquisition.normals import resampling
+from acquisition.normals.images import ImageBlock, Images
 from acquisition.normals.interreflection import Table
 from acquisition.normals.pixel_solve import Pixels
-from acquisition.normals.session_images import ImageBlock, Images
 
 BLOCK_VALUES = 1 << 22
 """Values of all images in a block; the final solve takes about ninety bytes for each."""
@@ -43,9 +43,14 @@ class MaskedImages:
         return (slice(start, min(start + step, height)) for start in range(0, height, step))
 
     def part(self, rows: slice) -> "MaskedImages":
-        """The rows of a window as a window of their own."""
-        channel = None if self.channel is None else self.channel[rows]
-        return MaskedImages(session_images.part(self.images, rows), self.mask[rows], self.ray[:, rows], channel)
+        """The rows of a window as a window of their own, whose images are read through the whole window's."""
+        whole, channel = self.images, None if self.channel is None else self.channel[rows]
+        images = replace(
+            whole,
+            read=lambda start, stop: whole.read(rows.start + start, rows.start + stop),
+            rows=slice(whole.rows.start + rows.start, whole.rows.start + rows.stop),
+        )
+        return MaskedImages(images, self.mask[rows], self.ray[:, rows], channel)
 
     def pixels(self, rows: slice) -> Pixels:
         """Reads the object's pixels in a block of rows."""
@@ -116,13 +121,13 @@ class PyramidLevel:
 def albedo_bound(
     masked: MaskedImages, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration
 ) -> Float32Array:
-    """Lower bound of the albedo (h, w) of a surface at depth (h, w): `silhouette.albedo_bound` of all rows; of a mosaic
-    its least mean over the channels."""
+    """Lower bound of the albedo (h, w) of a surface at depth (h, w): each pixel's largest value as a share of a white
+    surface's, infinite where one is clipped; of a mosaic its least mean over the channels."""
     out = np.empty(masked.mask.shape, np.float32)
     for rows in masked.blocks():
         values, clipped, _ = masked.images.read(rows.start, rows.stop)
         point = photometry.points(masked.ray[:, rows], depth_m[rows]).reshape(3, -1)
         light = photometry.light_vectors(point, lamps, calibration)
         strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light)).reshape(values.shape)
-        out[rows] = silhouette.albedo_bound(values, strength, clipped)
+        out[rows] = np.max(np.where(clipped, np.inf, values / np.maximum(strength, 1e-6)), axis=0)
     return out if masked.channel is None else mosaic.least_cell_mean(out)

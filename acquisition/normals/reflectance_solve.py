@@ -12,7 +12,7 @@ import numpy as np
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, NormalMap
 from acquisition.normals import memory_mapped, reflectance_fit
-from acquisition.normals.session_images import BLOCK_ROWS, Images
+from acquisition.normals.images import Images, row_blocks
 
 HIGHLIGHT_SHARE = 0.1
 """Share of the albedo by which a highlight exceeds the diffuse light, for the flags alone."""
@@ -36,8 +36,7 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
     diffuse_params = reflectance_fit.estimate_diffuse_params(*_sample(images, mask), directions)
     maps = {name: getattr(before, name).copy() for name in ("normals", "albedo", "sigma_deg", "residual")}
     flags = memory_mapped.zeros(before.flags.shape)
-    for start in range(0, len(mask), BLOCK_ROWS):
-        rows = slice(start, min(start + BLOCK_ROWS, len(mask)))
+    for rows in row_blocks(len(mask)):
         chosen = np.flatnonzero(mask[rows])
         if len(chosen) == 0:
             continue

@@ -61,29 +61,22 @@ def estimate(solution: Estimate, values: Float32Array, noise: Noise, stated: Noi
     solved with less knowledge. `values` (F, K) are what `solution` was solved from, `extra` (F, K) its variance beside
     the noise model's.
     """
-    enough = np.count_nonzero(solution.weights > 0, axis=0) >= photometry.REDUNDANT
-    design = _design(solution, enough)
-    y, strength = values[:, enough].astype(np.float64), design.strength
-    leverage = np.empty(y.shape)
-    cosine = design.predicted / np.maximum(strength, 1e-9)
-    used = solution.weights[:, enough] > 0
-    residual = y - design.predicted
-    added = extra[:, enough]
+    residuals = _Residuals.of(solution, values, extra)
+    least_pixels = SETTINGS.min_pixel_share * np.count_nonzero(np.any(residuals.used, axis=0))
+    cosine = residuals.predicted / np.maximum(residuals.strength, 1e-9)
+    by_intensity, by_direction = residuals.values**2, residuals.strength**2
     for _ in range(ROUNDS):
-        variance = noise.variance(np.maximum(y, 0), strength) + added
-        _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), leverage)
-        usable = used & (leverage < SETTINGS.max_leverage)
-        unleveraged = residual**2 / np.maximum(1 - leverage, 0.05)
-        bright, grazing = usable & (cosine > SETTINGS.bright_cosine), usable & (cosine < SETTINGS.grazing_cosine)
-        by_intensity, by_direction = y**2, strength**2
+        variance, squares, counted = residuals.unleveraged(noise)
         intensity = _median_matched_share(
-            unleveraged, variance - noise.intensity**2 * by_intensity, by_intensity, bright, SETTINGS.intensity_range
-        )
+            squares, variance - noise.intensity**2 * by_intensity, by_intensity,
+            counted & (cosine > SETTINGS.bright_cosine), least_pixels, SETTINGS.intensity_range,
+        )  # fmt: skip
         intensity = stated.intensity if intensity is None else intensity
         variance = variance + (intensity**2 - noise.intensity**2) * by_intensity
         direction = _median_matched_share(
-            unleveraged, variance - noise.direction**2 * by_direction, by_direction, grazing, SETTINGS.direction_range
-        )
+            squares, variance - noise.direction**2 * by_direction, by_direction,
+            counted & (cosine < SETTINGS.grazing_cosine), least_pixels, SETTINGS.direction_range,
+        )  # fmt: skip
         noise = replace(noise, intensity=intensity, direction=stated.direction if direction is None else direction)
     return noise
 
@@ -97,47 +90,52 @@ def studentised_squares(
     Those of pixels with fewer than `photometry.REDUNDANT` usable lights, or of leverage above `max_leverage`, do not
     count. Arguments as of `estimate`.
     """
-    design = _design(solution, np.ones(values.shape[1], np.bool_))
-    variance = noise.variance(np.maximum(values, 0), design.strength) + extra
-    used = solution.weights > 0
-    leverage = np.empty(values.shape)
-    _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), leverage)
-    counted = used & (leverage < SETTINGS.max_leverage) & (np.count_nonzero(used, axis=0) >= photometry.REDUNDANT)
-    unleveraged = (values - design.predicted) ** 2 / np.maximum(1 - leverage, 0.05)
-    return unleveraged / variance, unleveraged / np.maximum(values, 1e-6) ** 2, counted
+    variance, squares, counted = _Residuals.of(solution, values, extra).unleveraged(noise)
+    return squares / variance, squares / np.maximum(values, 1e-6) ** 2, counted
 
 
 @dataclass(frozen=True)
-class _Design:
-    """Least squares of K pixels: rows (F, 3, K) of g, predicted values and ρ|s| (F, K)."""
+class _Residuals:
+    """Least squares of K pixels, linearised at its solution: rows (F, 3, K) of g; values, predicted ones, ρ|s| and
+    variance beside the noise model's (F, K), and which measurements are used, of pixels with enough of them."""
 
     rows: FloatArray
+    values: FloatArray
     predicted: FloatArray
     strength: FloatArray
+    extra: Float32Array
+    used: BoolArray
 
+    @classmethod
+    def of(cls, solution: Estimate, values: Float32Array, extra: Float32Array) -> "_Residuals":
+        light, g = solution.light.astype(np.float64), solution.g.astype(np.float64)
+        predicted = np.einsum("fck,ck->fk", light, g) + solution.term_value
+        strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
+        used = solution.weights > 0
+        used &= np.count_nonzero(used, axis=0) >= photometry.REDUNDANT
+        return cls(np.ascontiguousarray(light), values.astype(np.float64), predicted, strength, extra, used)
 
-def _design(solution: Estimate, chosen: BoolArray) -> _Design:
-    """The linearised least squares at the solution of the `chosen` pixels (N,)."""
-    light, g = (part[..., chosen].astype(np.float64) for part in (solution.light, solution.g))
-    predicted = np.einsum("fck,ck->fk", light, g)
-    if solution.terms is not None:
-        predicted += solution.terms.value[:, chosen]
-    strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
-    return _Design(np.ascontiguousarray(light), predicted, strength)
+    def unleveraged(self, noise: Noise) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Variance v in a `noise`, squared residuals over 1 − h, and which count; each (F, K)."""
+        variance = noise.variance(np.maximum(self.values, 0), self.strength) + self.extra
+        leverage = np.empty(variance.shape)
+        _leverage(self.rows, np.ascontiguousarray(np.where(self.used, 1 / variance, 0)), leverage)
+        counted = self.used & (leverage < SETTINGS.max_leverage)
+        return variance, (self.values - self.predicted) ** 2 / np.where(counted, 1 - leverage, 1), counted
 
 
 def _median_matched_share(
-    squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray, within: tuple[float, float]
-) -> float | None:
-    """The q for which the median of squares / (rest + q² by) is a Gaussian's; none where too few measurements count."""
+    squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray, least_pixels: float,
+    within: tuple[float, float],
+) -> float | None:  # fmt: skip
+    """The q for which the median of squares / (rest + q² by) is a Gaussian's; none where too few measurements count, or
+    of too few pixels."""
     where = where & (by > 0)  # where nothing is predicted, as of metal between highlights, nothing is told
-    if np.count_nonzero(where) < SETTINGS.min_measurements or np.mean(np.any(where, axis=0)) < SETTINGS.min_pixel_share:
+    if np.count_nonzero(where) < SETTINGS.min_measurements or np.count_nonzero(np.any(where, axis=0)) < least_pixels:
         return None
-    squares, rest, by = squares[where], rest[where], by[where]
     # squares / (rest + q² by) is above the Gaussian's median where q² is below this.
-    return float(
-        np.clip(np.sqrt(max(float(np.median((squares / GAUSSIAN_MEDIAN_DEVIATION**2 - rest) / by)), 0.0)), *within)
-    )
+    bound = float(np.median((squares[where] / GAUSSIAN_MEDIAN_DEVIATION**2 - rest[where]) / by[where]))
+    return float(np.clip(np.sqrt(max(bound, 0.0)), *within))
 
 
 @numba.njit("void(float64[:,:,::1], float64[:,::1], float64[:,::1])", cache=True, fastmath=True, error_model="numpy")

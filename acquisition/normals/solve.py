@@ -20,6 +20,7 @@ from acquisition.normals import (
     alternation,
     colour_albedo,
     final_solve,
+    image_set,
     model_selection,
     pyramid,
     sensor_estimate,
@@ -29,20 +30,16 @@ from acquisition.normals import (
 from acquisition.normals import grey_tile as grey_tiles
 from acquisition.normals.final_solve import BlockMap
 from acquisition.normals.grey_tile import GreyTile
-from acquisition.normals.image_set import direction_spread
+from acquisition.normals.images import Images, refuse_few
 from acquisition.normals.model_trial import Problem
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages
-from acquisition.normals.session_images import Images
 
 
 @dataclass(frozen=True)
 class SolveCheckSettings:
-    """Tuned numbers of the check of near lights."""
+    """Tuned numbers of the check of what is solved."""
 
-    min_direction_spread: float = tuned(0.05, "1")
-    """Least `direction_spread` of near lights, below which they count as lying in one plane with the object. Directions
-    are those at the centroid at a rough depth, so that it is higher than the one of distant lights in `image_set`."""
     min_pixels: int = tuned(16, "pixels")
     """Object pixels below which nothing is solved."""
 
@@ -124,7 +121,7 @@ def solve_stack(
     """
     rows, columns = images.rows, images.columns
     size = (calibration.height, calibration.width)
-    _refuse_few(images)
+    refuse_few(len(images.lights))
     inside = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.bool_)
     inside = inside if place.region is None else place.region[rows, columns]
     rough = np.broadcast_to(np.asarray(place.depth_m, np.float32), size)[rows, columns]
@@ -166,15 +163,6 @@ def solve_stack(
     )
 
 
-def _refuse_few(images: Images) -> None:
-    if len(images.lights) < 3:
-        raise RigError(
-            ErrorCode.NORMALS_INFEASIBLE,
-            f"there are {len(images.lights)} lit images and at least three are needed: take more lights",
-            lights=len(images.lights),
-        )
-
-
 def _window(region: BoolArray | None, height: int, width: int) -> tuple[slice, slice]:
     """The bounding box of the region."""
     if region is None:
@@ -200,8 +188,8 @@ def _centroid(masked: MaskedImages, depth_m: Float32Array) -> Float32Array:
 
 
 def _refuse_coplanar_lights(lamps: Float32Array, centroid: Float32Array) -> None:
-    spread = direction_spread(lamps[:, :3] - centroid)
-    if not spread > SETTINGS.min_direction_spread:
+    spread = image_set.direction_spread(lamps[:, :3] - centroid)
+    if not spread > image_set.SETTINGS.min_direction_spread:
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
             "the lights are parallel or lie in one plane with the object: take lights from other sides",

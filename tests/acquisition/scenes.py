@@ -5,7 +5,7 @@ through the height function itself, the light's law is written out again, and th
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.light_plan import Light  # fmt: skip
 from acquisition.models.route import Refusal
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
+from acquisition.normals import Images
 
 TABLE_DEPTH = 0.9
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -60,6 +61,11 @@ def relief(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     r = np.hypot(x, y)
     top = 0.012 + 0.0012 * np.sin(r / 0.0025) + 0.0008 * np.cos(x / 0.003) * np.sin(y / 0.004)
     return np.where(r < 0.055, top, 0.0)
+
+
+def with_values(images: Images, values: np.ndarray) -> Images:
+    """The same images with other values (F, h, w)."""
+    return replace(images, read=images.whole._replace(values=values).rows)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.light_plan import Light
-from acquisition.normals import ImageStack
+from acquisition.normals import Images
 from tests.path_traced import bench
 
 
@@ -14,7 +14,7 @@ from tests.path_traced import bench
 class Capture:
     """Solver input of a scene: images, nominal lights, exact camera; and the true log intensities (F,)."""
 
-    stack: ImageStack
+    stack: Images
     calibration: Calibration
     dn: np.ndarray  # (F, H, W) uint16
     seconds: np.ndarray  # (F,) exposure times at `lamp_intensity` 1
@@ -65,7 +65,7 @@ def capture(
     axis = bench.CENTER - nominal
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     scale = SENSOR.full_scale_dn * seconds
-    stack = ImageStack(
+    stack = Images.of(
         values=(dn / scale[:, None, None]).astype(np.float32),
         clipped=dn >= 0.985 * SENSOR.full_scale_dn,
         lights=tuple(

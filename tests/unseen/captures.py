@@ -15,7 +15,7 @@ import numpy as np
 from acquisition import geometry, photometry
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
-from acquisition.normals import ImageStack
+from acquisition.normals import Images
 from hardware_sim import families
 from tests.unseen.faults import NONE, Fault
 from tests.unseen.scenes import INTENSITY_SIGMA, POSITION_SIGMA_M, TARGET, Scene
@@ -25,7 +25,7 @@ from tests.unseen.scenes import INTENSITY_SIGMA, POSITION_SIGMA_M, TARGET, Scene
 class Capture:
     """Solver input of a scene: images and nominal lights, exact camera; the true log intensities (F,)."""
 
-    stack: ImageStack
+    stack: Images
     calibration: Calibration
     dn: np.ndarray  # (F, H, W) uint16
     again: np.ndarray  # (F, H, W) uint16, second reads of the same lights
@@ -33,13 +33,13 @@ class Capture:
     log_intensity: np.ndarray
     rough_depth_m: float
 
-    def of(self, chosen: list[int]) -> ImageStack:
+    def of(self, chosen: list[int]) -> Images:
         """The images of some of the lights."""
-        s = self.stack
-        return ImageStack(
-            s.values[chosen], s.clipped[chosen], tuple(s.lights[k] for k in chosen), s.rows, s.columns, s.shot[chosen],
-            s.floor[chosen],
-        )  # fmt: skip
+        s, block = self.stack, self.stack.whole
+        lights = tuple(s.lights[k] for k in chosen)
+        return Images.of(
+            block.values[chosen], block.clipped[chosen], lights, s.rows, s.columns, s.shot[chosen], s.floor[chosen]
+        )
 
 
 def capture(scene: Scene, positions: np.ndarray, draw: int = 0, fault: Fault = NONE) -> Capture:
@@ -71,7 +71,7 @@ def capture(scene: Scene, positions: np.ndarray, draw: int = 0, fault: Fault = N
         Light(position=tuple(place.tolist()), axis=tuple(axis.tolist()))
         for place, axis in zip(nominal, scene.axes(nominal), strict=True)
     )
-    stack = ImageStack(
+    stack = Images.of(
         values=(dn / scale[:, None, None]).astype(np.float32),
         clipped=dn >= photometry.SATURATION_SHARE * sensor.full_scale_dn,
         lights=lights,

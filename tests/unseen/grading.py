@@ -5,7 +5,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import NormalMap
-from acquisition.normals import ImageStack
+from acquisition.normals import Images
 from tests.unseen.scenes import GRADINGS, Truth
 
 UNSOLVED_DEG = 90.0
@@ -47,13 +47,13 @@ def sigma(normal_map: NormalMap, true: Truth) -> dict[str, float]:
     }
 
 
-def least_squares(stack: ImageStack, known: Calibration, depth_m: float, mask: np.ndarray) -> np.ndarray:
+def least_squares(stack: Images, known: Calibration, depth_m: float, mask: np.ndarray) -> np.ndarray:
     """Normals (H, W, 3) by plain near-light least squares over all images, the object taken flat at `depth_m`."""
     rays = photometry.rays(known, stack.rows, stack.columns)[:, mask]
     point = photometry.points(rays, np.full(rays.shape[1], depth_m, np.float32))
     light = photometry.light_vectors(point, photometry.lamps(stack.lights), known).astype(float)
     gram = np.einsum("fap,fbp->pab", light, light) + 1e-9 * np.eye(3)
-    right = np.einsum("fap,fp->pa", light, stack.values[:, mask])
+    right = np.einsum("fap,fp->pa", light, stack.whole.values[:, mask])
     g = np.linalg.solve(gram, right[..., None])[..., 0]
     out = np.zeros((*mask.shape, 3))
     out[mask] = g / np.maximum(np.linalg.norm(g, axis=1, keepdims=True), 1e-12)

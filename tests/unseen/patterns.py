@@ -98,7 +98,7 @@ def oracle(scene: Scene, solved: NormalMap, first: Capture) -> NormalMap:
     rows, columns = np.nonzero(true.within_78_deg)
     chosen = np.linspace(0, len(rows) - 1, min(len(rows), ORACLE_PIXELS)).astype(int)
     rows, columns = rows[chosen].astype(np.int64), columns[chosen].astype(np.int64)
-    values = first.stack.values
+    values = first.stack.whole.values
     lit = values > LIT_SHARE * values.max(axis=0)
     blank = replace(
         solved,

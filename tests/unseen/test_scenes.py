@@ -101,7 +101,9 @@ def test_every_fault_changes_the_capture(name: str, blob: Scene, rings: np.ndarr
         )
     else:
         assert not any(moved)
-        changed = [np.mean(a != b) > 0.02 for a, b in zip(sound.stack.values, faulty.stack.values, strict=True)]
+        changed = [
+            np.mean(a != b) > 0.02 for a, b in zip(sound.stack.whole.values, faulty.stack.whole.values, strict=True)
+        ]
         expected = {"one": 1, "mov": len(rings) // 2}.get(name[:3], len(rings))
         assert sum(changed) == expected
 
@@ -109,7 +111,7 @@ def test_every_fault_changes_the_capture(name: str, blob: Scene, rings: np.ndarr
 def test_offset_and_ambient_light_have_their_level(blob: Scene, rings: np.ndarray) -> None:
     sound = capture(blob, rings)
     for name, expected in (("offset:0.1", 0.1), ("ambient:0.1", 0.1 * blob.ambient())):
-        more = capture(blob, rings, fault=faults.named(name)).stack.values - sound.stack.values
+        more = capture(blob, rings, fault=faults.named(name)).stack.whole.values - sound.stack.whole.values
         where = blob.truth.one_surface
         added = np.broadcast_to(expected, where.shape)[where]
         assert np.mean(more[:, where]) == pytest.approx(np.mean(added), rel=0.05)

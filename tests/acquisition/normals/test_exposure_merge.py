@@ -7,6 +7,7 @@ from acquisition import photometry
 from acquisition.models.light_plan import FrameExposure, Light
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.normals import exposure_merge, session_images
+from acquisition.normals.images import ImageBlock
 from tests.acquisition import scenes
 
 SIZE = 64
@@ -47,12 +48,12 @@ def captured(y: np.ndarray, times: list[float]) -> Observations:
     return Observations.of(shots, frames)
 
 
-def first_image(y: np.ndarray, times: list[float]) -> tuple[session_images.ImageBlock, float, float]:
+def first_image(y: np.ndarray, times: list[float]) -> tuple[ImageBlock, float, float]:
     everything = slice(0, SIZE)
     images = session_images.read(captured(y, times), KNOWN, everything, everything)
     block = images.read(0, SIZE)
     assert block.extra is not None
-    one = session_images.ImageBlock(block.values[0], block.clipped[0], block.extra[0])
+    one = ImageBlock(block.values[0], block.clipped[0], block.extra[0])
     return one, float(images.shot[0]), float(images.floor[0])
 
 

@@ -9,11 +9,12 @@ from acquisition import normals, photometry
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
 from acquisition.normals import final_solve, integrability, pyramid, session_images
+from acquisition.normals import images as normalised
 from acquisition.normals.alternation import AlternationResult
+from acquisition.normals.images import Images
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 from acquisition.normals.self_calibration import SharedParameters
-from acquisition.normals.session_images import ImageStack, StoredImages
 from acquisition.normals.specular import NO_LOBE, Lobe
 from tests.acquisition import scenes
 
@@ -36,12 +37,12 @@ def cushion() -> scenes.Scene:
     return scenes.scene(scenes.bumps, scenes.calibration(SIZE))
 
 
-def images(true: scenes.Scene) -> ImageStack | StoredImages:
+def images(true: scenes.Scene) -> Images:
     all_pixels = slice(0, SIZE)
     return session_images.read(scenes.capture(true, LIGHTS, seed=1), true.calibration, all_pixels, all_pixels)
 
 
-def model(known: Calibration, stack: ImageStack | StoredImages) -> Scene:
+def model(known: Calibration, stack: Images) -> Scene:
     noise = photometry.model_noise(known, stack.shot, stack.floor, 0.45)
     return Scene(photometry.lamps(stack.lights), known, noise, SolveSettings(), median_albedo=0.5)
 
@@ -119,8 +120,8 @@ def test_solve_streamed_images_equals_solve_in_memory(cushion: scenes.Scene, mon
     together = solved()
     monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
     monkeypatch.setattr(pyramid, "MIN_BLOCK_ROWS", 20)
-    monkeypatch.setattr(session_images, "MAX_HELD_BYTES", 0)
-    assert isinstance(images(cushion), StoredImages)
+    monkeypatch.setattr(normalised, "MAX_HELD_BYTES", 0)
+    assert images(cushion).read(0, 1).values.base is None  # no view of a stack in memory
     same(together, solved())
 
 
@@ -152,9 +153,8 @@ def test_level_in_blocks_of_rows_equals_level_in_one(cushion: scenes.Scene, monk
 def test_flags_predicted_indirect_light_is_no_highlight(cushion: scenes.Scene) -> None:
     """Light that reaches all pixels under one of eight lights alone stands out as a highlight would."""
     stack, all_pixels = images(cushion), slice(0, SIZE)
-    assert isinstance(stack, ImageStack)
     falling = np.where(np.arange(len(LIGHTS)) == 0, 0.3, 0).astype(np.float32)
-    lit = replace(stack, values=stack.values + (0.5 * falling)[:, None, None])
+    lit = scenes.with_values(stack, stack.whole.values + (0.5 * falling)[:, None, None])
     masked = MaskedImages(lit, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
     gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, lit)
@@ -176,13 +176,12 @@ def test_flags_predicted_indirect_light_is_no_highlight(cushion: scenes.Scene) -
 
 def test_solve_pixels_with_two_lights_are_smoothed(cushion: scenes.Scene) -> None:
     stack, all_pixels = images(cushion), slice(0, SIZE)
-    assert isinstance(stack, ImageStack)
     lone = np.zeros((SIZE, SIZE), np.bool_)
     lone[2::6, 2::6] = cushion.graded[2::6, 2::6]
-    values = stack.values.copy()
+    values = stack.whole.values.copy()
     values[2:, lone] = 0
     masked = MaskedImages(
-        replace(stack, values=values), cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels)
+        scenes.with_values(stack, values), cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels)
     )
     gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)

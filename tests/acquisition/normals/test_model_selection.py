@@ -11,7 +11,7 @@ import pytest
 from acquisition import normals, photometry
 from acquisition.models.light_plan import Light
 from acquisition.models.result import ATTACHED, CAST, NormalMap, SolveSettings
-from acquisition.normals import ImageStack, light_tests, model_alternatives, session_images
+from acquisition.normals import Images, light_tests, model_alternatives, session_images
 from acquisition.normals.model_trial import Alternative, Solution
 from acquisition.normals.term_tests import TermScore
 from hardware_sim.reflectance import Reflectance
@@ -27,20 +27,19 @@ def cushion() -> scenes.Scene:
 
 
 @pytest.fixture(scope="module")
-def images(cushion: scenes.Scene) -> ImageStack:
+def images(cushion: scenes.Scene) -> Images:
     return read(cushion)
 
 
-def read(true: scenes.Scene, count: int = 8) -> ImageStack:
+def read(true: scenes.Scene, count: int = 8) -> Images:
     """Images with errors of 1 % and 1 mm."""
     known = true.calibration
     observations = scenes.capture(true, two_rings(count), seed=1)
     stack = session_images.read(observations, known, slice(0, known.height), slice(0, known.width))
-    assert isinstance(stack, ImageStack)
     return stack
 
 
-def solved(cushion: scenes.Scene, images: ImageStack, *, thorough: bool = True) -> NormalMap:
+def solved(cushion: scenes.Scene, images: Images, *, thorough: bool = True) -> NormalMap:
     return normals.solve_stack(
         images, cushion.calibration, SolveSettings(), normals.ObjectPlace(ROUGH_DEPTH_M, silhouette=cushion.mask),
         thorough=thorough,
@@ -48,7 +47,7 @@ def solved(cushion: scenes.Scene, images: ImageStack, *, thorough: bool = True) 
 
 
 @pytest.fixture(scope="module")
-def sound(cushion: scenes.Scene, images: ImageStack) -> NormalMap:
+def sound(cushion: scenes.Scene, images: Images) -> NormalMap:
     return solved(cushion, images)
 
 
@@ -78,7 +77,7 @@ def test_solve_sound_capture_has_no_findings(sound: NormalMap) -> None:
     assert len(sound.fit.image_misfits) == 8
 
 
-def test_solve_mirrored_lamps_are_mirrored_back(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+def test_solve_mirrored_lamps_are_mirrored_back(cushion: scenes.Scene, images: Images, sound: NormalMap) -> None:
     result = solved(cushion, replace(images, lights=relit(images.lights, range(8), (1, -1))))
     assert kinds(result) == [("axes of the lamps", True)]
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
@@ -86,7 +85,7 @@ def test_solve_mirrored_lamps_are_mirrored_back(cushion: scenes.Scene, images: I
 
 @pytest.mark.parametrize("turn_deg", [10, 45, -130])
 def test_solve_turned_lamps_are_turned_back(
-    cushion: scenes.Scene, images: ImageStack, sound: NormalMap, turn_deg: float
+    cushion: scenes.Scene, images: Images, sound: NormalMap, turn_deg: float
 ) -> None:
     """The images fit as well: lamps and normals are turned alike."""
     turned = light_tests.transformed(photometry.lamps(images.lights), light_tests.turned_by(turn_deg))
@@ -99,7 +98,7 @@ def test_solve_turned_lamps_are_turned_back(
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
-def test_solve_swapped_lamps_are_swapped_back(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+def test_solve_swapped_lamps_are_swapped_back(cushion: scenes.Scene, images: Images, sound: NormalMap) -> None:
     result = solved(cushion, replace(images, lights=relit(images.lights, [0, 5, 2, 3, 4, 1, 6, 7])))
     assert kinds(result) == [("swapped lamps", True)]
     assert "2 and 6" in result.findings[0].message
@@ -108,24 +107,24 @@ def test_solve_swapped_lamps_are_swapped_back(cushion: scenes.Scene, images: Ima
 
 @pytest.mark.parametrize("offset", [0.05, -0.03, -0.06])
 def test_solve_wrong_black_level_is_put_right(
-    cushion: scenes.Scene, images: ImageStack, sound: NormalMap, offset: float
+    cushion: scenes.Scene, images: Images, sound: NormalMap, offset: float
 ) -> None:
     """Too little subtracted, or too much: images of a lamp that was not quite off."""
-    result = solved(cushion, replace(images, values=images.values + np.float32(offset)))
+    result = solved(cushion, scenes.with_values(images, images.whole.values + np.float32(offset)))
     assert kinds(result) == [("stray light", True)]
     assert result.findings[0].value == pytest.approx(offset, rel=0.2)
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
-def coded(images: ImageStack, exponent: float = 2.2) -> ImageStack:
+def coded(images: Images, exponent: float = 2.2) -> Images:
     """Values of images that were coded with 1 over the exponent."""
     level = (np.min(images.shot) / images.shot)[:, None, None].astype(np.float32)
-    return replace(images, values=np.maximum(images.values * level, 0) ** np.float32(1 / exponent) / level)
+    return scenes.with_values(images, np.maximum(images.whole.values * level, 0) ** np.float32(1 / exponent) / level)
 
 
 @pytest.mark.parametrize("exponent", [1.4, 1.8, 2.2])
 def test_solve_coded_values_are_linearised(
-    cushion: scenes.Scene, images: ImageStack, sound: NormalMap, exponent: float
+    cushion: scenes.Scene, images: Images, sound: NormalMap, exponent: float
 ) -> None:
     result = solved(cushion, coded(images, exponent))
     assert kinds(result) == [("coded values", True)]
@@ -140,15 +139,15 @@ def test_solve_coded_values_of_a_ball_are_not_taken_for_a_bowl_under_opposite_la
     assert mean_deg(ball, result) < 1
 
 
-def test_solve_values_of_an_unusual_coding_are_named(cushion: scenes.Scene, images: ImageStack) -> None:
+def test_solve_values_of_an_unusual_coding_are_named(cushion: scenes.Scene, images: Images) -> None:
     result = solved(cushion, coded(images, 3.2))
     assert ("coded values", False) in kinds(result) or ("misfit", False) in kinds(result)
 
 
-def test_solve_image_of_half_exposure_is_scaled(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
-    values = images.values.copy()
+def test_solve_image_of_half_exposure_is_scaled(cushion: scenes.Scene, images: Images, sound: NormalMap) -> None:
+    values = images.whole.values.copy()
     values[3] *= 0.5
-    result = solved(cushion, replace(images, values=values))
+    result = solved(cushion, scenes.with_values(images, values))
     assert kinds(result) == [("intensities", True)]
     assert result.findings[0].value == pytest.approx(0.5, abs=0.04)
     assert "image 4" in result.findings[0].message
@@ -156,28 +155,26 @@ def test_solve_image_of_half_exposure_is_scaled(cushion: scenes.Scene, images: I
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
-def test_solve_blurred_image_is_left_out_or_harmless(
-    cushion: scenes.Scene, images: ImageStack, sound: NormalMap
-) -> None:
-    values = images.values.copy()
+def test_solve_blurred_image_is_left_out_or_harmless(cushion: scenes.Scene, images: Images, sound: NormalMap) -> None:
+    values = images.whole.values.copy()
     values[6] = cv2.GaussianBlur(values[6][::-1].copy(), (0, 0), 3)  # another scene, in effect
-    result = solved(cushion, replace(images, values=values))
+    result = solved(cushion, scenes.with_values(images, values))
     assert ("bad image", True) in kinds(result)
     assert "image 7" in result.findings[0].message
     assert mean_deg(cushion, result) < 1.4 * mean_deg(cushion, sound)
 
 
-def test_solve_moved_object_is_registered(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
-    values = images.values.copy()
+def test_solve_moved_object_is_registered(cushion: scenes.Scene, images: Images, sound: NormalMap) -> None:
+    values = images.whole.values.copy()
     values[4:] = np.roll(values[4:], (1, -1), axis=(1, 2))
-    result = solved(cushion, replace(images, values=values))
+    result = solved(cushion, scenes.with_values(images, values))
     assert ("moved object", True) in kinds(result)
     assert result.findings[0].value == pytest.approx(np.sqrt(2), abs=0.5)
     unmended = 2.0 * mean_deg(cushion, sound)
     assert mean_deg(cushion, result) < unmended
 
 
-def reflected(true: scenes.Scene, images: ImageStack, reflectance: Reflectance) -> ImageStack:
+def reflected(true: scenes.Scene, images: Images, reflectance: Reflectance) -> Images:
     """The Lambertian images times what another surface reflects of a Lambertian one at each pixel."""
     known = true.calibration
     rows, columns = np.nonzero(true.mask)
@@ -189,12 +186,12 @@ def reflected(true: scenes.Scene, images: ImageStack, reflectance: Reflectance) 
     view = -along.T / np.linalg.norm(along.T, axis=1, keepdims=True)
     normal, albedo = true.normals[rows, columns], np.full(len(rows), 0.5)
     plain, other = (one.value(normal, lamp, view, albedo) for one in (Reflectance(), reflectance))
-    values = images.values.copy()
+    values = images.whole.values.copy()
     values[:, rows, columns] *= (other / np.maximum(plain, 1e-3)).astype(np.float32)
-    return replace(images, values=values)
+    return scenes.with_values(images, values)
 
 
-def test_solve_glossy_dielectric_is_solved_as_one(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+def test_solve_glossy_dielectric_is_solved_as_one(cushion: scenes.Scene, images: Images, sound: NormalMap) -> None:
     result = solved(cushion, reflected(cushion, images, Reflectance("ggx", 0.3)))
     assert kinds(result) == [("gloss", True)]
     assert result.findings[0].value == pytest.approx(0.3, abs=0.03)
@@ -233,7 +230,7 @@ def test_solve_smooth_metal_that_fits_is_not_tried_under_other_axes(dish: scenes
 def test_solve_without_enough_images_to_judge_is_a_finding(cushion: scenes.Scene) -> None:
     """One of five images is black, and no other model is tried."""
     images = read(cushion, 5)
-    images.values[2] = 0
+    images.whole.values[2] = 0
     result = solved(cushion, images, thorough=False)
     assert result.fit is None
     assert kinds(result) == [("misfit", False)]

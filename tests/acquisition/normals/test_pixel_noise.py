@@ -7,7 +7,7 @@ import pytest
 
 from acquisition.models.light_plan import Light
 from acquisition.normals import pixel_noise
-from acquisition.normals.session_images import ImageStack
+from acquisition.normals.images import Images
 from tests.acquisition import scenes
 
 SIZE, INTENSITY, GUESSED = 160, 0.8, 10_000
@@ -32,7 +32,7 @@ def light(cushion: scenes.Scene) -> np.ndarray:
     return np.stack([scenes.lit(cushion, one) * (1 + rng.normal(0, 0.01)) for one in moved])
 
 
-def simulated(light: np.ndarray, full_well: float, read_e: float, bits: int) -> tuple[ImageStack, np.ndarray]:
+def simulated(light: np.ndarray, full_well: float, read_e: float, bits: int) -> tuple[Images, np.ndarray]:
     """Images of a sensor, with noise that is guessed, and the steps of their values (F,)."""
     rng = np.random.default_rng(1)
     electrons = rng.poisson(light * INTENSITY * full_well) + rng.normal(0, read_e, light.shape)
@@ -41,13 +41,11 @@ def simulated(light: np.ndarray, full_well: float, read_e: float, bits: int) -> 
     count, all_pixels = len(light), slice(0, SIZE)
     shot = np.full(count, 1 / (GUESSED * INTENSITY))
     floor = np.full(count, (5 / GUESSED / INTENSITY) ** 2)
-    stack = ImageStack(values, values >= 1 / INTENSITY, tuple(LIGHTS[:count]), all_pixels, all_pixels, shot, floor)
+    stack = Images.of(values, values >= 1 / INTENSITY, tuple(LIGHTS[:count]), all_pixels, all_pixels, shot, floor)
     return stack, np.full(count, 1 / top / INTENSITY)
 
 
-def estimated(
-    cushion: scenes.Scene, stack: ImageStack, steps: np.ndarray, mask: np.ndarray
-) -> pixel_noise.PixelNoiseEstimate:
+def estimated(cushion: scenes.Scene, stack: Images, steps: np.ndarray, mask: np.ndarray) -> tuple[Images, str]:
     return pixel_noise.estimate(stack, mask, np.full(mask.shape, 0.87, np.float32), cushion.calibration, steps)
 
 
@@ -55,12 +53,12 @@ def estimated(
 def test_estimate_wrong_guess_recovers_noise(
     cushion: scenes.Scene, light: np.ndarray, full_well: float, read_e: float, bits: int
 ) -> None:
-    noise = estimated(cushion, *simulated(light, full_well, read_e, bits), cushion.mask)
+    images, note = estimated(cushion, *simulated(light, full_well, read_e, bits), cushion.mask)
     values = np.array([0.1, 0.2, 0.4])
-    variance = noise.images.shot[:, None] * values + noise.images.floor[:, None]
+    variance = images.shot[:, None] * values + images.floor[:, None]
     electrons2 = values * INTENSITY * full_well + read_e**2 + (full_well / (2**bits - 1)) ** 2 / 12
     np.testing.assert_allclose(variance, np.tile(electrons2 / (full_well * INTENSITY) ** 2, (8, 1)), rtol=0.2)
-    assert noise.note.startswith("noise found")
+    assert note.startswith("noise found")
 
 
 def test_estimate_too_few_pixels_keeps_guess_and_notes_it(cushion: scenes.Scene, light: np.ndarray) -> None:
@@ -69,6 +67,6 @@ def test_estimate_too_few_pixels_keeps_guess_and_notes_it(cushion: scenes.Scene,
     corner = np.zeros_like(cushion.mask)
     corner[70:76, 70:76] = True
     for stack, step, mask in ((four, steps, cushion.mask), (all_lights, all_steps, corner)):
-        noise = estimated(cushion, stack, step, mask)
-        assert noise.images is stack
-        assert noise.note.startswith("guessed: ")
+        images, note = estimated(cushion, stack, step, mask)
+        assert images is stack
+        assert note.startswith("guessed: ")

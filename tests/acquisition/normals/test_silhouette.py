@@ -17,9 +17,8 @@ def stack(true: scenes.Scene, lights: int = 6, seed: int = 0) -> np.ndarray:
 
 
 def find(values: np.ndarray, region: np.ndarray, clipped: np.ndarray | None = None) -> np.ndarray:
-    none = np.zeros(values.shape, np.bool_)
     return silhouette.segment(
-        silhouette.albedo_bound(values, np.ones_like(values), none if clipped is None else clipped), region
+        np.max(values if clipped is None else np.where(clipped, np.float32(np.inf), values), axis=0), region
     )
 
 

@@ -1,15 +1,14 @@
 """Light that spreads below the surface: recognised in shadows of path-traced captures, and taken back."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from acquisition.models.base import Float32Array
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
-from acquisition.normals import ImageStack, changed_images, model_alternatives, surface_diffusion, translucency
+from acquisition.normals import Images, changed_images, model_alternatives, surface_diffusion, translucency
 from acquisition.normals.pixel_solve import Pixels
+from tests.acquisition.scenes import with_values
 from tests.unseen import patterns, scenes
 from tests.unseen.captures import Capture, capture
 from tests.unseen.run import solve
@@ -109,7 +108,7 @@ def test_sharpened_images_have_sharper_shadows_and_no_other_texture() -> None:
     soft = albedo * np.stack([surface_diffusion.blurred(one, over, LENGTH_PX) for one in irradiance])
     window = slice(0, pixels.shape[0])
     lights = tuple(Light(position=(0.0, 0.0, 0.3), axis=(0.0, 0.0, -1.0)) for _ in soft)
-    stack = ImageStack(
+    stack = Images.of(
         soft.astype(np.float32), np.zeros(soft.shape, np.bool_), lights, window, window, np.full(6, 1e-4), np.zeros(6)
     )
     images = changed_images.sharpened(stack, over, albedo, LENGTH_PX, 2.0)
@@ -118,9 +117,9 @@ def test_sharpened_images_have_sharper_shadows_and_no_other_texture() -> None:
     assert np.linalg.norm(sharp - true) < 0.7 * np.linalg.norm(soft - true)
     assert images.shot == pytest.approx(2 * stack.shot)
     assert images.read(20, 30)[0] == pytest.approx(sharp[:, 20:30], abs=1e-4)
-    even = replace(stack, values=np.broadcast_to(albedo, soft.shape).astype(np.float32))
+    even = with_values(stack, np.broadcast_to(albedo, soft.shape).astype(np.float32))
     textured = changed_images.sharpened(even, over, albedo, LENGTH_PX, 2.0).read(0, 64).values
-    assert textured == pytest.approx(even.values, abs=1e-4)
+    assert textured == pytest.approx(even.whole.values, abs=1e-4)
 
 
 def test_solve_translucent_cluster_is_sharpened(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.normals import ImageStack
+from acquisition.normals import Images
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 from tests.path_traced import bench, captures
@@ -44,16 +44,16 @@ class Cap(scenes.Dome):
 REACH = Cap()
 
 
-def captured(name: str, positions: np.ndarray, seed: int, *, bounces: bool) -> ImageStack:
+def captured(name: str, positions: np.ndarray, seed: int, *, bounces: bool) -> Images:
     """Rendered images of lamps at positions (F, 3) with calibration errors drawn with `seed`, as the solver's input."""
     images = bench.render(name, positions, pixels=PIXELS, bounces=bounces)
     return captures.capture(images, positions, seed).stack
 
 
-def joined(one: ImageStack, other: ImageStack) -> ImageStack:
-    return ImageStack(
-        values=np.concatenate([one.values, other.values]),
-        clipped=np.concatenate([one.clipped, other.clipped]),
+def joined(one: Images, other: Images) -> Images:
+    return Images.of(
+        values=np.concatenate([one.whole.values, other.whole.values]),
+        clipped=np.concatenate([one.whole.clipped, other.whole.clipped]),
         lights=(*one.lights, *other.lights),
         rows=one.rows,
         columns=one.columns,
@@ -62,13 +62,13 @@ def joined(one: ImageStack, other: ImageStack) -> ImageStack:
     )
 
 
-def solved(name: str, stack: ImageStack) -> NormalMap:
+def solved(name: str, stack: Images) -> NormalMap:
     mask = bench.truth(name, PIXELS).mask
     known = captures.calibration(PIXELS)
     return normals.solve_stack(stack, known, SolveSettings(), normals.ObjectPlace(0.9, silhouette=mask))
 
 
-def mean_deg(name: str, stack: ImageStack) -> float:
+def mean_deg(name: str, stack: Images) -> float:
     true, normal_map = bench.truth(name, PIXELS), solved(name, stack)
     error = np.where(normal_map.mask, true.error_deg(normal_map.normals), 90.0)
     return float(np.mean(error[true.graded]))
@@ -78,7 +78,7 @@ def places(lights: list[Light] | tuple[Light, ...]) -> np.ndarray:
     return np.array([light.position for light in lights])
 
 
-def planned(name: str, draw: int, *, bounces: bool) -> ImageStack:
+def planned(name: str, draw: int, *, bounces: bool) -> Images:
     """Images of the pilot and of the lights planned from it."""
     first = captured(name, places(pilot.pattern(Recipe(), REACH)), 2 * draw, bounces=bounces)
     shots = [

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.normals import distant, lit_mask
+from acquisition.normals import distant, silhouette
 from acquisition.normals.image_set import ImageSet
 from tests.acquisition.normals.distant import few_light_scenes
 from tests.acquisition.normals.distant.few_light_scenes import Scene
@@ -31,7 +31,7 @@ def test_propose_object_on_black_recovers_its_mask(rabbit: Scene, bits: int) -> 
     if bits == 8:
         stored = (images.rows.stored // 257).astype(np.uint8)
         images = replace(images, rows=Rows(stored), full_scale=255)
-    assert overlap(lit_mask.propose(images), rabbit.mask) > 0.97
+    assert overlap(silhouette.propose(images), rabbit.mask) > 0.97
 
 
 def test_propose_background_above_black_is_left_out(rabbit: Scene) -> None:
@@ -39,7 +39,7 @@ def test_propose_background_above_black_is_left_out(rabbit: Scene) -> None:
     images = unmasked(rabbit)
     raised = images.rows.stored + 600 + rng.normal(0, 60, images.rows.stored.shape)
     raised = replace(images, rows=Rows(np.clip(raised, 0, 65535).astype(np.uint16)))
-    assert overlap(lit_mask.propose(raised), rabbit.mask) > 0.95
+    assert overlap(silhouette.propose(raised), rabbit.mask) > 0.95
 
 
 def test_propose_object_that_fills_the_frame_keeps_all_pixels(rabbit: Scene) -> None:
@@ -48,14 +48,14 @@ def test_propose_object_that_fills_the_frame_keeps_all_pixels(rabbit: Scene) -> 
     images = replace(
         unmasked(rabbit), height=40, width=50, mask=np.ones((40, 50), np.bool_), rows=Rows(stored.astype(np.uint16))
     )
-    assert np.all(lit_mask.propose(images))
+    assert np.all(silhouette.propose(images))
 
 
 def test_background_noise_cut_at_black_is_estimated(rabbit: Scene) -> None:
-    dark = lit_mask.background(unmasked(rabbit), 3)
+    _, noise = silhouette.background(unmasked(rabbit), 3)
     level = 0.9 / np.quantile(rabbit.images[:, rabbit.mask], 0.999)
     true = level * 0.005 * np.mean(rabbit.images[:, rabbit.mask])
-    assert 0.4 * true < dark.noise < 1.5 * true
+    assert 0.4 * true < noise < 1.5 * true
 
 
 def test_solve_without_mask_leaves_black_unsolved(rabbit: Scene) -> None:

@@ -1,0 +1,105 @@
+"""Normalised images in a window of the frame, read in blocks of rows: what solvers are given, from any source.
+
+Solvers may read them several times: a small stack is read once and held in memory, a large one is read again each time,
+because reading a file costs less than the memory that would hold it.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+
+MAX_HELD_BYTES = 1 << 28
+"""Size up to which stacks of values and clipped pixels are held in memory."""
+
+BYTES_PER_VALUE, BYTES_PER_EXTRA = 5, 4
+"""float32 value and clipped flag; float32 variance beyond the stated one, of merged exposures only."""
+
+BLOCK_ROWS = 64
+"""Rows that are read at once."""
+
+
+class ImageBlock(NamedTuple):
+    """Values y and clipped pixels (F, n, w) of n rows of a window, and their sensor variance beyond shot·y + floor.
+
+    `extra` is none where all pixels of an image have the noise that `shot` and `floor` state.
+    """
+
+    values: Float32Array
+    clipped: BoolArray
+    extra: Float32Array | None = None
+
+    def rows(self, start: int, stop: int) -> "ImageBlock":
+        """The rows [start, stop)."""
+        extra = None if self.extra is None else self.extra[:, start:stop]
+        return ImageBlock(self.values[:, start:stop], self.clipped[:, start:stop], extra)
+
+
+@dataclass(frozen=True)
+class Images:
+    """Images in the window `rows`, `columns` of the frame, with the light of each (F).
+
+    `read` gives the rows [start, stop), counted from the window's first. `shot` and `floor` (F,) are the sensor's part
+    of the variance of y, shot·y + floor; where nothing is known of the sensor they are zero and the quantisation
+    variance, and the rest is estimated from the residuals.
+    """
+
+    read: Callable[[int, int], ImageBlock]
+    lights: tuple[Light, ...]
+    rows: slice
+    columns: slice
+    shot: FloatArray
+    floor: FloatArray
+
+    @classmethod
+    def of(
+        cls, values: Float32Array, clipped: BoolArray, lights: tuple[Light, ...], rows: slice, columns: slice,
+        shot: FloatArray, floor: FloatArray,
+    ) -> "Images":  # fmt: skip
+        """Images in memory: values y and clipped pixels (F, h, w)."""
+        return cls(ImageBlock(values, clipped).rows, lights, rows, columns, shot, floor)
+
+    @property
+    def height(self) -> int:
+        """How many rows the window has."""
+        return int(self.rows.stop - self.rows.start)
+
+    @property
+    def whole(self) -> ImageBlock:
+        """All rows."""
+        return self.read(0, self.height)
+
+
+def row_blocks(height: int) -> Iterator[slice]:
+    """Partitions rows into blocks of BLOCK_ROWS."""
+    return (slice(start, min(start + BLOCK_ROWS, height)) for start in range(0, height, BLOCK_ROWS))
+
+
+def held_if_small(images: Images, *, merged: bool = False) -> Images:
+    """Reads images up to MAX_HELD_BYTES into memory; larger ones stay where they are. `merged`: they have `extra`."""
+    size = (len(images.lights), images.height, int(images.columns.stop - images.columns.start))
+    if (BYTES_PER_VALUE + BYTES_PER_EXTRA * merged) * np.prod(size) > MAX_HELD_BYTES:
+        return images
+    held = ImageBlock(
+        np.empty(size, np.float32), np.empty(size, np.bool_), np.zeros(size, np.float32) if merged else None
+    )
+    for rows in row_blocks(images.height):
+        for into, part in zip(held, images.read(rows.start, rows.stop), strict=True):
+            if into is not None and part is not None:
+                into[:, rows] = part
+    return replace(images, read=held.rows)
+
+
+def refuse_few(count: int) -> None:
+    """Raises RigError normals.infeasible for fewer than three lit images."""
+    if count < 3:
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            f"there are {count} lit images and at least three are needed: take more lights",
+            lights=count,
+        )
