@@ -81,7 +81,7 @@ def test_capture_without_errors_is_solved_close_to_the_truth(blob: Scene, rings:
 def test_folder_of_a_capture_is_read_back(tmp_path: Path, blob: Scene, rings: np.ndarray) -> None:
     captured = capture(blob, rings)
     write_folder(tmp_path, blob, captured)
-    images = near_light_folder.read(tmp_path, tmp_path)
+    images = near_light_folder.read(tmp_path / near_light_folder.LIGHTS, tmp_path)
     positions = [light.position for light in captured.stack.lights]
     np.testing.assert_allclose(images.lights.positions_m, positions, atol=1e-9)
     assert images.rough_depth_m == pytest.approx(blob.rough_depth_m)

@@ -10,10 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from acquisition import photometry
-from acquisition.formats.export import albedo_files, diligent, exr, light_files, map_files, mesh
+from acquisition.formats.export import exr, light_files, map_files, mesh
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import NormalMap
-from acquisition.normals.image_set import ImageSet
+from acquisition.normals.image_set import DistantLights, ImageSet
+
+NEAR_LIGHT = (
+    "The lamps stood near the object. Directions and intensities are those at its centre; away from it both differ, "
+    "so a solver for distant light is wrong by degrees at the edges. Positions in mm are in lights.dome.\n"
+)
 
 
 @dataclass(frozen=True)
@@ -62,14 +67,33 @@ class Source:
         )
 
 
-def _mesh(source: Source, path: Path) -> None:
-    normal_map = source.normal_map
-    mesh.write(path, source.points, normal_map.normals, normal_map.mask, map_files.depth_unit(normal_map))
-
-
 def _diligent(source: Source, path: Path) -> None:
+    """A DiLiGenT-style folder, which most photometric-stereo programs read: 001.png … (16 bits), filenames, directions,
+    intensities and mask.png. It knows distant lights only: near ones are given at the object's centre, and
+    `README.txt` says so."""
     path.mkdir()
-    diligent.write(path, source.solved_images, source.centre)
+    images, centre = source.solved_images, source.centre
+    names = [f"{number:03d}.png" for number in range(1, images.count + 1)]
+    for index, name in enumerate(names):
+        map_files.png(path / name, _sixteen_bits(images, index))
+    (path / "filenames.txt").write_text("\n".join(names) + "\n", encoding="utf-8")
+    power = np.broadcast_to(light_files.intensities(images, centre), (images.count, 3))
+    np.savetxt(path / "light_directions.txt", light_files.directions(images, centre), fmt="%.9f")
+    np.savetxt(path / "light_intensities.txt", power, fmt="%.9g")
+    map_files.png(path / "mask.png", images.mask.astype(np.uint8) * 255)
+    if not isinstance(images.lights, DistantLights):
+        (path / "README.txt").write_text(NEAR_LIGHT, encoding="utf-8")
+
+
+def _sixteen_bits(images: ImageSet, index: int) -> np.ndarray:
+    pixels = images.rows(index, 0, images.height)
+    match pixels.dtype.name:
+        case "uint16":
+            return pixels
+        case "uint8":
+            return pixels.astype(np.uint16) * 257
+        case _:
+            return np.round(np.clip(pixels / np.float32(images.full_scale), 0, 1) * 65535).astype(np.uint16)
 
 
 def _integration(source: Source, path: Path) -> None:
@@ -86,10 +110,10 @@ FILES: dict[str, Callable[[Source, Path], None]] = {
     "normals_directx.png": lambda source, path: map_files.normals_png(
         path, source.normal_map.normals, source.normal_map.mask, "directx"
     ),
-    "maps.exr": lambda source, path: exr.write(path, source.normal_map),
-    "albedo.exr": lambda source, path: albedo_files.write_exr(path, source.normal_map),
-    "albedo.png": lambda source, path: albedo_files.write_png(path, source.normal_map),
-    "mesh.ply": _mesh,
+    "maps.exr": lambda source, path: exr.write_maps(path, source.normal_map),
+    "albedo.exr": lambda source, path: exr.write_albedo(path, source.normal_map),
+    "albedo.png": lambda source, path: map_files.albedo_png(path, source.normal_map),
+    "mesh.ply": lambda source, path: mesh.write(path, source.points, source.normal_map),
     "lights.lp": lambda source, path: light_files.write_lp(
         path, source.images.names, light_files.directions(source.images, source.centre)
     ),

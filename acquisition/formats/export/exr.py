@@ -1,26 +1,29 @@
-"""All maps as the named channels of one EXR file, with units and convention in its header.
+"""Maps as named channels of EXR files, with units and convention in their headers.
 
-Normals and albedo are halves: 0.002° and a third of the time and size; depth and σ keep their floats.
+Normals and albedo are halves: 0.002° and a third of the time and size; depth and σ keep their floats. The albedo is
+linear and carries its primaries; of a monochrome camera, or a mosaic sensor without a colour calibration, none are
+known, and none are claimed.
 """
 
 from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.export import albedo_files, map_files
+from acquisition import colour
+from acquisition.formats.export import map_files
 from acquisition.models.result import NormalMap
 
 
-def write(path: Path, normal_map: NormalMap) -> None:
+def write_maps(path: Path, normal_map: NormalMap) -> None:
     """Writes channels N.X, N.Y, N.Z, albedo (half), Z (depth), sigma_deg (float); where known, R, G, B, indirect."""
     channels = {
         f"N.{axis}": np.ascontiguousarray(normal_map.normals[..., index], np.float16)
         for index, axis in enumerate("XYZ")
     }
-    channels |= {"albedo": normal_map.albedo.astype(np.float16)} | albedo_files.rgb_channels(normal_map)
+    channels |= {"albedo": normal_map.albedo.astype(np.float16)} | _colours(normal_map)
     floats = {"Z": normal_map.depth, "sigma_deg": normal_map.sigma_deg, "indirect": normal_map.indirect}
     channels |= {name: np.nan_to_num(values, nan=0.0) for name, values in floats.items() if values is not None}
-    albedo_files.write_channels(
+    _write(
         path,
         normal_map,
         channels,
@@ -28,3 +31,28 @@ def write(path: Path, normal_map: NormalMap) -> None:
         units=f"Z: depth along the camera's axis, {map_files.depth_unit(normal_map)}; sigma_deg: degrees; albedo: "
         "share of the light, R G B of each channel; zero where unsolved",
     )
+
+
+def write_albedo(path: Path, normal_map: NormalMap) -> None:
+    """Channels R, G, B (half, linear), or Y of a grey albedo; zero where there is none, beyond 0–1 as they are."""
+    channels = _colours(normal_map) or {"Y": normal_map.albedo.astype(np.float16)}
+    text = f"albedo, {normal_map.notes.get('colour', 'grey')}; row 0 at the top"
+    _write(path, normal_map, channels, comments=text)
+
+
+def _colours(normal_map: NormalMap) -> dict[str, np.ndarray]:
+    """The channels R, G, B (half) of a coloured albedo, none of a grey one."""
+    colours = normal_map.albedo_rgb
+    if colours is None:
+        return {}
+    return {name: np.ascontiguousarray(colours[..., index], np.float16) for index, name in enumerate("RGB")}
+
+
+def _write(path: Path, normal_map: NormalMap, channels: dict[str, np.ndarray], **texts: str) -> None:
+    """An EXR file of channels (H, W), texts in its header, with sRGB's primaries where the albedo has them."""
+    import OpenEXR  # noqa: PLC0415 - few results are exported
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | texts
+    if map_files.is_srgb(normal_map):
+        header |= {"chromaticities": colour.SRGB_CHROMATICITIES}
+    OpenEXR.File(header, channels).write(str(path))

@@ -3,6 +3,7 @@
 OpenCV writes no text into PNG files; a tEXt chunk put in behind the header does.
 """
 
+import struct
 import zlib
 from pathlib import Path
 from typing import Literal
@@ -10,13 +11,19 @@ from typing import Literal
 import cv2
 import numpy as np
 import tifffile
+from PIL import ImageCms
 
-from acquisition.models.base import BoolArray, Float32Array
+from acquisition import colour
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import NormalMap
+from acquisition.normals.colour_albedo import SRGB
 
 Green = Literal["opengl", "directx"]
 STRIP_ROWS = 256
 """Rows converted to colours at once, so that large maps need no large intermediates."""
+
+WHITE_QUANTILE = 0.995
+"""Quantile of a grey or uncalibrated albedo that is white in the PNG: its scale may be unknown."""
 
 FRAME = "view frame: x right, y up, z to the camera; row 0 at the top"
 COLOURS = {
@@ -40,6 +47,36 @@ def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green
         colours[rows] = encoded[..., ::-1]  # OpenCV's order, B G R
     colours[~mask] = 0
     _write(path, colours, COLOURS[green])
+
+
+def is_srgb(normal_map: NormalMap) -> bool:
+    """Whether the colours of the albedo are those of linear sRGB."""
+    return normal_map.albedo_rgb is not None and normal_map.notes.get("colour") == SRGB
+
+
+def srgb_profile() -> bytes:
+    """ICC profile of sRGB (LittleCMS), of a fixed date, so that equal results make equal files."""
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    return profile[:24] + struct.pack(">6H", 2026, 1, 1, 0, 0, 0) + profile[36:]
+
+
+def albedo_png(path: Path, normal_map: NormalMap) -> None:
+    """16 bits with sRGB's curve, RGB or grey: 1 is white where colours are calibrated, and the profile is embedded;
+    else the brightest half per cent is, and the description says by what it was divided. Black outside the mask."""
+    calibrated = is_srgb(normal_map)
+    albedo = normal_map.albedo if normal_map.albedo_rgb is None else normal_map.albedo_rgb
+    white = 1.0
+    if not calibrated and np.any(normal_map.mask):
+        white = max(float(np.quantile(albedo[normal_map.mask], WHITE_QUANTILE)), 1e-9)
+    coded = np.zeros(albedo.shape, np.uint16)
+    for start in range(0, len(albedo), STRIP_ROWS):
+        rows = slice(start, start + STRIP_ROWS)
+        values: FloatArray = colour.encoded_srgb(albedo[rows].astype(np.float64) / white)
+        coded[rows] = np.round(65535 * values)
+    coded[~normal_map.mask] = 0
+    space = "sRGB, 1 is white" if calibrated else f"{normal_map.notes.get('colour', 'grey')}, {white:.4g} is white"
+    profile = srgb_profile() if calibrated else None
+    png(path, coded, f"albedo, {space}, coded with sRGB's curve", profile)
 
 
 def png(path: Path, pixels: np.ndarray, description: str = "", profile: bytes | None = None) -> None:

@@ -6,7 +6,6 @@ file. Before: any capture. After: `normals.distant`, or `normals.solve` for near
 """
 
 import tempfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -24,26 +23,31 @@ from acquisition.normals.image_set import ImageSet, check
 __all__ = ["Kind", "Progress", "SessionCapture", "Sphere", "kind_of", "read"]
 
 Kind = Literal["diligent", "lp", "near", "session"]
-READERS: dict[Kind, tuple[str, Callable[[Path, Path, Progress | None], ImageSet]]] = {
-    "diligent": (diligent_folder.DIRECTIONS, diligent_folder.read),
-    "near": (near_light_folder.LIGHTS, near_light_folder.read),
-}
+READERS = {"diligent": diligent_folder.read, "lp": lp_folder.read, "near": near_light_folder.read}
 
 
 def kind_of(folder: Path) -> Kind:
     """Which format a folder (or an `.lp` file) has. Raises RigError folder.invalid when it has none of them."""
+    return _format(folder)[0]
+
+
+def _format(folder: Path) -> tuple[Kind, Path]:
+    """The format, and the file that lists the lights."""
     if folder.suffix.lower() == ".lp" and folder.is_file():
-        return "lp"
+        return "lp", folder
     if not folder.is_dir():
         raise refusal(folder, "is no folder: name the folder that holds the images")
     if (folder / near_light_folder.LIGHTS).is_file():
-        return "near"
+        return "near", folder / near_light_folder.LIGHTS
     if (folder / session_folder.RECIPE).is_file() and (folder / session_folder.CALIBRATION).is_file():
-        return "session"
+        return "session", folder / session_folder.MANIFEST
     if any((folder / name).is_file() for name in diligent_folder.LISTS):
-        return "diligent"
-    if list(folder.glob("*.lp")):
-        return "lp"
+        return "diligent", folder / diligent_folder.DIRECTIONS
+    lp_files = sorted(folder.glob("*.lp"))
+    if len(lp_files) > 1:
+        raise refusal(folder, f"holds {', '.join(one.name for one in lp_files)}: name the one to solve")
+    if lp_files:
+        return "lp", lp_files[0]
     raise refusal(
         folder,
         f"holds neither {diligent_folder.DIRECTIONS} nor an .lp file nor {near_light_folder.LIGHTS} nor a session: "
@@ -58,11 +62,11 @@ def read(folder: Path, scratch: Path, *, sphere: Sphere | None = None, progress:
     `sphere` is a sphere in the image, whose normals are the truth. Raises RigError folder.invalid naming the file, and
     normals.infeasible for lights that no solver can use.
     """
-    kind = kind_of(folder)
+    kind, lights = _format(folder)
     if kind == "session":
         raise refusal(folder, "is a session's folder: read it as one")
     own = Path(tempfile.mkdtemp(dir=scratch))  # so that one scratch folder serves several reads
-    lights, images = _images(folder, kind, own, progress)
+    images = READERS[kind](lights, own, progress)
     try:
         check(images)
     except RigError as error:
@@ -74,14 +78,3 @@ def read(folder: Path, scratch: Path, *, sphere: Sphere | None = None, progress:
     if not np.any(graded):
         raise refusal(folder, f"the sphere {tuple(sphere)} has no pixel of the mask: give column, row and radius")
     return replace(images, truth=normals, evaluation_mask=graded)
-
-
-def _images(folder: Path, kind: Kind, scratch: Path, progress: Progress | None) -> tuple[Path, ImageSet]:
-    """The file that lists the lights, and the images."""
-    if kind in READERS:
-        name, reader = READERS[kind]
-        return folder / name, reader(folder, scratch, progress)
-    lp_files = [folder] if folder.is_file() else sorted(folder.glob("*.lp"))
-    if len(lp_files) > 1:
-        raise refusal(folder, f"holds {', '.join(one.name for one in lp_files)}: name the one to solve")
-    return lp_files[0], lp_folder.read(lp_files[0], scratch, progress)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.formats.folders import image_files
-from acquisition.formats.folders.image_files import StoredImages
+from acquisition.formats.folders.image_files import FolderImages
 from acquisition.models.base import BoolArray
 from acquisition.normals.image_set import DistantLights, ImageSet, NearLights
 
@@ -24,14 +24,14 @@ NO_SATURATION_LEVEL = 1e30
 """Level of floating-point images with values above 1, such as merged exposures: none counts as clipped."""
 
 
-def mask_in(folder: Path, stored: StoredImages, name: str = MASK) -> BoolArray | None:
+def mask_in(folder: Path, images: FolderImages, name: str = MASK) -> BoolArray | None:
     """A mask (H, W) of the folder's images, none when the folder has none. Raises RigError folder.invalid."""
     path = folder / name
-    return image_files.read_mask(path, stored.height, stored.width) if path.exists() else None
+    return image_files.read_mask(path, images.size) if path.exists() else None
 
 
 def image_set(
-    folder: Path, names: Sequence[str], paths: Sequence[Path], stored: StoredImages, lights: DistantLights | NearLights,
+    folder: Path, names: Sequence[str], paths: Sequence[Path], images: FolderImages, lights: DistantLights | NearLights,
     mask: BoolArray | None, *, kind: str, warnings: Sequence[str],
 ) -> ImageSet:  # fmt: skip
     """Assembles the image set of a folder, `paths` in the order of `lights`, solved in `mask` (H, W), none: the whole
@@ -39,21 +39,22 @@ def image_set(
 
     Raises RigError folder.invalid naming an image that is black or overexposed, or an evaluation mask that is wrong.
     """
-    merged = stored.dtype == "float32" and image_files.exceeds(stored, 1.0)
+    merged = images.kind == "float32" and image_files.exceeds(images, 1.0)
     clipped_from = NO_SATURATION_LEVEL if merged else SATURATION_LEVEL
-    area = np.ones((stored.height, stored.width), np.bool_) if mask is None else mask
-    image_files.refuse_unusable(stored, paths, area, clipped_from)
+    area = np.ones(images.size, np.bool_) if mask is None else mask
+    image_files.refuse_unusable(images, paths, area, clipped_from)
+    height, width = images.size
     return ImageSet(
         names=tuple(names),
-        height=stored.height,
-        width=stored.width,
-        channels=stored.channels,
-        rows=stored.rows,
-        full_scale=stored.full_scale,
+        height=height,
+        width=width,
+        channels=images.channels,
+        rows=images,
+        full_scale=images.full_scale,
         saturated_from=clipped_from,
         lights=lights,
         mask=area,
         mask_given=mask is not None,
-        evaluation_mask=mask_in(folder, stored, EVALUATION_MASK),
-        notes={"format": kind, "warnings": [*warnings, EIGHT_BITS] if stored.dtype == "uint8" else list(warnings)},
+        evaluation_mask=mask_in(folder, images, EVALUATION_MASK),
+        notes={"format": kind, "warnings": [*warnings, EIGHT_BITS] if images.kind == "uint8" else list(warnings)},
     )

@@ -18,12 +18,13 @@ LISTS = (DIRECTIONS, NAMES, INTENSITIES)
 """Any of these files marks a folder as DiLiGenT-style."""
 
 
-def read(folder: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
-    """Reads the folder. Raises RigError folder.invalid naming the file that is wrong."""
+def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
+    """Reads the folder of a file of directions. Raises RigError folder.invalid naming the file that is wrong."""
+    folder = path.parent
     names = tuple(text_table.lines(folder / NAMES))
     if not names:
         raise refusal(folder / NAMES, "names no images: write one file name a line")
-    directions = text_table.rows(folder / DIRECTIONS, (3,), len(names), NAMES)
+    directions = text_table.rows(path, (3,), len(names), NAMES)
     intensities = text_table.rows(folder / INTENSITIES, (1, 3), len(names), NAMES)
     if np.any(intensities <= 0):
         row = 1 + int(np.argmax(np.any(intensities <= 0, axis=1)))
@@ -37,6 +38,6 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
         intensities = intensities.mean(axis=1, keepdims=True)
     elif stored.channels == 3 and intensities.shape[1] == 1:
         intensities = np.repeat(intensities, 3, axis=1)
-    mask = image_files.read_mask(folder / assembly.MASK, stored.height, stored.width)
+    mask = image_files.read_mask(folder / assembly.MASK, stored.size)
     lights = DistantLights(directions, intensities)
     return assembly.image_set(folder, names, paths, stored, lights, mask, kind="DiLiGenT", warnings=warnings)

@@ -6,7 +6,6 @@ page cache keeps what memory allows.
 """
 
 import errno
-import os
 import struct
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -23,13 +22,11 @@ from acquisition.formats.folders.refusal import refusal
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.normals.image_set import StoredValues
+from acquisition.normals.images import row_blocks
 
 FULL_SCALE = {"uint8": 255.0, "uint16": 65535.0, "float32": 1.0}
 DECODER_THREADS = 2
 """Files decoded at once; each takes the memory of one image."""
-
-SCAN_BYTES = 16_000_000
-"""Bytes of an image held at once while it is scanned for its largest value."""
 
 TIFF_NAMES = (".tif", ".tiff")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -50,19 +47,25 @@ class PixelLocation:
     path: Path
     offset: int
     dtype: str
+    shape: tuple[int, ...]  # (H, W) or (H, W, 3)
+
+    @property
+    def kind(self) -> str:
+        """Name of the type of the values, whatever their byte order."""
+        return np.dtype(self.dtype).newbyteorder("=").name
 
 
 @dataclass(frozen=True)
-class FileRowReader:
-    """The images of a folder as a RowReader; picklable, since it holds locations only."""
+class FolderImages:
+    """All images of a folder, of one size, type and number of channels, as a RowReader; picklable, since it holds
+    locations only."""
 
     locations: tuple[PixelLocation, ...]
-    shape: tuple[int, ...]  # (H, W) or (H, W, 3)
 
     def __call__(self, image: int, start: int, stop: int) -> StoredValues:
         """Rows [start, stop) of one image. Raises RigError folder.invalid when the file is gone or cut short."""
         location = self.locations[image]
-        kind, row = np.dtype(location.dtype), int(np.prod(self.shape[1:]))
+        kind, row = np.dtype(location.dtype), int(np.prod(location.shape[1:]))
         count = (stop - start) * row
         # Reading beats mapping here: a map costs half a millisecond, and a file cut short would end the process.
         try:
@@ -71,23 +74,28 @@ class FileRowReader:
             raise refusal(location.path, f"is gone: {error}; restore it") from error
         if pixels.size < count:
             raise refusal(location.path, "was cut short while it was read: restore it")
-        return pixels.reshape(stop - start, *self.shape[1:]).astype(kind.newbyteorder("="), copy=False)
+        return pixels.reshape(stop - start, *location.shape[1:]).astype(kind.newbyteorder("="), copy=False)
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width."""
+        height, width, *_ = self.locations[0].shape
+        return height, width
 
-@dataclass(frozen=True)
-class StoredImages:
-    """All images of a folder, of one size, type and number of channels."""
+    @property
+    def channels(self) -> int:
+        """1 or 3."""
+        return 3 if len(self.locations[0].shape) == 3 else 1
 
-    rows: FileRowReader
-    height: int
-    width: int
-    channels: int
-    dtype: str
+    @property
+    def kind(self) -> str:
+        """Name of the type of the values."""
+        return self.locations[0].kind
 
     @property
     def full_scale(self) -> float:
         """The stored value that is 1.0."""
-        return FULL_SCALE[self.dtype]
+        return FULL_SCALE[self.kind]
 
 
 def grey(image: np.ndarray) -> np.ndarray:
@@ -97,7 +105,7 @@ def grey(image: np.ndarray) -> np.ndarray:
 
 def open_images(
     paths: Sequence[Path], scratch: Path, black_level: int = 0, progress: Progress | None = None
-) -> StoredImages:
+) -> FolderImages:
     """Locates the pixels of all images, decoded where need be; `black` is subtracted from each value, never below zero.
 
     Raises RigError folder.invalid naming the file that is missing, damaged, or unlike the first one.
@@ -107,7 +115,7 @@ def open_images(
             raise refusal(path, "is missing: put the image there, or take its row out of the list")
     # What is wrong with a file is said in our own words.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    located: list[tuple[PixelLocation, tuple[int, ...]]] = []
+    located: list[PixelLocation] = []
     with ThreadPoolExecutor(DECODER_THREADS) as pool:
         work = [pool.submit(_locate, path, scratch / f"{index}.raw", black_level) for index, path in enumerate(paths)]
         try:
@@ -119,22 +127,19 @@ def open_images(
         finally:
             for future in work:
                 future.cancel()
-    first, shape = located[0]
-    channels = 1 if len(shape) == 2 else shape[2]
-    rows = FileRowReader(tuple(place for place, _ in located), shape)
-    return StoredImages(rows, shape[0], shape[1], channels, np.dtype(first.dtype).newbyteorder("=").name)
+    return FolderImages(tuple(located))
 
 
-def refuse_unusable(stored: StoredImages, paths: Sequence[Path], mask: BoolArray, saturated_from: float) -> None:
+def refuse_unusable(images: FolderImages, paths: Sequence[Path], mask: BoolArray, saturated_from: float) -> None:
     """Refuses images that are all black or saturated within the mask, by a sample of rows.
 
     Raises RigError folder.invalid naming the image.
     """
     chosen = np.flatnonzero(np.any(mask, axis=1))
-    chosen = chosen[:: max(1, len(chosen) // 64)]
+    chosen = chosen[:: max(1, len(chosen) // 64)].tolist()
     for index, path in enumerate(paths):
-        rows = [stored.rows(index, int(row), int(row) + 1)[0][mask[row]] for row in chosen]
-        values = np.concatenate(rows).astype(np.float32) / stored.full_scale
+        rows = [images(index, row, row + 1)[0][mask[row]] for row in chosen]
+        values = np.concatenate(rows).astype(np.float32) / images.full_scale
         if not np.all(np.isfinite(values)):
             raise refusal(path, "holds values that are not numbers: write the image again")
         if float(np.quantile(values, 0.999)) <= BLACK_LEVEL:
@@ -143,13 +148,12 @@ def refuse_unusable(stored: StoredImages, paths: Sequence[Path], mask: BoolArray
             raise refusal(path, "is overexposed within the mask: expose it shorter or take its row out of the list")
 
 
-def exceeds(stored: StoredImages, level: float) -> bool:
+def exceeds(images: FolderImages, level: float) -> bool:
     """Whether any stored value is above a level."""
-    step = max(1, SCAN_BYTES // (stored.width * stored.channels * np.dtype(stored.dtype).itemsize))
     return any(
-        bool(np.nanmax(stored.rows(index, start, min(start + step, stored.height)), initial=-np.inf) > level)
-        for index in range(len(stored.rows.locations))
-        for start in range(0, stored.height, step)
+        bool(np.nanmax(images(index, rows.start, rows.stop), initial=-np.inf) > level)
+        for index in range(len(images.locations))
+        for rows in row_blocks(images.size[0])
     )
 
 
@@ -174,23 +178,23 @@ def decode(path: Path) -> np.ndarray:
     return np.asarray(pixels[..., 0] if pixels.ndim == 3 and pixels.shape[2] == 1 else pixels)
 
 
-def read_mask(path: Path, height: int, width: int) -> BoolArray:
-    """A mask (H, W): true where any channel is above zero.
+def read_mask(path: Path, size: tuple[int, int]) -> BoolArray:
+    """A mask (H, W) of `size`: true where any channel is above zero.
 
     Raises RigError folder.invalid when it is missing, empty, or of another size than the images.
     """
     pixels = decode(path)
     if pixels.ndim == 3:
         pixels = np.max(pixels[..., :3], axis=2)
-    if pixels.shape != (height, width):
-        raise refusal(path, f"is {_size(pixels.shape)}, the images are {width} × {height}: use a mask of their size")
+    if pixels.shape != size:
+        raise refusal(path, f"is {_size(pixels.shape)}, the images are {size[1]} × {size[0]}: use a mask of their size")
     if not np.any(pixels):
         raise refusal(path, "is empty: draw the object white on black")
     return pixels > 0
 
 
-def _locate(path: Path, scratch: Path, black_level: int) -> tuple[PixelLocation, tuple[int, ...]]:
-    """Location and shape of the pixels of one file, decoded into `scratch` unless it can be read in place."""
+def _locate(path: Path, scratch: Path, black_level: int) -> PixelLocation:
+    """Location of the pixels of one file, decoded into `scratch` unless it can be read in place."""
     if path.suffix.lower() in TIFF_NAMES and black_level == 0:
         plain = _plain_tiff(path)
         if plain is not None:
@@ -211,31 +215,30 @@ def _locate(path: Path, scratch: Path, black_level: int) -> tuple[PixelLocation,
                 file=str(path),
             ) from error
         raise
-    return PixelLocation(scratch, 0, pixels.dtype.name), pixels.shape
+    return PixelLocation(scratch, 0, pixels.dtype.name, pixels.shape)
 
 
-def _plain_tiff(path: Path) -> tuple[PixelLocation, tuple[int, ...]] | None:
-    """Location and shape of the pixels of an uncompressed TIFF file; None when it has to be decoded."""
+def _plain_tiff(path: Path) -> PixelLocation | None:
+    """Location of the pixels of an uncompressed TIFF file; None when it has to be decoded."""
     try:
         with tifffile.TiffFile(path) as file:
             if len(file.pages) != 1:
                 raise refusal(path, f"holds {len(file.pages)} pages: save one image as one page")
             page = file.pages.first
-            shape, kind = tuple(int(size) for size in page.shape), page.dtype
             if page.samplesperpixel > 1 and page.planarconfig != tifffile.PLANARCONFIG.CONTIG:
                 raise refusal(path, "stores its channels as separate planes: save them interleaved")
-            if kind is None:
+            if page.dtype is None:
                 raise refusal(path, "holds no pixels: save it again")
             if not page.is_contiguous or page.fillorder != 1:
                 return None
-            _refuse_format(path, kind, shape)
-            offset = int(page.dataoffsets[0])
-            order = kind.newbyteorder(file.byteorder)
+            _refuse_format(path, page.dtype, page.shape)
+            kind = page.dtype.newbyteorder(file.byteorder)
+            location = PixelLocation(path, int(page.dataoffsets[0]), kind.str, tuple(map(int, page.shape)))
     except (OSError, ValueError, LookupError, ArithmeticError, struct.error, tifffile.TiffFileError) as error:
         raise refusal(path, f"is no TIFF file or is damaged ({error}): copy it again") from error
-    if os.path.getsize(path) < offset + int(np.prod(shape)) * kind.itemsize:
+    if path.stat().st_size < location.offset + int(np.prod(location.shape)) * kind.itemsize:
         raise refusal(path, "is a truncated TIFF file: copy it again")
-    return PixelLocation(path, offset, order.str), shape
+    return location
 
 
 def _refuse_format(path: Path, kind: np.dtype, shape: tuple[int, ...]) -> None:
@@ -246,18 +249,16 @@ def _refuse_format(path: Path, kind: np.dtype, shape: tuple[int, ...]) -> None:
         raise refusal(path, f"has {channels} channels: save it as grey or RGB, without alpha")
 
 
-def _refuse_mismatch(
-    path: Path, image: tuple[PixelLocation, tuple[int, ...]], first: Path, other: tuple[PixelLocation, tuple[int, ...]]
-) -> None:
+def _refuse_mismatch(path: Path, image: PixelLocation, first: Path, other: PixelLocation) -> None:
     """Refuses an image of another size, number of channels or type than the `first` one."""
-    (location, shape), (first_location, first_shape) = image, other
-    if shape[:2] != first_shape[:2]:
-        raise refusal(path, f"is {_size(shape)}, {first.name} is {_size(first_shape)}: use images of one size")
-    if shape != first_shape:
+    if image.shape[:2] != other.shape[:2]:
+        sizes = f"is {_size(image.shape)}, {first.name} is {_size(other.shape)}"
+        raise refusal(path, f"{sizes}: use images of one size")
+    if image.shape != other.shape:
         raise refusal(path, f"and {first.name} differ in their number of channels: save all as grey or all as RGB")
-    kinds = [np.dtype(one.dtype).newbyteorder("=").name for one in (location, first_location)]
-    if kinds[0] != kinds[1]:
-        raise refusal(path, f"holds {kinds[0]} values, {first.name} {kinds[1]}: save all images with the same depth")
+    if image.kind != other.kind:
+        kinds = f"holds {image.kind} values, {first.name} {other.kind}"
+        raise refusal(path, f"{kinds}: save all images with the same depth")
 
 
 def _size(shape: tuple[int, ...]) -> str:

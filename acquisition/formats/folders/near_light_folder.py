@@ -58,10 +58,9 @@ class _Lights(_ForeignValue):
     black_level: int = Field(default=0, ge=0)
 
 
-def read(folder: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
-    """Reads the folder. Raises RigError folder.invalid naming the file, and the field in `lights.json`."""
-    path = folder / LIGHTS
-    given = value(path, _Lights)
+def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
+    """Reads the folder of a `lights.json`. Raises RigError folder.invalid naming the file, and the field in that."""
+    folder, given = path.parent, value(path, _Lights)
     matrix = np.array(given.camera.K)
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
         raise refusal(path, "camera.K is no camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
@@ -72,12 +71,13 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
     distortion[: min(len(coefficients), 5)] = coefficients[:5]
     paths = [text_table.listed_file(folder, light.file) for light in given.lights]
     stored = image_files.open_images(paths, scratch, given.black_level, progress)
-    middle = np.array([stored.width / 2, stored.height / 2])
+    height, width = stored.size
+    middle = np.array([width / 2, height / 2])
     off_axis = np.degrees(np.arctan(np.linalg.norm((middle - matrix[:2, 2]) / matrix[[0, 1], [0, 1]])))
     if off_axis > MAX_OFF_AXIS_DEG:
         raise refusal(
             path,
-            f"camera.K has its centre far outside the {stored.width} × {stored.height} images, whose middle would be "
+            f"camera.K has its centre far outside the {width} × {height} images, whose middle would be "
             f"{off_axis:.0f}° off the axis: correct it",
         )
     warnings: list[str] = []

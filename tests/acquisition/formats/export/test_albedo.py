@@ -11,7 +11,7 @@ import pytest
 from PIL import Image, ImageCms
 
 from acquisition import colour
-from acquisition.formats.export import albedo_files
+from acquisition.formats.export import exr, map_files
 from acquisition.models.result import FisherInformation, NormalMap
 from acquisition.normals.colour_albedo import CAMERA, SRGB
 
@@ -35,14 +35,14 @@ def result() -> NormalMap:
 
 
 def test_srgb_profile_is_the_same_each_time() -> None:
-    profile = albedo_files.srgb_profile()
-    assert profile == albedo_files.srgb_profile()
+    profile = map_files.srgb_profile()
+    assert profile == map_files.srgb_profile()
     assert int.from_bytes(profile[24:26], "big") == 2026  # the year of its date
 
 
 def test_albedo_png_of_calibrated_colours_has_the_lab_that_is_meant(result: NormalMap, tmp_path: Path) -> None:
     path = tmp_path / "albedo.png"
-    albedo_files.write_png(path, result)
+    map_files.albedo_png(path, result)
     picture = Image.open(path)
     embedded = ImageCms.ImageCmsProfile(io.BytesIO(picture.info["icc_profile"]))
     lab = ImageCms.profileToProfile(
@@ -58,7 +58,7 @@ def test_albedo_png_of_calibrated_colours_has_the_lab_that_is_meant(result: Norm
 
 def test_albedo_png_clips_and_leaves_the_outside_black(result: NormalMap, tmp_path: Path) -> None:
     path = tmp_path / "albedo.png"
-    albedo_files.write_png(path, result)
+    map_files.albedo_png(path, result)
     pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1]
     assert pixels.dtype == np.uint16
     assert pixels[0, 3, 0] == 65535
@@ -70,23 +70,23 @@ def test_albedo_png_clips_and_leaves_the_outside_black(result: NormalMap, tmp_pa
 
 def test_albedo_png_of_uncalibrated_colours_claims_no_profile(result: NormalMap, tmp_path: Path) -> None:
     path = tmp_path / "albedo.png"
-    albedo_files.write_png(path, replace(result, notes={"colour": CAMERA}))
+    map_files.albedo_png(path, replace(result, notes={"colour": CAMERA}))
     picture = Image.open(path)
     assert "icc_profile" not in picture.info
     assert "is white" in picture.info["Description"]
-    albedo_files.write_png(path, replace(result, albedo_rgb=None, notes={}))
+    map_files.albedo_png(path, replace(result, albedo_rgb=None, notes={}))
     assert cv2.imread(str(path), cv2.IMREAD_UNCHANGED).shape == (6, 4)
 
 
 def test_albedo_exr_is_linear_with_primaries(result: NormalMap, tmp_path: Path) -> None:
     path = tmp_path / "albedo.exr"
-    albedo_files.write_exr(path, result)
+    exr.write_albedo(path, result)
     file = OpenEXR.File(str(path), separate_channels=True)
     assert np.array(file.header()["chromaticities"]) == pytest.approx(colour.SRGB_CHROMATICITIES)
     assert result.albedo_rgb is not None
     for index, name in enumerate("RGB"):
         np.testing.assert_allclose(file.channels()[name].pixels, result.albedo_rgb[..., index], rtol=1e-3)
-    albedo_files.write_exr(path, replace(result, albedo_rgb=None, notes={}))
+    exr.write_albedo(path, replace(result, albedo_rgb=None, notes={}))
     grey = OpenEXR.File(str(path), separate_channels=True)
     assert set(grey.channels()) == {"Y"}
     assert "chromaticities" not in grey.header()
