@@ -76,8 +76,8 @@ class LightPlan(Value):
     )
     lower_bound_sigma_deg: float | None = Field(
         default=None,
-        description="Lower bound of the mean posterior σ over all designs of the candidates, given the predicted shadows; "
-        "comparable with efficiencies, not with predicted_sigma_deg, which has the model's errors too",
+        description="Lower bound of the mean posterior σ over all designs of the candidates, given the predicted "
+        "shadows; comparable with efficiencies, not with predicted_sigma_deg, which has the model's errors too",
     )
     efficiency: float | None = Field(
         default=None, description="Efficiency of the plan: lower bound over its own mean posterior σ; 1 is optimal"

@@ -315,7 +315,7 @@ def test_solve_poor_fit_is_tried_as_metal_and_as_gloss_whatever_the_score(
 
 
 def test_accepted_linearised_values_do_not_fit_worse_as_a_share_of_the_values(
-    cushion: scenes.Scene, images: ImageStack, monkeypatch: pytest.MonkeyPatch
+    cushion: scenes.Scene, images: Images, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the score tells of a coding, relative residuals may rise by its exponent, which multiplies noise; where it
     does not, they have to fall: a sound profile fitted better linearised, 26° off, with 1.45 times the share."""
