@@ -54,13 +54,19 @@ class Fit:
     regions: FloatArray
 
     @property
+    def redundant(self) -> bool:
+        """Whether there are images enough to judge a model by: four leave one residual a pixel, which tells gloss from
+        wrong normals, but not from as many other models as there are."""
+        return len(self.images) >= photometry.REDUNDANT
+
+    @property
     def probability(self) -> float:
         """Probability that a sound capture fits as badly or worse (one-sided, log-normal)."""
         return probability(self.misfit)
 
     def summary(self) -> GoodnessOfFit | None:
-        """The same as stored with a result; NaN becomes none, and all of it where four images leave nothing over."""
-        if not np.isfinite(self.misfit):
+        """The same as stored with a result; NaN becomes none, and all of it where too few images leave too little."""
+        if not self.redundant or not np.isfinite(self.misfit):
             return None
 
         def known(value: float) -> float | None:

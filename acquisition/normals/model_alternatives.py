@@ -142,7 +142,10 @@ def _relit(
 ) -> Alternative:
     """The lamps' axes multiplied by a matrix (2, 2)."""
     relit = problem.relit(light_tests.transformed(problem.nominal.lamps, axes))
-    return Alternative(kind, _axes_sentence(axes), relit, most, sound_enough=sound_enough, silent=silent)
+    least = photometry.PIXEL_UNKNOWNS if sound_enough else photometry.REDUNDANT
+    return Alternative(
+        kind, _axes_sentence(axes), relit, most, sound_enough=sound_enough, silent=silent, least_images=least
+    )
 
 
 def _axes_sentence(axes: FloatArray) -> str:
@@ -300,7 +303,10 @@ def _gloss(present: Solution, score: TermScore) -> list[Alternative]:
     better = model_trial.SETTINGS.better_at_least if present.poor else None
     found = score.gain > model_trial.SETTINGS.min_gain or present.state.lobe.strength > 0
     most = 1.0 if found and score.step > SETTINGS.min_gloss_step else better
-    return [] if most is None else [_with_term(present.problem, "gloss", ImageTerms(gloss=GLOSS_START), most)]
+    if most is None:
+        return []
+    gloss = _with_term(present.problem, "gloss", ImageTerms(gloss=GLOSS_START), most)
+    return [replace(gloss, least_images=photometry.OVERDETERMINED)]
 
 
 def _metal(present: Solution) -> list[Alternative]:

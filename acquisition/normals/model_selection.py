@@ -99,7 +99,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
                 corrected=False,
             )
         )
-    elif fit.probability < SETTINGS.min_sound_probability:
+    elif fit.redundant and fit.probability < SETTINGS.min_sound_probability:
         findings.append(
             ModelFinding(
                 kind="misfit",
@@ -118,7 +118,11 @@ def _best_trial(present: Solution) -> tuple[Alternative, Solution] | None:
     tried = set(present.problem.corrected)
     for propose in model_alternatives.ALTERNATIVES:
         accepted: list[tuple[float, Alternative, Solution]] = []
-        alternatives = [alternative for alternative in propose(present) if alternative.kind not in tried]
+        alternatives = [
+            alternative
+            for alternative in propose(present)
+            if alternative.kind not in tried and alternative.least_images <= len(present.scene.lamps)
+        ]
         for alternative in alternatives:
             corrected = (*alternative.problem.corrected, alternative.kind)
             trial = solve(replace(alternative.problem, corrected=corrected))

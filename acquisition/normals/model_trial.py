@@ -124,7 +124,7 @@ class Solution:
     def unjudged(self) -> bool:
         """Whether there are images enough, and yet hardly a pixel has so many that count that they leave residuals: as
         of metal, of which a pixel shows its highlights alone."""
-        return len(self.scene.lamps) >= photometry.REDUNDANT and not np.isfinite(self.fit.misfit)
+        return self.fit.redundant and not np.isfinite(self.fit.misfit)
 
     @property
     def seems_coded(self) -> bool:
@@ -143,7 +143,7 @@ class Solution:
     @property
     def badly_fitting(self) -> bool:
         """Whether hardly a sound capture has a misfit as large."""
-        return self.fit.probability < SETTINGS.min_probability
+        return self.fit.redundant and self.fit.probability < SETTINGS.min_probability
 
     @property
     def poor(self) -> bool:
@@ -159,7 +159,7 @@ class Alternative:
     `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one
     step promised of the term that it estimates from zero. `silent`: it corrects the solver, not the capture.
     `sound_enough`: its fit need not be better than a sound one, because a test demands it that does not look at
-    residuals.
+    residuals. `least_images`: fewer do not tell it from others.
     """
 
     kind: str
@@ -171,6 +171,7 @@ class Alternative:
     step: float = 0.0
     silent: bool = False
     sound_enough: bool = False
+    least_images: int = photometry.REDUNDANT
 
     def accepted(self, before: Solution, trial: Solution) -> bool:
         """Whether a trial replaces the solution before it: the object is in its place, and the fit good enough.

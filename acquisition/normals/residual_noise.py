@@ -61,7 +61,7 @@ def estimate(solution: Estimate, values: Float32Array, noise: Noise, stated: Noi
     solved with less knowledge. `values` (F, K) are what `solution` was solved from, `extra` (F, K) its variance beside
     the noise model's.
     """
-    residuals = _Residuals.of(solution, values, extra)
+    residuals = _Residuals.of(solution, values, extra, photometry.REDUNDANT)
     least_pixels = SETTINGS.min_pixel_share * np.count_nonzero(np.any(residuals.used, axis=0))
     cosine = residuals.predicted / np.maximum(residuals.strength, 1e-9)
     by_intensity, by_direction = residuals.values**2, residuals.strength**2
@@ -87,10 +87,11 @@ def studentised_squares(
     """Squared residuals (F, K) over their expectation v (1 − h) in the given `noise`, over the squared value and 1 − h,
     and which of them count.
 
-    Those of pixels with fewer than `photometry.REDUNDANT` usable lights, or of leverage above `max_leverage`, do not
-    count. Arguments as of `estimate`.
+    Those of pixels with fewer than `photometry.REDUNDANT` usable lights, of four images with fewer than four, or of
+    leverage above `max_leverage`, do not count. Arguments as of `estimate`.
     """
-    variance, squares, counted = _Residuals.of(solution, values, extra).unleveraged(noise)
+    least_lights = min(len(values), photometry.REDUNDANT)
+    variance, squares, counted = _Residuals.of(solution, values, extra, least_lights).unleveraged(noise)
     return squares / variance, squares / np.maximum(values, 1e-6) ** 2, counted
 
 
@@ -107,12 +108,12 @@ class _Residuals:
     used: BoolArray
 
     @classmethod
-    def of(cls, solution: Estimate, values: Float32Array, extra: Float32Array) -> "_Residuals":
+    def of(cls, solution: Estimate, values: Float32Array, extra: Float32Array, least_lights: int) -> "_Residuals":
         light, g = solution.light.astype(np.float64), solution.g.astype(np.float64)
         predicted = np.einsum("fck,ck->fk", light, g) + solution.term_value
         strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
         used = solution.weights > 0
-        used &= np.count_nonzero(used, axis=0) >= photometry.REDUNDANT
+        used &= np.count_nonzero(used, axis=0) >= max(least_lights, photometry.OVERDETERMINED)
         return cls(np.ascontiguousarray(light), values.astype(np.float64), predicted, strength, extra, used)
 
     def unleveraged(self, noise: Noise) -> tuple[FloatArray, FloatArray, BoolArray]:
