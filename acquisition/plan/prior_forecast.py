@@ -64,7 +64,7 @@ def assumed_sphere(center: FloatArray, radius_m: float) -> Samples:
         information=criterion.prior_information(albedo),
         lit=none,
         indirect=none,
-        margin=none,
+        margin=np.zeros(SAMPLE_PIXELS),
     )
 
 

@@ -40,7 +40,7 @@ def pixels_with(normal: FloatArray, albedo: FloatArray, information: FloatArray)
         information=np.ascontiguousarray(information),
         lit=none,
         indirect=none,
-        margin=none,
+        margin=np.zeros(len(albedo)),
     )
 
 
