@@ -58,6 +58,10 @@ class SharedSettings:
     fourteen and nine path-traced objects."""
     min_view_cosine: float = tuned(0.05, "cosine")
     """Cosine between normal and viewing ray, of 87°, below which slopes, lobes and normals are those at it."""
+    significant_deviations: float = tuned(5.0, "σ")
+    """Deviation from what is expected, in σ, that is no noise among millions of pixels: of an object from its
+    background, and of a highlight from the diffuse prediction. Silhouettes of 432 simulated objects before tables have
+    a mean overlap (IoU) of 0.964 with it and 0.963 with 6 (scratch evaluation, November 2026)."""
     min_sample: int = tuned(50, "measurements")
     """Pixels or measurements below which a statistic of them is not estimated."""
     predicted_indirect_sigma: float = tuned(0.1, "share")

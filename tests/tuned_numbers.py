@@ -32,7 +32,7 @@ REASONS: dict[str, str] = {
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENTS""",
     "counts of unknowns, marks and definitions": """
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
-        silhouette.MIN_IMAGES reflectance_fit.LAMBERT_PARAMS
+        reflectance_fit.LAMBERT_PARAMS
         reflectance_kernels.BASIS_SIZE reflectance_kernels.DIFFUSE_PARAMS
         goodness_of_fit.GRID baselines.FAR_DEG
         reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M

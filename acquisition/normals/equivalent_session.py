@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition import lamp_pose, photometry
-from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
@@ -33,11 +33,11 @@ class EquivalentSession:
     @property
     def center(self) -> FloatArray:
         """Mean (3,) of the solved surface's points, m, view frame. Raises RigError normals.infeasible without any."""
-        rows, columns = np.nonzero(self.normal_map.mask)
-        if not len(rows):
+        mask, known = self.normal_map.mask, self.calibration
+        if not np.any(mask):
             raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no pixel has a normal: check mask and images")
-        points = _points(self.normal_map, self.calibration, rows, columns).astype(np.float64)
-        return np.asarray(np.mean(points, axis=1))
+        ray = photometry.rays(known, slice(0, known.height), slice(0, known.width))[:, mask]
+        return np.mean(photometry.points(ray, self.normal_map.depth[mask]), axis=1, dtype=np.float64)
 
 
 def of_near(images: ImageSet, normal_map: NormalMap) -> EquivalentSession:
@@ -55,12 +55,6 @@ def of_near(images: ImageSet, normal_map: NormalMap) -> EquivalentSession:
         for number, seconds in enumerate(lights.intensity)
     ]
     return replace(nothing, observations=replace(nothing.observations, shots=shots))
-
-
-def _points(normal_map: NormalMap, calibration: Calibration, rows: np.ndarray, columns: np.ndarray) -> Float32Array:
-    """Points (3, K) of pixels, m, view frame."""
-    everywhere = photometry.rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
-    return np.ascontiguousarray(photometry.points(everywhere[:, rows, columns], normal_map.depth[rows, columns]))
 
 
 def _shot(images: ImageSet, number: int, light: Light, exposure_s: float) -> Shot:

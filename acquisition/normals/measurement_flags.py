@@ -3,37 +3,22 @@
 Kernels compile at import, into numba's cache.
 """
 
-from dataclasses import dataclass
-
 import numba
 import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, SolveSettings
-from acquisition.models.tuned import tuned
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
-
-
-@dataclass(frozen=True)
-class FlagSettings:
-    """Tuned numbers of the flags of measurements."""
-
-    highlight_deviations: int = tuned(4, "σ")
-    """Excess over the diffuse prediction, in σ, from which a measurement is flagged as highlight."""
-    min_highlight: float = tuned(0.03, "share")
-    """The same as a share of ρ|s|; both are needed."""
-
-
-SETTINGS = FlagSettings()
 
 ATTACHED_COSINE = SolveSettings().shadow_threshold
 """Predicted cosine to the light below which a dark measurement is in attached shadow, or as dark as in one: the share
 of the peak below which the solver uses none."""
 
-HIGHLIGHT_DEVIATIONS = SETTINGS.highlight_deviations
-MIN_HIGHLIGHT = SETTINGS.min_highlight
+HIGHLIGHT_DEVIATIONS = photometry.SETTINGS.significant_deviations
+"""Excess over the diffuse prediction, in σ, from which a measurement is flagged as highlight."""
+
 PREDICTED_INDIRECT_SIGMA = photometry.SETTINGS.predicted_indirect_sigma
 
 
@@ -103,8 +88,7 @@ def _classify(
                     + np.float32(PREDICTED_INDIRECT_SIGMA) * indirect[f, n]
                 )
                 excess = measured[f, n] - indirect[f, n] - predicted
-                least = max(np.float32(HIGHLIGHT_DEVIATIONS) * spread, np.float32(MIN_HIGHLIGHT) * strength)
-                flags[f, n] = LIT + HIGHLIGHT if excess > least else LIT
+                flags[f, n] = LIT + HIGHLIGHT if excess > np.float32(HIGHLIGHT_DEVIATIONS) * spread else LIT
 
 
 KERNELS = (_classify,)

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acquisition import lamp_pose
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.light_plan import Light
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals import colour_albedo, colour_channels, pixel_noise, silhouette
@@ -92,7 +92,7 @@ def windowed_images(images: ImageSet) -> Images:
     return held_if_small(
         Images(
             read=_Rows(images, lights.of_channels(images.channels), rows, columns),
-            lights=tuple(_light(place, middle) for place in lights.positions_m),
+            lights=tuple(lamp_pose.light_at(place, middle) for place in lights.positions_m),
             rows=rows,
             columns=columns,
             shot=1 / (SETTINGS.full_well_e * images.channels * lights.intensity),
@@ -171,10 +171,3 @@ def calibration_of(images: ImageSet) -> Calibration:
         made_at="1970-01-01T00:00:00+00:00",  # unknown, and of no use here
         valid_days=1.0,
     )
-
-
-def _light(position: np.ndarray, middle: np.ndarray) -> Light:
-    axis = (middle - position) / np.linalg.norm(middle - position)
-    x, y, z = (float(value) for value in position)
-    u, v, w = (float(value) for value in axis)
-    return Light(position=(x, y, z), axis=(u, v, w))

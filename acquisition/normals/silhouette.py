@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.tuned import tuned
@@ -30,9 +31,6 @@ from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 class SilhouetteSettings:
     """Tuned numbers of the masks."""
 
-    background_deviations: float = tuned(5.0, "σ")
-    """σ of its scatter by which a pixel lies above the background. Silhouettes of 432 simulated objects before tables
-    have a mean overlap (IoU) of 0.964 with it and 0.963 with 6 (scratch evaluation, November 2026)."""
     min_contrast: float = tuned(1.5, "1")
     """Ratio of object to table below which the region is assumed to hold only the object, and of a pixel to the table
     at least."""
@@ -44,9 +42,6 @@ class SilhouetteSettings:
 
 
 SETTINGS = SilhouetteSettings()
-
-MIN_IMAGES = 3
-"""Images in which a pixel must be lit: the least that give a normal."""
 
 SAMPLE_ROWS = 96
 """Rows of each image that noise and background are estimated from."""
@@ -93,7 +88,7 @@ def segment(albedo_bound: Float32Array, region: BoolArray) -> BoolArray:
         return largest_component(region & (albedo_bound > np.exp(np.median(level)) * 0.05))
     middle = float(np.median(table))
     scatter = float(np.median(np.abs(table - middle))) / GAUSSIAN_MEDIAN_DEVIATION
-    threshold = min(threshold, middle + max(SETTINGS.background_deviations * scatter, least))
+    threshold = min(threshold, middle + max(photometry.SETTINGS.significant_deviations * scatter, least))
     candidate = (region & (albedo_bound > np.exp(threshold))).astype(np.uint8)
     return largest_component(cv2.morphologyEx(candidate, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)
 
@@ -108,18 +103,18 @@ def _otsu(level: Float32Array) -> float:
 
 
 def propose(images: ImageSet) -> BoolArray:
-    """Proposes the object's mask (H, W): lit in MIN_IMAGES images, holes closed, small regions left out.
+    """Proposes the object's mask (H, W): lit in three images, holes closed, small regions left out.
 
     The whole frame where nothing is lit at all, so that what follows refuses the images by name.
     """
     backgrounds = [background(images, number) for number in range(images.count)]
     lit = np.zeros((images.height, images.width), np.bool_)
-    rank = images.count - min(MIN_IMAGES, images.count)
+    rank = images.count - min(photometry.PIXEL_UNKNOWNS, images.count)
     for rows in row_blocks(images.height):
         above = np.empty((images.count, rows.stop - rows.start, images.width), np.float32)
         for number, (level, noise) in enumerate(backgrounds):
             above[number] = (_grey(images, number, rows) - level) / noise
-        lit[rows] = np.partition(above, rank, axis=0)[rank] > SETTINGS.background_deviations
+        lit[rows] = np.partition(above, rank, axis=0)[rank] > photometry.SETTINGS.significant_deviations
     return _regions(lit) if np.any(lit) else np.ones_like(lit)
 
 

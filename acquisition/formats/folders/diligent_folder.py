@@ -29,15 +29,14 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     if np.any(intensities <= 0):
         row = 1 + int(np.argmax(np.any(intensities <= 0, axis=1)))
         raise refusal(folder / INTENSITIES, f"line {row} is not positive: correct it, or take the image out")
-    paths = [text_table.listed_file(folder, name) for name in names]
-    stored = image_files.open_images(paths, scratch, progress=progress)
+    images = image_files.open_images(folder, names, scratch, progress=progress)
     warnings: list[str] = []
-    if stored.channels == 1 and intensities.shape[1] == 3:
+    if images.channels == 1 and intensities.shape[1] == 3:
         if not np.allclose(intensities, intensities[:, :1]):
             warnings.append("Grey images with three intensities each: the mean of the three is used.")
         intensities = intensities.mean(axis=1, keepdims=True)
-    elif stored.channels == 3 and intensities.shape[1] == 1:
+    elif images.channels == 3 and intensities.shape[1] == 1:
         intensities = np.repeat(intensities, 3, axis=1)
-    mask = image_files.read_mask(folder / assembly.MASK, stored.size)
+    mask = image_files.read_mask(folder / assembly.MASK, images.size)
     lights = DistantLights(directions, intensities)
-    return assembly.image_set(folder, names, paths, stored, lights, mask, kind="DiLiGenT", warnings=warnings)
+    return assembly.image_set(images, lights, mask, kind="DiLiGenT", warnings=warnings)

@@ -19,6 +19,7 @@ import tifffile
 from PIL.PngImagePlugin import PngImageFile
 
 from acquisition.formats.folders.refusal import refusal
+from acquisition.formats.folders.text_table import listed_file
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.normals.image_set import StoredValues
@@ -58,8 +59,10 @@ class PixelLocation:
 @dataclass(frozen=True)
 class FolderImages:
     """All images of a folder, of one size, type and number of channels, as a RowReader; picklable, since it holds
-    locations only."""
+    names and locations only."""
 
+    folder: Path
+    names: tuple[str, ...]
     locations: tuple[PixelLocation, ...]
 
     def __call__(self, image: int, start: int, stop: int) -> StoredValues:
@@ -104,12 +107,14 @@ def grey(image: np.ndarray) -> np.ndarray:
 
 
 def open_images(
-    paths: Sequence[Path], scratch: Path, black_level: int = 0, progress: Progress | None = None
+    folder: Path, names: Sequence[str], scratch: Path, black_level: int = 0, progress: Progress | None = None
 ) -> FolderImages:
-    """Locates the pixels of all images, decoded where need be; `black` is subtracted from each value, never below zero.
+    """Locates the pixels of the images that a list in the folder names, decoded where need be; `black_level` is
+    subtracted from each value, never below zero.
 
     Raises RigError folder.invalid naming the file that is missing, damaged, or unlike the first one.
     """
+    paths = [listed_file(folder, name) for name in names]
     for path in paths:
         if not path.is_file():
             raise refusal(path, "is missing: put the image there, or take its row out of the list")
@@ -127,17 +132,18 @@ def open_images(
         finally:
             for future in work:
                 future.cancel()
-    return FolderImages(tuple(located))
+    return FolderImages(folder, tuple(names), tuple(located))
 
 
-def refuse_unusable(images: FolderImages, paths: Sequence[Path], mask: BoolArray, saturated_from: float) -> None:
+def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float) -> None:
     """Refuses images that are all black or saturated within the mask, by a sample of rows.
 
     Raises RigError folder.invalid naming the image.
     """
     chosen = np.flatnonzero(np.any(mask, axis=1))
     chosen = chosen[:: max(1, len(chosen) // 64)].tolist()
-    for index, path in enumerate(paths):
+    for index, name in enumerate(images.names):
+        path = listed_file(images.folder, name)
         rows = [images(index, row, row + 1)[0][mask[row]] for row in chosen]
         values = np.concatenate(rows).astype(np.float32) / images.full_scale
         if not np.all(np.isfinite(values)):

@@ -35,14 +35,12 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
             raise refusal(path, f"line {line} has a direction of length zero: correct it, or take the image out")
     if not names:
         raise refusal(path, "names no images: write `name x y z` for each")
-    folder = path.parent
-    paths = [text_table.listed_file(folder, name) for name in names]
-    stored = image_files.open_images(paths, scratch, progress=progress)
-    object_mask = assembly.mask_in(folder, stored)
+    images = image_files.open_images(path.parent, names, scratch, progress=progress)
+    object_mask = assembly.mask_in(images)
     warnings = ["An .lp file does not say how bright its lights are: they start as equal, the images correct that."]
     if object_mask is None:
         warnings.append(f"There is no {assembly.MASK}: what no light reaches is left out, see mask_proposed.png.")
-    if any(one.suffix.lower() in LOSSY for one in paths):
+    if any(name.lower().endswith(LOSSY) for name in names):
         warnings.append("JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten.")
-    lights = DistantLights(np.array(directions), np.ones((len(names), stored.channels)))
-    return assembly.image_set(folder, names, paths, stored, lights, object_mask, kind=".lp", warnings=warnings)
+    lights = DistantLights(np.array(directions), np.ones((len(names), images.channels)))
+    return assembly.image_set(images, lights, object_mask, kind=".lp", warnings=warnings)

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from acquisition.formats.folders import assembly, image_files, text_table
+from acquisition.formats.folders import assembly, image_files
 from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal, value
 from acquisition.geometry import VIEW_FROM_CAMERA
@@ -60,7 +60,7 @@ class _Lights(_ForeignValue):
 
 def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
     """Reads the folder of a `lights.json`. Raises RigError folder.invalid naming the file, and the field in that."""
-    folder, given = path.parent, value(path, _Lights)
+    given = value(path, _Lights)
     matrix = np.array(given.camera.K)
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
         raise refusal(path, "camera.K is no camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
@@ -69,8 +69,8 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         raise refusal(path, "camera.distortion holds more than k1 k2 p1 p2 k3: undistort the images with the rest")
     distortion = np.zeros(5)
     distortion[: min(len(coefficients), 5)] = coefficients[:5]
-    paths = [text_table.listed_file(folder, light.file) for light in given.lights]
-    stored = image_files.open_images(paths, scratch, given.black_level, progress)
+    names = [light.file for light in given.lights]
+    stored = image_files.open_images(path.parent, names, scratch, given.black_level, progress)
     height, width = stored.size
     middle = np.array([width / 2, height / 2])
     off_axis = np.degrees(np.arctan(np.linalg.norm((middle - matrix[:2, 2]) / matrix[[0, 1], [0, 1]])))
@@ -86,7 +86,7 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         warnings.append(f"{LIGHTS} holds {', '.join(unused)}, which is not used.")
     if "black_level" not in given.model_fields_set:
         warnings.append("No black level is given: it is taken as zero. Give `black_level` where the camera has one.")
-    object_mask = assembly.mask_in(folder, stored)
+    object_mask = assembly.mask_in(stored)
     if object_mask is None:
         warnings.append(f"There is no {assembly.MASK}: the object is looked for in the images.")
     lights = NearLights(
@@ -94,8 +94,7 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         np.array([light.intensity for light in given.lights]),
         given.reference_mm / 1000,
     )
-    names = [light.file for light in given.lights]
-    images = assembly.image_set(folder, names, paths, stored, lights, object_mask, kind="near light", warnings=warnings)
+    images = assembly.image_set(stored, lights, object_mask, kind="near light", warnings=warnings)
     return replace(
         images,
         saturated_from=images.saturated_from - given.black_level / stored.full_scale,

@@ -8,16 +8,13 @@ direction does not count, as it would be in shadow again.
 import cv2
 import numpy as np
 
-from acquisition import geometry
+from acquisition import geometry, photometry
 from acquisition.formats.export import lights_used
 from acquisition.formats.report import pictures
 from acquisition.formats.report.context import ReportContext
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.result import CAST, HIGHLIGHT, NormalMap
 from acquisition.normals import memory_mapped
-
-MIN_LIGHTS = 3
-"""Lights that determine a normal."""
 
 MIN_REPORTED_SHARE = 0.01
 """Share of the object's pixels from which a fault is reported."""
@@ -53,7 +50,7 @@ def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]
     warnings: list[str] = []
     object_pixels = max(1, np.count_nonzero(normal_map.silhouette))
     used = lights_used(normal_map)
-    underlit = normal_map.silhouette & (used < MIN_LIGHTS)
+    underlit = normal_map.silhouette & (used < photometry.PIXEL_UNKNOWNS)
     if np.all(normal_map.silhouette):
         underlit &= used > 0  # no mask was given: what no light reaches is background
     if np.count_nonzero(underlit) > MIN_REPORTED_SHARE * object_pixels:

@@ -192,7 +192,7 @@ def test_store_plain_tiff_is_not_copied(tmp_path: Path) -> None:
     for name, expected in cases.items():
         scratch = tmp_path / name
         scratch.mkdir()
-        stored = image_files.open_images([tmp_path / f"{name}.tiff"], scratch)
+        stored = image_files.open_images(tmp_path, [f"{name}.tiff"], scratch)
         rows = pickle.loads(pickle.dumps(stored))  # noqa: S301 - made here
         np.testing.assert_array_equal(rows(0, 2, 5), expected[2:5])
         assert rows(0, 2, 5).dtype == np.uint16  # native byte order
