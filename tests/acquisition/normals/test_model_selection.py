@@ -11,7 +11,7 @@ import pytest
 from acquisition import normals, photometry
 from acquisition.models.light_plan import Light
 from acquisition.models.result import ATTACHED, CAST, NormalMap, SolveSettings
-from acquisition.normals import Images, light_tests, model_alternatives, session_images
+from acquisition.normals import Images, light_tests, model_alternatives, model_selection, session_images
 from acquisition.normals.model_trial import Alternative, Solution
 from acquisition.normals.term_tests import TermScore
 from hardware_sim.reflectance import Reflectance
@@ -196,6 +196,26 @@ def test_solve_glossy_dielectric_is_solved_as_one(cushion: scenes.Scene, images:
     assert kinds(result) == [("gloss", True)]
     assert result.findings[0].value == pytest.approx(0.3, abs=0.03)
     assert mean_deg(cushion, result) < 1.5 * mean_deg(cushion, sound)
+
+
+def test_solve_four_images_are_solved_as_glossy_but_as_nothing_else(
+    cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pilot's residuals tell gloss from wrong normals, and too little else to judge a model by."""
+    four = read(cushion, 4)
+    matt = solved(cushion, four)
+    assert matt.fit is None
+    assert kinds(matt) == []
+    tried = recorded_trials(monkeypatch)
+    images = reflected(cushion, four, Reflectance("ggx", 0.25))
+    glossy = solved(cushion, images)
+    assert kinds(glossy) == [("gloss", True)]
+    assert glossy.findings[0].value == pytest.approx(0.25, abs=0.04)
+    assert {alternative.kind for alternative, _, _ in tried} == {"gloss"}
+    monkeypatch.setattr(model_selection, "SETTINGS", replace(model_selection.SETTINGS, max_selections=0))
+    plain = solved(cushion, images)
+    errors = [float(np.median(cushion.error_deg(one.normals))) for one in (glossy, plain)]
+    assert errors[0] < 0.5 * errors[1]
 
 
 def hollow(x: np.ndarray, y: np.ndarray) -> np.ndarray:
