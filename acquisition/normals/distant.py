@@ -164,7 +164,11 @@ def _least_squares_map(images: ImageSet) -> NormalMap:
         for name, part in found.items():
             maps[name][rows][inside] = part
     return NormalMap(
-        **maps,
+        normals=maps["normals"],
+        albedo=maps["albedo"],
+        sigma_deg=maps["sigma_deg"],
+        residual=maps["residual"],
+        albedo_rgb=maps.get("albedo_rgb"),
         depth=np.zeros(size, np.float32),
         mask=maps["albedo"] > 0,
         silhouette=images.mask,

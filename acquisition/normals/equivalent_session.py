@@ -37,7 +37,8 @@ class EquivalentSession:
         if not np.any(mask):
             raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no pixel has a normal: check mask and images")
         ray = photometry.rays(known, slice(0, known.height), slice(0, known.width))[:, mask]
-        return np.mean(photometry.points(ray, self.normal_map.depth[mask]), axis=1, dtype=np.float64)
+        points = photometry.points(ray, self.normal_map.depth[mask])
+        return np.asarray(np.mean(points, axis=1, dtype=np.float64))
 
 
 def of_near(images: ImageSet, normal_map: NormalMap) -> EquivalentSession:

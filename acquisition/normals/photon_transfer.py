@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition import photometry
-from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.base import FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 
@@ -46,6 +46,7 @@ class TransferSettings:
 SETTINGS = TransferSettings()
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
+FloatT = TypeVar("FloatT", np.float32, np.float64)
 
 BINS = 24
 """Bins of brightness, of equal width in its square root, as the noise is. Each is many times as wide as the noise,
@@ -108,10 +109,10 @@ def quads(image: NDArray[ScalarT]) -> NDArray[ScalarT]:
     return np.stack([image[row:height:2, column:width:2] for row in (0, 1) for column in (0, 1)])
 
 
-def quad_differences(corners: Float32Array, axis: int = 0) -> Float32Array:
+def quad_differences(corners: NDArray[FloatT], axis: int = 0) -> NDArray[FloatT]:
     """Differences of four neighbours along an axis, with one's variance."""
     one, right, below, across = np.moveaxis(corners, axis, 0)
-    return (one - right - below + across) * np.float32(0.5)
+    return np.asarray((one - right - below + across) / 2, corners.dtype)
 
 
 def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: float) -> TransferCurve:

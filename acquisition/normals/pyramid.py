@@ -45,12 +45,12 @@ class MaskedImages:
     def part(self, rows: slice) -> "MaskedImages":
         """The rows of a window as a window of their own, whose images are read through the whole window's."""
         whole, channel = self.images, None if self.channel is None else self.channel[rows]
-        images = replace(
-            whole,
-            read=lambda start, stop: whole.read(rows.start + start, rows.start + stop),
-            rows=slice(whole.rows.start + rows.start, whole.rows.start + rows.stop),
-        )
-        return MaskedImages(images, self.mask[rows], self.ray[:, rows], channel)
+
+        def read(start: int, stop: int) -> ImageBlock:
+            return whole.read(rows.start + start, rows.start + stop)
+
+        inside = slice(whole.rows.start + rows.start, whole.rows.start + rows.stop)
+        return MaskedImages(replace(whole, read=read, rows=inside), self.mask[rows], self.ray[:, rows], channel)
 
     def pixels(self, rows: slice) -> Pixels:
         """Reads the object's pixels in a block of rows."""

@@ -59,7 +59,7 @@ def estimate(observations: Observations, calibration: Calibration, rows: slice, 
 
     off = [*observations.darks.values(), *(shot for shot in observations.repeats if shot.kind == "dark")]
     pairs = [pair for pair in _repeated_pairs(observations) if of_size(*pair)]
-    lit = [curve for pair in pairs if (curve := _pair_curve(*map(read, pair), sensor)) is not None]
+    lit = [curve for one, two in pairs if (curve := _pair_curve(read(one), read(two), sensor)) is not None]
     dark, source = _dark_curve(read, [shot for shot in off if of_size(shot)], sensor)
     source = f"{len(lit)} image{'' if len(lit) == 1 else 's'} taken twice, {source}"
     line = photon_transfer.fit_line(photon_transfer.concatenate([*lit, dark]))
@@ -129,7 +129,8 @@ def _pair_curve(first: Float32Array, second: Float32Array, sensor: SensorModel) 
         return EMPTY_CURVE
     scale = float(np.sum(first * second * good, dtype=np.float64)) / power
     level *= np.float32(0.5 * (1 + scale) ** 2 / (1 + scale**2))
-    return _quad_curve(level, (first - second * np.float32(scale)) * np.float32((1 + scale**2) ** -0.5), sensor, good)
+    apart = (first - second * np.float32(scale)) * np.float32((1 + scale**2) ** -0.5)
+    return _quad_curve(level, np.asarray(apart, np.float32), sensor, good)
 
 
 def _dark_curve(read: Reader, darks: list[Shot], sensor: SensorModel) -> tuple[TransferCurve, str]:
