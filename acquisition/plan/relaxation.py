@@ -13,7 +13,7 @@ import numpy as np
 from acquisition.models.base import FloatArray
 from acquisition.plan.criterion import Candidates
 
-MAX_GAP = 0.001
+MAX_GAP = 0.003
 """Relative gap of the relaxation at which the iteration stops."""
 
 MAX_ROUNDS = 400

@@ -44,7 +44,7 @@ def test_bound_any_subset_is_not_beaten(seed: int) -> None:
     bound, gap = relaxation.bound(options, count)
     best = min(loss(options, some) for some in combinations(range(8), count))
     assert bound <= best * (1 + 1e-6)
-    assert gap <= 0.001
+    assert gap <= relaxation.MAX_GAP
 
 
 @pytest.mark.parametrize("count", [3, 4, 5, 6, 8, 12])
