@@ -19,11 +19,11 @@ from acquisition.models.tuned import tuned
 
 @dataclass(frozen=True)
 class ImageCheckSettings:
-    """Tuned numbers of the check of lights."""
+    """Tuned numbers of the check of distant lights."""
 
-    min_direction_spread: float = tuned(0.05, "1")
-    """Least `direction_spread` of lights, of near ones from the object's centroid at a rough depth, below which they
-    count as lying in one plane."""
+    min_direction_spread: float = tuned(0.02, "1")
+    """Least `direction_spread` of distant lights, below which they count as lying in one plane. The directions are
+    stated and hold at all pixels, so that it is lower than the one of near lights in `solve`."""
 
 
 SETTINGS = ImageCheckSettings()

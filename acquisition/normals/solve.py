@@ -20,7 +20,6 @@ from acquisition.normals import (
     alternation,
     colour_albedo,
     final_solve,
-    image_set,
     model_selection,
     pyramid,
     sensor_estimate,
@@ -30,6 +29,7 @@ from acquisition.normals import (
 from acquisition.normals import grey_tile as grey_tiles
 from acquisition.normals.final_solve import BlockMap
 from acquisition.normals.grey_tile import GreyTile
+from acquisition.normals.image_set import direction_spread
 from acquisition.normals.images import Images, refuse_few
 from acquisition.normals.model_trial import Problem
 from acquisition.normals.pixel_solve import Scene
@@ -40,6 +40,9 @@ from acquisition.normals.pyramid import MaskedImages
 class SolveCheckSettings:
     """Tuned numbers of the check of what is solved."""
 
+    min_direction_spread: float = tuned(0.05, "1")
+    """Least `direction_spread` of near lights, below which they count as lying in one plane with the object. Directions
+    are those at the centroid at a rough depth, so that it is higher than the one of distant lights in `image_set`."""
     min_pixels: int = tuned(16, "pixels")
     """Object pixels below which nothing is solved."""
 
@@ -188,8 +191,8 @@ def _centroid(masked: MaskedImages, depth_m: Float32Array) -> Float32Array:
 
 
 def _refuse_coplanar_lights(lamps: Float32Array, centroid: Float32Array) -> None:
-    spread = image_set.direction_spread(lamps[:, :3] - centroid)
-    if not spread > image_set.SETTINGS.min_direction_spread:
+    spread = direction_spread(lamps[:, :3] - centroid)
+    if not spread > SETTINGS.min_direction_spread:
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
             "the lights are parallel or lie in one plane with the object: take lights from other sides",

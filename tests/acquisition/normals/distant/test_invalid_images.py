@@ -7,8 +7,8 @@ import pytest
 
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.normals import distant
-from acquisition.normals.image_set import DistantLights, ImageSet
-from tests.acquisition.normals.distant.ball_scenes import SIZE, ball, few_lights, image_set, lambert
+from acquisition.normals.image_set import DistantLights, ImageSet, direction_spread
+from tests.acquisition.normals.distant.ball_scenes import SIZE, ball, errors, few_lights, image_set, lambert
 
 
 def refused(images: ImageSet, solver: distant.Solver = "auto") -> RigError:
@@ -29,6 +29,16 @@ def with_lights(images: ImageSet, directions: np.ndarray) -> ImageSet:
 
 def test_solve_two_images_is_refused() -> None:
     assert "002.png" in refused(good(2)).detail
+
+
+def test_solve_least_squares_accepts_distant_lights_that_are_close_together() -> None:
+    """Stated directions hold at all pixels: lights too close for near light, 2.4° off one axis, give normals here."""
+    angle, slant = 2 * np.pi * np.arange(8) / 8, np.radians(2.4)
+    close = np.stack([np.sin(slant) * np.cos(angle), np.sin(slant) * np.sin(angle), np.full(8, np.cos(slant))], axis=-1)
+    assert 0.02 < direction_spread(close) < 0.05
+    normals, mask = ball()
+    result = distant.solve(image_set(lambert(normals, close), close, mask), "ls")
+    assert np.median(errors(result.normals, normals, mask)) < 0.5
 
 
 def test_solve_parallel_lights_is_refused() -> None:
