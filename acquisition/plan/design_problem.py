@@ -80,6 +80,11 @@ class Problem:
         """Design rows of all candidates at the search pixels."""
         return self.rows(self.search_sample, self.reach.candidates)
 
+    @cached_property
+    def before(self) -> Prediction:
+        """What is expected without further lights, at the held-out pixels."""
+        return self.predict(np.empty((0, 3)))
+
     def lights(self, positions: FloatArray) -> list[Light]:
         """Lights at positions (M, 3) with their axes towards the dome's centre."""
         return [lamp_pose.light_at(position, self.reach.center) for position in positions]

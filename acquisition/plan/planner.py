@@ -24,15 +24,14 @@ def choose(
     few positions.
     """
     count = max(problem.recipe.lights_total - len(problem.captured), 0) if count is None else count
-    before = problem.predict(np.empty((0, 3)))
     if count == 0:
         return LightPlan(
             lights=[],
             method="optimal",
             reasons=[],
             notes=["all lights of the recipe have been captured"],
-            predicted_sigma_deg=before.mean_deg,
-            predicted_median_deg=before.median_error_deg,
+            predicted_sigma_deg=problem.before.mean_deg,
+            predicted_median_deg=problem.before.median_error_deg,
         )
     chosen, rings = _search(problem, count)
     positions = problem.reach.candidates[chosen]
@@ -40,7 +39,7 @@ def choose(
     frames = None if exposures is None else [one.frames for one in exposures]
     planned = problem.predict(positions, frames)
     notes = [
-        f"mean σ {before.mean_deg:.2f}° so far, {planned.mean_deg:.2f}° expected with these lights, "
+        f"mean σ {problem.before.mean_deg:.2f}° so far, {planned.mean_deg:.2f}° expected with these lights, "
         f"{problem.predict(problem.reach.candidates[rings]).mean_deg:.2f}° with two rings"
     ]
     undetermined = float(np.mean(problem.search_sample.lit < criterion.MIN_LIGHTS))

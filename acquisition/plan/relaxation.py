@@ -1,9 +1,9 @@
 """Lower bound of any design by convex relaxation with multiplicative updates: the certificate of a plan.
 
-Each candidate gets a design weight in [0, 1]. The mean σ is convex in the weights, so its tangent at any
-weights bounds it from below, and the minimum of the tangent over all choices of m lights is the sum of its m smallest
-slopes: a bound for every exact design, whether the weights are optimal or not (the gap of the equivalence theorem). How
-far they are from optimal is the relaxation's own gap. Decision 0028.
+Each candidate gets a design weight in [0, 1]. The mean σ is convex in the weights, so its tangent at any weights bounds
+it from below, and the minimum of the tangent over all choices of m lights is the sum of its m smallest slopes: a bound
+for every exact design, whether the weights are optimal or not (the gap of the equivalence theorem). How far they are
+from optimal is the relaxation's own gap. Decision 0028.
 
 Multiplicative updates: S. D. Silvey, D. M. Titterington and B. Torsney, J. Statist. Plann. Inference 2 (1978).
 """
@@ -13,7 +13,7 @@ import numpy as np
 from acquisition.models.base import FloatArray
 from acquisition.plan.criterion import Candidates
 
-MAX_GAP = 0.003
+MAX_GAP = 0.001
 """Relative gap of the relaxation at which the iteration stops."""
 
 MAX_ROUNDS = 400
@@ -31,20 +31,15 @@ def bound(options: Candidates, count: int) -> tuple[float, float]:
     """
     weights, lower, best = np.full(len(options.row), count / len(options.row)), -np.inf, np.inf
     for _ in range(MAX_ROUNDS):
-        value, gradient = _value_and_gradient(options, weights)
+        used = np.flatnonzero(weights)
+        relaxed = options.posterior(used, weights[used])
+        value, gradient = relaxed.loss, options.scan(relaxed, slope=True)
         lower = max(lower, value - float(gradient @ weights) + float(np.sum(np.partition(gradient, count - 1)[:count])))
         best = min(best, value)
         if best - lower <= MAX_GAP * best:
             break
         weights = _scaled_to_sum(-weights * gradient, count)
     return max(lower, 0.0), float((best - lower) / best)
-
-
-def _value_and_gradient(options: Candidates, weights: FloatArray) -> tuple[float, FloatArray]:
-    """Loss of the weighted design, and its gradient (K,) in the weights."""
-    used = np.flatnonzero(weights)
-    relaxed = options.posterior(used, weights[used])
-    return relaxed.loss, options.scan(relaxed, slope=True)
 
 
 def _scaled_to_sum(weights: FloatArray, count: int) -> FloatArray:

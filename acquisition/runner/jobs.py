@@ -37,6 +37,7 @@ from acquisition.models.shot import Observations
 from acquisition.normals import colour_albedo
 from acquisition.plan import baselines, visibility
 from acquisition.plan import prior_forecast as prior
+from acquisition.plan.design_problem import positions_of
 from acquisition.plan.explain import Basis
 from acquisition.runner import light_forecast
 from acquisition.runner.board_jobs import board_moved, board_poses, estimate_from_board, look_at_board
@@ -92,7 +93,7 @@ def first_lights(recipe: Recipe, cell: CellConfig, calibration: Calibration, cac
     if recipe.method != "optimal":
         return baselines.baseline(recipe.method, recipe.lights_total, recipe, reach)
     lights = pilot.pattern(recipe, reach)
-    slants = np.degrees(geometry.slant_azimuth(np.array([light.position for light in lights]) - reach.center)[0])
+    slants = np.degrees(geometry.slant_azimuth(positions_of(lights) - reach.center)[0])
     return LightPlan(
         lights=lights,
         method="pilot",
@@ -132,7 +133,7 @@ def further_lights(
         chosen = plan.plan_to_target(problem, achieved_deg, times)
     if not chosen.lights:
         return chosen, []
-    positions = np.array([light.position for light in chosen.lights])
+    positions = positions_of(chosen.lights)
     basis = Basis.of(problem, normal_map, observations, calibration)
     pictures, brightest_deg = basis.gain_pictures(positions)
     summary = {

@@ -67,7 +67,7 @@ def forecast(
             PlacedLight(position=position, refusal=verdict, gain=next(gains) if verdict is None else None)
             for position, verdict in zip(positions, verdicts, strict=True)
         ],
-        sigma_before_deg=basis.problem.predict(np.empty((0, 3))).mean_deg,
+        sigma_before_deg=basis.problem.before.mean_deg,
         sigma_deg=predicted.mean_deg,
         median_deg=predicted.median_error_deg,
         brightest_sigma_deg=basis.brightest_deg,

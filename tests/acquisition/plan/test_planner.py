@@ -10,7 +10,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import CAST, LIT, FisherInformation, NormalMap
-from acquisition.plan import baselines, relaxation, sample_pixels
+from acquisition.plan import baselines, sample_pixels
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -215,7 +215,7 @@ def test_choose_certificate_bounds_plan_and_pattern(
     assert chosen.relaxation_gap is not None
     assert 0.8 < chosen.efficiency <= 1.0
     assert 0.5 < chosen.two_rings_efficiency < chosen.efficiency
-    assert 0 <= chosen.relaxation_gap <= relaxation.MAX_GAP
+    assert 0 <= chosen.relaxation_gap <= 0.001
     assert f"{chosen.lower_bound_sigma_deg:.2f}°" in (chosen.certificate_note or "")
     assert len(chosen.gains) == 6
     assert all(gain > 0 for gain in chosen.gains)
