@@ -142,10 +142,7 @@ def _relit(
 ) -> Alternative:
     """The lamps' axes multiplied by a matrix (2, 2)."""
     relit = problem.relit(light_tests.transformed(problem.nominal.lamps, axes))
-    least = photometry.PIXEL_UNKNOWNS if sound_enough else photometry.REDUNDANT
-    return Alternative(
-        kind, _axes_sentence(axes), relit, most, sound_enough=sound_enough, silent=silent, least_images=least
-    )
+    return Alternative(kind, _axes_sentence(axes), relit, most, sound_enough=sound_enough, silent=silent)
 
 
 def _axes_sentence(axes: FloatArray) -> str:

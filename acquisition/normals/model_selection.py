@@ -121,7 +121,7 @@ def _best_trial(present: Solution) -> tuple[Alternative, Solution] | None:
         alternatives = [
             alternative
             for alternative in propose(present)
-            if alternative.kind not in tried and alternative.least_images <= len(present.scene.lamps)
+            if alternative.kind not in tried and alternative.told_by(len(present.scene.lamps))
         ]
         for alternative in alternatives:
             corrected = (*alternative.problem.corrected, alternative.kind)

@@ -159,7 +159,7 @@ class Alternative:
     `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one
     step promised of the term that it estimates from zero. `silent`: it corrects the solver, not the capture.
     `sound_enough`: its fit need not be better than a sound one, because a test demands it that does not look at
-    residuals. `least_images`: fewer do not tell it from others.
+    residuals. `least_images`: fewer leave residuals that do not tell it from others.
     """
 
     kind: str
@@ -172,6 +172,10 @@ class Alternative:
     silent: bool = False
     sound_enough: bool = False
     least_images: int = photometry.REDUNDANT
+
+    def told_by(self, images: int) -> bool:
+        """Whether so many images can demand it: a test that does not look at residuals needs none."""
+        return self.sound_enough or images >= self.least_images
 
     def accepted(self, before: Solution, trial: Solution) -> bool:
         """Whether a trial replaces the solution before it: the object is in its place, and the fit good enough.
