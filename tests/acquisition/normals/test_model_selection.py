@@ -221,7 +221,7 @@ def test_solve_four_images_are_solved_as_glossy_but_as_nothing_else(
 def test_solve_four_images_with_stray_light_are_solved_by_the_plain_model(
     cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The score test demands an offset, but with one residual a pixel it fits what gloss or wrong normals leave, too."""
+    """The score test demands an offset, but with one residual a pixel it fits what gloss leaves, too."""
     four = read(cushion, 4)
     tried = recorded_trials(monkeypatch)
     result = solved(cushion, scenes.with_values(four, four.whole.values + np.float32(0.1)))
