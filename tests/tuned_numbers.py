@@ -31,7 +31,7 @@ REASONS: dict[str, str] = {
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENTS""",
     "counts of unknowns, marks and definitions": """
-        photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
+        photometry.PIXEL_UNKNOWNS light_tests.NEAR photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         reflectance_fit.LAMBERT_PARAMS
         reflectance_kernels.BASIS_SIZE reflectance_kernels.DIFFUSE_PARAMS
         goodness_of_fit.GRID baselines.FAR_DEG

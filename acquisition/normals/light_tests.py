@@ -57,6 +57,10 @@ TURN_SIGNIFICANCE = 3.0
 planes with white or blurred noise; 4–13 of lamps turned by 10°, but for machined parts (1.6), whose flat faces hardly
 tell (design seeds 60, 62 and 63, ten lights by two rings)."""
 
+NEAR = 0.1
+"""Width of an object over the distance of its lamps, above which light from near tells hollow from raised: 0.2–0.7 in a
+cell, 0.001 where lamps are stated as directions."""
+
 REGIONS = 8
 """Rows and columns of regions of the object, whose circulations say how significant their sum is."""
 
@@ -91,6 +95,14 @@ def outwardness(normals: Float32Array, rim: Outline) -> float | None:
     if len(rim.numbers) < photometry.SETTINGS.min_sample:
         return None
     return float(np.mean(np.sum(normals[:2, rim.numbers] * rim.outward, axis=0)))
+
+
+def near(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array) -> bool:
+    """Whether the object at depth (N,), m, is so wide for the distance of its lamps (F, 6) that their light tells
+    hollow from raised."""
+    points = photometry.points(pixels.ray, depth_m)
+    distances = np.linalg.norm(lamps[:, :3] - np.mean(points, axis=1), axis=1)
+    return bool(np.max(np.ptp(points[:2], axis=1)) > NEAR * np.median(distances))
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,8 @@ SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(
 
 def other_axes(present: Solution) -> list[Alternative]:
     """Axes of the lamps mirrored, exchanged or turned, where the normals are closer to those of a surface then; or
-    opposite, where the normals of the outline point inwards, or where the images fit badly and far better then.
+    opposite, where the normals of the outline point inwards and neither fit nor light from near says that they do, or
+    where the images fit badly and far better then.
 
     In a poor fit metal and coded values compete with them: a wrong reflectance can leave normals whose circulation says
     anything, and coded values of a dome fit a bowl under opposite lamps better. Of metal that fits they are tried only
@@ -128,6 +129,9 @@ def other_axes(present: Solution) -> list[Alternative]:
                 return alternatives
             # A hollow object under opposite lamps is taken for a raised one, whose normals point outwards.
             most = model_trial.SETTINGS.better_at_least
+        elif present.well_fitting and light_tests.near(coarse, problem.start_m, problem.nominal.lamps):
+            # Light from near does not fit a raised object for a hollow one.
+            return alternatives
     alternatives += [_relit(problem, AXES, axes, most) for axes in trials]
     return [*alternatives, *_others(present)]
 

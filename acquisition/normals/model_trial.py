@@ -146,6 +146,11 @@ class Solution:
         return self.fit.redundant and self.fit.probability < SETTINGS.min_probability
 
     @property
+    def well_fitting(self) -> bool:
+        """Whether there are images enough to judge the fit, and more than a few sound captures fit as badly."""
+        return self.fit.redundant and self.fit.probability >= SETTINGS.min_probability
+
+    @property
     def poor(self) -> bool:
         """Whether the fit is so bad, or so little of it is left to judge, that costly alternatives are worth a
         trial."""

@@ -281,6 +281,15 @@ def test_solve_hollow_object_under_opposite_lamps_is_not_taken_for_a_raised_one(
     assert mean_deg(dish, result) < 1.3 * mean_deg(dish, solved(dish, images))
 
 
+def test_solve_hollow_object_that_fits_is_tried_under_no_other_lamps(
+    dish: scenes.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Normals of its outline point inwards; light from near says that they do."""
+    tried = recorded_trials(monkeypatch)
+    assert kinds(solved(dish, read(dish))) == []
+    assert tried == []
+
+
 def test_solve_coded_values_that_fit_well_are_linearised(dish: scenes.Scene) -> None:
     """Of a shallow dish a wrong shape fits them; the exponent's score tells."""
     images = read(dish)
