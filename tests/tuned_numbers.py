@@ -27,11 +27,12 @@ REASONS: dict[str, str] = {
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
         light_tests.STATED_AXES light_tests.SIDES light_tests.QUARTER_AXES light_tests.TURN_SIGNIFICANCE
         error_variance.FOUR_NEIGHBOURS
-        error_variance.NOISE_DETAIL error_variance.POSTERIOR error_variance.CREASE error_variance.DETAIL
+        error_variance.NOISE_DETAIL error_variance.CREASE error_variance.DETAIL
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENTS""",
     "counts of unknowns, marks and definitions": """
-        photometry.PIXEL_UNKNOWNS light_tests.NEAR photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
+        light_tests.NEAR
+        photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         reflectance_fit.LAMBERT_PARAMS
         reflectance_kernels.BASIS_SIZE reflectance_kernels.DIFFUSE_PARAMS
         goodness_of_fit.GRID baselines.FAR_DEG

@@ -5,7 +5,7 @@ predicted, a pixel that mixes two surfaces. What tells is how badly the pixel's 
 changes from pixel to pixel:
 
     σ² = 1 / (1/v + 1/V²),
-    v = (1 + B m max(χ² − s, 0)) σ₀² + M² max(Δ² − Δ₀², 0) + L² (λ² − 5/4 σ₀²) + D² [fewer than four lights] + E²
+    v = (1 + B m max(χ² − s, 0)) σ₀² + M² max(Δ² − Δ₀², 0) + L² max(λ² − 5/4 σ₀², 0) [not sharp] + E² [unchecked]
 
 V = 49° is 1 σ of a normal of which no image tells anything (`photometry.bounded_variance`): without it pixels in
 cavities that are hardly lit and fit badly have σ up to 480°, and 2–9 % of the pixels make up half of the mean σ.
@@ -20,12 +20,15 @@ either side of them, over both directions. Curvature goes on beyond the neighbou
 mixes two surfaces fits its images as well as any: its normal is a mean of theirs, and nothing but the neighbours tells
 that it is on neither. A crease of angle 2Δ anywhere in a pixel leaves an rms of 2Δ/√12 there and less in the next one.
 
-λ is the detail at the pixel: the angle between its normal and the mean of its four neighbours'. A surface with much of
-it at the scale of pixels has more below that scale, where a pixel's normal is a mean that its lights weigh differently;
-and light that spreads below the surface, or a lens out of focus, has smoothed what was there without a trace in the
-residuals. Rms errors of 150 captures of design seeds are 0.2–2.1 times the rms λ (against eight neighbours), which goes
-from 0.4° to 25°. 5/4 σ₀² is what noise alone makes of λ². E is that of the whole capture
-(`photometry.capture_sigma_deg`): something remains wrong with it, or the surface is metal.
+λ is the detail at the pixel: the angle between its normal and the mean of its four neighbours'; 5/4 σ₀² is what noise
+alone makes of λ². Light that spreads below the surface, or a lens out of focus, smooths what is there without a trace
+in the residuals, and errors follow λ. Where shadows have sharp edges (`Solution.sharp`) images are sharp, and no error
+follows λ: of 58 captures of opaque objects of which shadows tell, the likeliest L is 0.08, of 59 others, 15 of them
+translucent, 0.35 (design seeds 65, 70, 71, 73 and 75; scratch evaluation, November 2026).
+
+E is that of a normal which nothing has checked (`photometry.SharedSettings.unchecked_sigma_deg`): fewer than four
+lights reach the pixel, or of the whole capture something remains wrong, or the surface is metal
+(`photometry.capture_sigma_deg`).
 
 Left out are the weight of a depth discontinuity, which adds 0.003 to the mean log likelihood beside M; the turn by the
 integrability projection and predicted indirect light, which add up to 0.05 on the captures that they are fitted to and
@@ -34,15 +37,13 @@ estimate, the albedo's local contrast, slant and gloss. λ against the mean of a
 Gaussian surrounding tells less, the sum of squared second differences along rows and columns nearly as much (scratch
 fits on design seeds, November 2026).
 
-The constants maximise the likelihood of the errors under Rayleigh's law with a heavy tail (bivariate t, 20 degrees of
-freedom) over captures without uncorrected findings of design seeds; then all are multiplied so that the factor of σ₀²
-itself is 1, which is at P(e < σ) = 0.71. `python -m tests.unseen fit-sigma` fits, and prints how much less likely the
-errors are without each component: of 169 captures (seeds 40, 45, 60–63 and a part of 41, two rings of 6, 8 and 20
-lights, November 2026) by 0.50 without the posterior, 0.15 without the misfit's, 0.08 without the crease's, 0.06 without
-the detail's and 0.01 without that of few lights. They depend on the tail that is assumed (`tests.unseen.sigma_fit`).
-How they do on captures that they were not fitted to stands in `tests/unseen/reports.md`.
+The constants were chosen where the errors of captures without uncorrected findings are likeliest under Rayleigh's law
+with a heavy tail (bivariate t, 20 degrees of freedom), all of them multiplied so that the factor of σ₀² itself is 1:
+`python -m tests.unseen fit-sigma` fits, and prints how much less likely the errors are without each component. They
+depend on the tail that is assumed (`tests.unseen.sigma_fit`). On those 117 captures of 6, 8, 12 and 20 lights P(e < σ)
+is 0.72, P(e < 2σ) 0.94. How they do on captures that they were not fitted to stands in `tests/unseen/reports.md`.
 
-B, D and E are `photometry`'s, because a plan's forecast takes them into account as well.
+B and E are `photometry`'s, because a plan's forecast takes them into account as well.
 """
 
 from dataclasses import dataclass
@@ -59,12 +60,13 @@ from acquisition.models.tuned import tuned
 class ErrorVarianceSettings:
     """Tuned numbers of σ's components."""
 
-    crease_share: float = tuned(0.60, "share")
+    crease_share: float = tuned(0.45, "share")
     """M: 1 σ of the normal at a crease, as a share of Δ, half of its angle."""
     min_crease_deg: float = tuned(12.0, "deg")
     """Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell."""
-    detail_share: float = tuned(0.42, "share")
-    """L: 1 σ of the normal as a share of λ, the angle to the mean of its neighbours' normals."""
+    detail_share: float = tuned(0.38, "share")
+    """L: 1 σ of the normal as a share of λ, the angle to the mean of its neighbours' normals, in images that may be
+    blurred."""
     max_square: float = tuned(100.0, "σ²")
     """Largest mean square of a pixel's residuals that counts."""
 
@@ -73,7 +75,7 @@ SETTINGS = ErrorVarianceSettings()
 
 MIN_LIGHTS = photometry.PIXEL_UNKNOWNS + 1
 
-POSTERIOR, CREASE, DETAIL = 0, 2, 3
+CREASE, DETAIL = 2, 3
 """Numbers of some of the `components`."""
 
 NOISE_DETAIL = 5 / 4
@@ -81,7 +83,7 @@ NOISE_DETAIL = 5 / 4
 
 WEIGHTS = np.array(
     [
-        1.0 - NOISE_DETAIL * SETTINGS.detail_share**2,
+        1.0,
         photometry.SETTINGS.misfit_factor,
         SETTINGS.crease_share**2,
         SETTINGS.detail_share**2,
@@ -89,7 +91,7 @@ WEIGHTS = np.array(
     ],
     np.float32,
 )
-"""1 − 5/4 L², B, M², L², D² of `components`."""
+"""1, B, M², L² and E² of `components`."""
 
 FOUR_NEIGHBOURS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], np.float32)
 
@@ -99,12 +101,12 @@ STRIP_ROWS, NEIGHBOUR_ROWS = 256, 2
 
 def sigma_deg(
     posterior_deg: Float32Array, residual: Float32Array, lights: np.ndarray, stated_share: Float32Array,
-    normals: Float32Array, *, capture_deg: float,
+    normals: Float32Array, *, sharp: bool, capture_deg: float,
 ) -> tuple[Float32Array, float]:  # fmt: skip
     """σ (H, W) in degrees over both tangential directions: the weighted `components`, whose arguments these are; and
     the mean of what creases and detail make of it, beyond what noise does, for forecasts.
 
-    `capture_deg` is E.
+    `capture_deg` is E of the whole capture.
     """
     out = np.full_like(posterior_deg, np.nan)
     total, count = 0.0, 0
@@ -112,26 +114,25 @@ def sigma_deg(
         stop = min(start + STRIP_ROWS, len(out))
         first, last = max(start - NEIGHBOUR_ROWS, 0), min(stop + NEIGHBOUR_ROWS, len(out))
         maps = (posterior_deg, residual, lights, stated_share, normals)
-        parts = components(*(one[first:last] for one in maps))[:, start - first : stop - first]
+        parts = components(*(one[first:last] for one in maps), sharp=sharp)[:, start - first : stop - first]
         known = np.isfinite(posterior_deg[start:stop])
         by_images = np.asarray(np.tensordot(WEIGHTS, parts, 1) + capture_deg**2, np.float64)
         variance = photometry.bounded_variance(by_images)
         out[start:stop] = np.where(known, np.sqrt(variance), np.nan)
-        beyond_noise = np.maximum(parts[DETAIL] - NOISE_DETAIL * parts[POSTERIOR], 0)
-        structure = np.sqrt(WEIGHTS[CREASE] * parts[CREASE] + WEIGHTS[DETAIL] * beyond_noise)
+        structure = np.sqrt(WEIGHTS[CREASE] * parts[CREASE] + WEIGHTS[DETAIL] * parts[DETAIL])
         total, count = total + float(np.sum(structure, dtype=np.float64)), count + int(np.count_nonzero(known))
     return out, total / max(count, 1)
 
 
 def components(
     posterior_deg: Float32Array, residual: Float32Array, lights: np.ndarray, stated_share: Float32Array,
-    normals: Float32Array,
+    normals: Float32Array, *, sharp: bool,
 ) -> Float32Array:  # fmt: skip
-    """What 1 − 5/4 L², B, M², L² and D² of the module's docstring multiply (5, H, W): deg², and 0 or 1.
+    """What 1, B, M², L² and E² of the module's docstring multiply (5, H, W): deg², and 0 or 1.
 
     `posterior_deg` (H, W) is σ after the integrability projection, NaN where there is no normal; `residual` the rms of
     whitened residuals, `lights` how many measurements each pixel rests on, `stated_share` the share of the stated noise
-    in their variance, `normals` (H, W, 3) the final ones.
+    in their variance, `normals` (H, W, 3) the final ones; `sharp`: nothing has blurred the images.
     """
     known = np.isfinite(posterior_deg)
     base = np.where(known, posterior_deg, 0) ** 2
@@ -139,7 +140,7 @@ def components(
     unexplained = np.subtract(squares, stated_share * freedom, dtype=np.float32)
     excess = np.maximum(_summed(unexplained) / np.maximum(_summed(freedom), 1), 0)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
-    detail = detail_deg2(normals, known)
+    detail = np.zeros_like(base) if sharp else np.maximum(detail_deg2(normals, known) - NOISE_DETAIL * base, 0)
     return np.stack([base, lights * excess * base, crease, detail, lights < MIN_LIGHTS]).astype(np.float32)
 
 

@@ -56,11 +56,6 @@ class AlternativeSettings:
     (design seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights by two rings)."""
     term_sigma: ImageTerms = tuned(ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0), "term")
     """1 σ of the priors of terms that are estimated; those of gloss and metal say next to nothing."""
-    min_leak: float = tuned(5.0, "σ")
-    """Significance of light in shadows from which images are sharpened on trial."""
-    min_leak_share: float = tuned(0.3, "share")
-    """The same as a share of what a mean free path of one pixel of the coarse grid makes. 0.5–2.5 of translucent
-    objects, 0.2 of a mean free path of half a pixel, 0.1 of gloss on a smooth solid."""
     sharpened_worse: float = tuned(1.6, "misfit ratio")
     """Misfit of sharpened images over that before, up to which they are accepted. It rises to 1.2–1.4 times by noise
     alone, since where a pixel is lit, a residual does not know of blur."""
@@ -186,33 +181,28 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     after ambient or stray light, which falls there, too, nor of a surface that has drifted away, whose shadows fall
     elsewhere.
     """
-    problem, state, level = present.problem, present.state, present.problem.level
-    coarse = level.coarse
-    others = {TRANSLUCENT, *(TERMS[name][0] for name in ("gloss", "metal", "ambient", "offset"))}
+    problem, level = present.problem, present.problem.level
+    others = {translucency.KIND, *(TERMS[name][0] for name in ("gloss", "metal", "ambient", "offset"))}
     if others & set(problem.corrected) or _worst_image(present.fit) is not None:
         return []
     if present.out_of_place or not problem.thorough:
         return []
-    mask = coarse.image(np.ones(len(coarse.index), np.bool_))
-    over = surface_diffusion.graph(mask, coarse.image(coarse.ray), coarse.image(state.depth_m))
-    values = alternation.divide_intensity(coarse.values, state.shared.log_intensity)
-    shading = translucency.shading(
-        coarse, state.depth_m, state.normals, present.scene.lamps, problem.nominal.calibration
-    )
-    leak = translucency.leak(coarse, values, shading, over, min_significance=SETTINGS.min_leak)
-    if leak is None or leak.length_px == 0 or leak.coefficient < SETTINGS.min_leak_share:
+    leak = present.leak
+    if leak is None or not leak.sought:
         return []
     length_px = level.factor * leak.length_px
     # Noise of neighbours alike: what a block of the coarse grid has, not a pixel's own.
     gain = max(surface_diffusion.noise_gain(length_px), surface_diffusion.noise_gain(leak.length_px))
-    sharpened = changed_images.sharpened(problem.masked.images, *_full_surface(present, shading), length_px, gain)
-    length_mm = 1000 * length_px * float(np.mean(state.depth_m)) / problem.nominal.calibration.camera_matrix[0][0]
+    sharpened = changed_images.sharpened(problem.masked.images, *_full_surface(present), length_px, gain)
+    length_mm = (
+        1000 * length_px * float(np.mean(present.state.depth_m)) / problem.nominal.calibration.camera_matrix[0][0]
+    )
     message = f"light spreads by {length_mm:.1f} mm below the surface, or images are out of focus: they are sharpened"
-    return [Alternative(TRANSLUCENT, message, problem.reread(sharpened), SETTINGS.sharpened_worse, length_mm)]
+    return [Alternative(translucency.KIND, message, problem.reread(sharpened), SETTINGS.sharpened_worse, length_mm)]
 
 
-def _full_surface(present: Solution, shading: Float32Array) -> tuple[SurfaceGraph, Float32Array]:
-    """Graph and albedo (h, w) of all object pixels, from the coarse solution with `shading` (F, M)."""
+def _full_surface(present: Solution) -> tuple[SurfaceGraph, Float32Array]:
+    """Graph and albedo (h, w) of all object pixels, from the coarse solution."""
     masked, level, state = present.problem.masked, present.problem.level, present.state
     albedo, depth = np.zeros(masked.mask.shape, np.float32), np.zeros(masked.mask.shape, np.float32)
     for rows in masked.blocks():
@@ -220,7 +210,7 @@ def _full_surface(present: Solution, shading: Float32Array) -> tuple[SurfaceGrap
         if len(pixels.index) == 0:
             continue
         values = alternation.divide_intensity(pixels.values, state.shared.log_intensity)
-        known, _ = translucency.albedo_and_lit(values, level.interpolate(shading, pixels, rows.start))
+        known, _ = translucency.albedo_and_lit(values, level.interpolate(present.shading, pixels, rows.start))
         albedo[rows] = pixels.image(known)
         depth[rows] = pixels.image(level.interpolate(state.depth_m, pixels, rows.start))
     return surface_diffusion.graph(albedo > 0, masked.ray, depth), albedo
@@ -235,8 +225,6 @@ AXES, TURNED, REFINED = "axes of the lamps", "turned lamps", "angle of turned la
 REFINEMENTS, REFINED_DEG = 2, 0.5
 """Times that such an angle is measured again, a fifth of it being left each time, and what is left, degrees, that ends
 it."""
-
-TRANSLUCENT = "translucent surface"
 
 TERMS = {
     "roughness": ("rough surface", "the surface is rough: it is solved with Oren and Nayar's reflectance, roughness"),

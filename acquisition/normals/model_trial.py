@@ -5,6 +5,7 @@ here: the problem that a descent starts from, the solution with its fit, and an 
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
-from acquisition.normals import alternation, final_solve
+from acquisition.normals import alternation, final_solve, surface_diffusion, translucency
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
@@ -20,6 +21,7 @@ from acquisition.normals.images import Images
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 from acquisition.normals.term_tests import TermScores
+from acquisition.normals.translucency import Leak
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,31 @@ class Solution:
     def badly_fitting(self) -> bool:
         """Whether hardly a sound capture has a misfit as large."""
         return self.fit.redundant and self.fit.probability < SETTINGS.min_probability
+
+    @cached_property
+    def shading(self) -> Float32Array:
+        """Shading (F, M) of the coarse pixels by lamps of nominal intensity, which the albedo multiplies."""
+        calibration = self.problem.nominal.calibration
+        return translucency.shading(
+            self.problem.level.coarse, self.state.depth_m, self.state.normals, self.scene.lamps, calibration
+        )
+
+    @cached_property
+    def leak(self) -> Leak | None:
+        """Light in cast shadows as from below the surface; none where there are too few of them."""
+        coarse = self.problem.level.coarse
+        mask = coarse.image(np.ones(len(coarse.index), np.bool_))
+        over = surface_diffusion.graph(mask, coarse.image(coarse.ray), coarse.image(self.state.depth_m))
+        values = alternation.divide_intensity(coarse.values, self.state.shared.log_intensity)
+        return translucency.leak(coarse, values, self.shading, over)
+
+    @property
+    def sharp(self) -> bool:
+        """Whether shadows with sharp edges show that nothing has blurred the images, neither light below the surface
+        nor the lens. Sharpened ones were blurred, and on a grid of several pixels less than it would show."""
+        if translucency.KIND in self.problem.corrected or self.problem.level.factor > 1:
+            return False
+        return self.leak is not None and self.leak.excluded
 
     @property
     def well_fitting(self) -> bool:

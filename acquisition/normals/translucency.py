@@ -31,6 +31,11 @@ from acquisition.normals.surface_diffusion import SurfaceGraph
 class TranslucencySettings:
     """Tuned numbers of the test for light in shadows."""
 
+    min_significance: float = tuned(5.0, "σ")
+    """Significance of light in shadows from which images are sharpened on trial."""
+    min_coefficient: float = tuned(0.3, "share")
+    """The same as a share of what a mean free path of one pixel of the coarse grid makes. 0.5–2.5 of translucent
+    objects, 0.2 of a mean free path of half a pixel, 0.1 of gloss on a smooth solid."""
     lit_share: float = tuned(0.5, "share")
     """Share of the predicted direct light above which a pixel counts as lit."""
     near_px: int = tuned(6, "px")
@@ -50,6 +55,9 @@ class TranslucencySettings:
 
 
 SETTINGS = TranslucencySettings()
+
+KIND = "translucent surface"
+"""Kind of the finding that light spreads below the surface, or that images are out of focus."""
 
 LENGTHS_PX = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 """Mean free paths, pixels of the coarse grid, that are compared when light leaks; shorter ones stay within the pixels
@@ -85,6 +93,16 @@ class Leak:
         """Coefficient over its standard error."""
         return self.coefficient / max(self.standard_error, 1e-9)
 
+    @property
+    def excluded(self) -> bool:
+        """Whether, two standard errors on, it is less than a blur would make that images are sharpened for."""
+        return self.coefficient + 2 * self.standard_error < SETTINGS.min_coefficient
+
+    @property
+    def sought(self) -> bool:
+        """Whether it is so much that images are worth to be sharpened."""
+        return self.length_px > 0 and self.coefficient >= SETTINGS.min_coefficient
+
 
 @dataclass(frozen=True)
 class _Shadow:
@@ -96,9 +114,7 @@ class _Shadow:
     level: Float32Array
 
 
-def leak(
-    pixels: Pixels, values: Float32Array, shading: Float32Array, over: SurfaceGraph, *, min_significance: float
-) -> Leak | None:
+def leak(pixels: Pixels, values: Float32Array, shading: Float32Array, over: SurfaceGraph) -> Leak | None:
     """Tests `values` (F, N) of nominal lamps against the `shading` (F, N) of a solution; none: too few dark pixels.
 
     The mean free path is only sought where the coefficient is significant.
@@ -113,7 +129,7 @@ def leak(
         return None
     observed = np.concatenate([_relative(one, one.image) for one in shadows])
     coefficient, error = _regressed(shadows, observed, over, TESTED_PX, cell)
-    if coefficient < min_significance * error:
+    if coefficient < SETTINGS.min_significance * error:
         return Leak(coefficient, error, 0.0)
     coefficients = [_regressed(shadows, observed, over, length, cell)[0] for length in LENGTHS_PX]
     return Leak(coefficient, error, _length_at_one(np.array(coefficients)))

@@ -25,6 +25,7 @@ from acquisition.normals import (
     residual_noise,
     self_calibration,
     specular,
+    translucency,
 )
 from acquisition.normals.model_trial import Alternative
 from acquisition.normals.pixel_solve import Estimate
@@ -212,7 +213,7 @@ STAGES = (
     Stage(
         "translucent surfaces",
         "Light in cast shadows is never significant, so that images are not sharpened.",
-        (_setting(model_alternatives, min_leak=math.inf),),
+        (_setting(translucency, min_significance=math.inf),),
     ),
     Stage(
         "variance components of σ",

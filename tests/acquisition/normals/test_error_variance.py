@@ -9,8 +9,6 @@ from acquisition.normals.error_variance import STRIP_ROWS
 
 SHAPE = (2 * STRIP_ROWS + 30, 20)
 MISFIT = photometry.SETTINGS.misfit_factor
-SMOOTH = 1 - 5 / 4 * error_variance.SETTINGS.detail_share**2
-"""Variance of a posterior of 1 where neighbours' normals are alike, which noise alone would not leave so."""
 
 
 def bounded(variance_deg2: float) -> float:
@@ -34,23 +32,23 @@ def sigma(
 
     return error_variance.sigma_deg(
         full(posterior_deg), full(residual), np.full(SHAPE, lights, np.uint8), full(stated_share), bent(0),
-        capture_deg=capture_deg,
+        sharp=False, capture_deg=capture_deg,
     )[0]  # fmt: skip
 
 
 def test_sigma_perfect_fit_is_the_posterior() -> None:
-    assert sigma() == pytest.approx(bounded(SMOOTH), rel=1e-5)
+    assert sigma() == pytest.approx(bounded(1.0), rel=1e-5)
 
 
 def test_sigma_of_model_that_holds_is_the_posterior() -> None:
-    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(bounded(SMOOTH), rel=1e-5)
+    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(bounded(1.0), rel=1e-5)
 
 
 @pytest.mark.parametrize("lights", [6, 20])
 def test_sigma_excess_over_stated_noise_does_not_fall_with_lights(lights: int) -> None:
     """χ² is twice the freedom, of which the stated noise explains half of one: 1.5 for each light."""
     residual = float(np.sqrt(2 * (lights - 3) / lights))
-    expected = bounded(SMOOTH + 1.5 * MISFIT * lights)
+    expected = bounded(1.0 + 1.5 * MISFIT * lights)
     assert sigma(residual=residual, lights=lights, stated_share=0.5) == pytest.approx(expected, rel=1e-5)
 
 
@@ -81,7 +79,7 @@ def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
     ],
 )
 def test_sigma_component_adds_in_quadrature(change: dict[str, float], added_deg: float) -> None:
-    assert sigma(**change) == pytest.approx(bounded(SMOOTH + added_deg**2), rel=1e-5)
+    assert sigma(**change) == pytest.approx(bounded(1.0 + added_deg**2), rel=1e-5)
 
 
 def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
@@ -91,26 +89,39 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
     posterior = np.ones(SHAPE, np.float32)
     posterior[STRIP_ROWS, 9:12] = np.nan
     ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
-    result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), capture_deg=0.0)[0]
+    result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), sharp=False, capture_deg=0.0)[0]
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
     excess = (9 * 8) / (6 * 5) - 1
-    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(SMOOTH + MISFIT * 8 * excess), rel=1e-4)
-    assert result[STRIP_ROWS - 3, 10] == pytest.approx(bounded(SMOOTH), rel=1e-5)
-    assert np.count_nonzero(result > 1.01 * bounded(SMOOTH)) == 6
+    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(1.0 + MISFIT * 8 * excess), rel=1e-4)
+    assert result[STRIP_ROWS - 3, 10] == pytest.approx(bounded(1.0), rel=1e-5)
+    assert np.count_nonzero(result > 1.01 * bounded(1.0)) == 6
 
 
 @pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])
 def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None:
-    result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), capture_deg=0.0)[0]
+    result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), sharp=False, capture_deg=0.0)[0]
     crease = np.degrees(2 * np.sin(np.radians(45)) / 2)
     tuned = error_variance.SETTINGS
     # A normal and the mean of four neighbours, one of which is 90° away, lie atan(1/3) apart.
     detail = np.degrees(np.arctan(1 / 3))
     raised = bounded(
-        SMOOTH + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2) + tuned.detail_share**2 * detail**2
+        1.0
+        + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2)
+        + tuned.detail_share**2 * (detail**2 - error_variance.NOISE_DETAIL)
     )
     assert result[row - 1 : row + 1, 1:-1] == pytest.approx(raised, rel=1e-4)
-    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(SMOOTH), rel=1e-5)
+    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(1.0), rel=1e-5)
+
+
+def test_sigma_of_sharp_images_does_not_follow_detail_but_creases() -> None:
+    normals = bent(20)
+    soft, sharp = (
+        error_variance.sigma_deg(*_plain_maps(), normals, sharp=one, capture_deg=0.0)[0] for one in (False, True)
+    )
+    assert np.all(soft[STRIP_ROWS - 1 : STRIP_ROWS + 1, 1:-1] > 1.2)
+    assert sharp == pytest.approx(bounded(1.0), rel=1e-5)
+    creased = error_variance.sigma_deg(*_plain_maps(), bent(90), sharp=True, capture_deg=0.0)[0]
+    assert np.all(creased[STRIP_ROWS - 1 : STRIP_ROWS + 1, 1:-1] > 10)
 
 
 @pytest.mark.parametrize("step_deg", [1.0, 10.0, 40.0])
@@ -158,7 +169,8 @@ def test_detail_beside_unknown_pixels_is_that_of_the_known() -> None:
 
 def test_structure_of_one_crease_is_its_share_of_the_pixels_and_noise_makes_none() -> None:
     flat, crease = (
-        error_variance.sigma_deg(*_plain_maps(), normals, capture_deg=0.0)[1] for normals in (bent(0), bent(90))
+        error_variance.sigma_deg(*_plain_maps(), normals, sharp=False, capture_deg=0.0)[1]
+        for normals in (bent(0), bent(90))
     )
     assert flat == 0.0
     tuned, detail = error_variance.SETTINGS, np.degrees(np.arctan(1 / 3))
@@ -168,5 +180,7 @@ def test_structure_of_one_crease_is_its_share_of_the_pixels_and_noise_makes_none
     noisy = bent(0) + np.random.default_rng(0).normal(0, np.radians(2.0) / np.sqrt(2), (*SHAPE, 3)) * [1, 1, 0]
     noisy = (noisy / np.linalg.norm(noisy, axis=-1, keepdims=True)).astype(np.float32)
     residual, lights, share = _plain_maps()[1:]
-    found = error_variance.sigma_deg(np.full(SHAPE, 2.0, np.float32), residual, lights, share, noisy, capture_deg=0.0)
+    found = error_variance.sigma_deg(
+        np.full(SHAPE, 2.0, np.float32), residual, lights, share, noisy, sharp=False, capture_deg=0.0
+    )
     assert found[1] < 0.4 * tuned.detail_share * 2.0

@@ -67,7 +67,7 @@ def leak_of(length_px: float, seed: int = 0) -> translucency.Leak | None:
         irradiance = np.stack([surface_diffusion.blurred(one, over, length_px) for one in irradiance])
     values = albedo * irradiance + rng.normal(0, 0.003, irradiance.shape).astype(np.float32)
     flat = values.reshape(len(values), -1)
-    return translucency.leak(pixels, flat, np.ones_like(flat), over, min_significance=4)
+    return translucency.leak(pixels, flat, np.ones_like(flat), over)
 
 
 def test_leak_of_sharp_shadows_is_insignificant() -> None:
@@ -75,7 +75,8 @@ def test_leak_of_sharp_shadows_is_insignificant() -> None:
         leak = leak_of(0, seed)
         assert leak is not None
         assert abs(leak.significance) < 4
-        assert leak.length_px == 0
+        assert leak.excluded
+        assert not leak.sought
 
 
 @pytest.mark.parametrize("length_px", [0.8, 1.2, 1.8])
@@ -83,13 +84,15 @@ def test_leak_of_blurred_shadows_gives_the_mean_free_path(length_px: float) -> N
     leak = leak_of(length_px)
     assert leak is not None
     assert leak.significance > 10
+    assert leak.sought
+    assert not leak.excluded
     assert leak.length_px == pytest.approx(length_px, rel=0.2)
 
 
 def test_leak_without_shadows_is_none() -> None:
     pixels, irradiance, albedo = shadow_images(np.random.default_rng(0))
     flat = (albedo * np.ones_like(irradiance)).reshape(len(irradiance), -1)
-    assert translucency.leak(pixels, flat, np.ones_like(flat), plane(pixels), min_significance=4) is None
+    assert translucency.leak(pixels, flat, np.ones_like(flat), plane(pixels)) is None
 
 
 def test_leak_in_one_small_recess_is_none() -> None:
@@ -99,7 +102,7 @@ def test_leak_in_one_small_recess_is_none() -> None:
     irradiance[:, 26:38, 26:38] = 0
     soft = albedo * np.stack([surface_diffusion.blurred(one, over, LENGTH_PX) for one in irradiance])
     flat = soft.reshape(len(soft), -1)
-    assert translucency.leak(pixels, flat, np.ones_like(flat), over, min_significance=4) is None
+    assert translucency.leak(pixels, flat, np.ones_like(flat), over) is None
 
 
 def test_sharpened_images_have_sharper_shadows_and_no_other_texture() -> None:

@@ -69,6 +69,6 @@ def test_of_normal_map_reads_misfit_and_findings() -> None:
     for findings, added in (
         ((corrected,), 0.0),
         ((corrected, metal), settings.unchecked_sigma_deg),
-        ((metal, left), settings.unsound_sigma_deg),
+        ((metal, left), settings.unchecked_sigma_deg),
     ):
         assert ExpectedSigma.of(replace(known, findings=findings)).capture_deg == added
