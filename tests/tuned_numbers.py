@@ -38,7 +38,7 @@ REASONS: dict[str, str] = {
         goodness_of_fit.GRID baselines.FAR_DEG
         reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M
         distant.BRIGHT_ALBEDO reflectance_solve.HIGHLIGHT_SHARE
-        equivalent_session.EXPOSURE error_variance.MIN_LIGHTS specular.NO_LOBE
+        equivalent_session.EXPOSURE error_variance.MIN_LIGHTS
         surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE sensor_estimate.MAX_EXPOSURE_RATIO
         translucency.MIN_LIGHTS
         cast_shadows.HIDDEN images.BYTES_PER_VALUE criterion.MIN_LIGHTS
@@ -76,7 +76,7 @@ REASONS: dict[str, str] = {
         relaxation.MAX_GAP relaxation.MAX_ROUNDS
         relaxation.MIN_RELATIVE_WEIGHT optimise.MIN_IMPROVEMENT optimise.MAX_PASSES baselines.AZIMUTH_STEPS
         registration.ROUNDS registration.ROBUST_ROUNDS
-        translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS specular.FIT_ROUNDS term_solve.ROUNDS
+        translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS term_solve.ROUNDS
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
         reflectance_fit.FINAL_STEP
         image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP model_alternatives.GLOSS_START
@@ -105,7 +105,6 @@ STRAYS = (
     "model_alternatives.AXES_BETTER",
     "model_alternatives.MIN_SWAP_IMAGES",
     "model_alternatives.SWAP_SHARE",
-    "specular.EXPONENTS",
 )
 """Tuned numbers that are not in settings yet."""
 

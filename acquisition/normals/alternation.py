@@ -1,9 +1,9 @@
-"""Alternating estimation of depth, gloss, indirect light, lamps and noise: block-coordinate descent on a coarse grid.
+"""Alternating estimation of depth, indirect light, lamps, terms and noise: block-coordinate descent on a coarse grid.
 
-Each quantity is estimated with the others held: per-pixel normals, depth by integration (cut at discontinuities), the
-specular lobe, light from other surfaces, lamp intensities and positions with the object's depth, and the noise scales.
-None of them needs every pixel, so the loop runs on means over blocks of pixels. Intensities are calibrated only after
-indirect light and highlights are gone, which they would absorb otherwise. The noise is estimated last, from the
+Each quantity is estimated with the others held: per-pixel normals, depth by integration (cut at discontinuities), light
+from other surfaces, lamp intensities and positions with the object's depth and the terms of image formation, and the
+noise scales. None of them needs every pixel, so the loop runs on means over blocks of pixels. Intensities are
+calibrated only after indirect light is gone, which they would absorb otherwise. The noise is estimated last, from the
 residuals that remain.
 """
 
@@ -23,7 +23,6 @@ from acquisition.normals import (
     pixel_solve,
     residual_noise,
     self_calibration,
-    specular,
 )
 from acquisition.normals.discontinuity import ShadowImages
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
@@ -31,7 +30,6 @@ from acquisition.normals.interreflection import Surface
 from acquisition.normals.pixel_solve import Estimate, Pixels, PixelSolveOptions, Scene
 from acquisition.normals.pyramid import PyramidLevel
 from acquisition.normals.self_calibration import Priors, SharedParameters
-from acquisition.normals.specular import Lobe
 from acquisition.photometry import Noise
 
 
@@ -70,7 +68,7 @@ MAX_COARSE_PIXELS = 12_000
 """Object pixels of the coarse grid at most, about."""
 
 SAMPLE_PIXELS = 2500
-"""Pixels that the lobe, the lamps and the noise are estimated from."""
+"""Pixels that lamps, terms and noise are estimated from."""
 
 PROBE_PIXELS = 1000
 """Pixels for which indirect light is predicted first, to see whether it is significant."""
@@ -83,8 +81,8 @@ class AlternationResult:
     Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities; the
     parameters shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that
     all pixels share; indirect irradiance (F, N) or none where it is insignificant, and the scale that its prediction
-    was multiplied by; the median of the pixels' albedo; the specular lobe; the noise of coarse pixels; normals (3, M)
-    of the coarse pixels, never others.
+    was multiplied by; the median of the pixels' albedo; the noise of coarse pixels; normals (3, M) of the coarse
+    pixels, never others.
     """
 
     depth_m: Float32Array
@@ -94,7 +92,6 @@ class AlternationResult:
     indirect_irradiance: Float32Array | None
     indirect_scale: float
     typical_albedo: float
-    lobe: Lobe
     noise: Noise
     normals: Float32Array
 
@@ -152,51 +149,41 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     nominal = replace(scene, noise=replace(scene.noise, shot=scene.noise.shot / block, floor=scene.noise.floor / block))
     present = nominal
     shared = replace(SharedParameters.nominal(len(scene.lamps)), terms=scene.terms or LAMBERTIAN)
-    lobe = specular.NO_LOBE
     indirect: _IndirectLight | None = None
     estimate: Estimate | None = None
     normals = np.zeros_like(ray_direction)
-    radiance, highlight = np.zeros_like(coarse.values), np.zeros_like(coarse.values)
+    radiance = np.zeros_like(coarse.values)
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
     calibrations = 0
     for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
         measured = divide_intensity(coarse.values, shared.log_intensity)
-        values = measured - radiance - highlight
-        estimate = pixel_solve.solve(
-            coarse, values, depth, present,
-            PixelSolveOptions(scene.settings.shadow_threshold, cauchy_scale=scene.cauchy_scale),
-            extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
-        )  # fmt: skip
+        values = measured - radiance
+        options = PixelSolveOptions(scene.settings.shadow_threshold, cauchy_scale=scene.cauchy_scale)
+        estimate = pixel_solve.solve(coarse, values, depth, present, options)
         previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
         received = indirect.irradiance if indirect is not None and indirect.significant else None
         typical = _typical_albedo(estimate, shared.terms)
-        dark = hardly_lit(received, measured - highlight, estimate, nominal.terms, typical)
+        dark = hardly_lit(received, measured, estimate, nominal.terms, typical)
         variance = np.where(dark, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
         shadows = None
         if discontinuous:
-            shadows = ShadowImages(
-                coarse, measured - highlight - estimate.nondiffuse_value, estimate.light, present.lamps
-            )
+            shadows = ShadowImages(coarse, measured - estimate.nondiffuse_value, estimate.light, present.lamps)
         cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
         depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadows, cuts)
         chosen = drawn[~dark[drawn]]
         sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], depth[chosen], nominal)
 
-        lobe = specular.fit(sample.pixels, (measured - radiance)[:, chosen], sample.depth_m, present, lobe)
-        highlight = lobe.highlight(estimate, ray_direction)
         indirect = _indirect_light(
-            level, measured - highlight, values, estimate, depth, normals, present,
+            level, measured, values, estimate, depth, normals, present,
             expected=indirect is not None and indirect.significant,
         )  # fmt: skip
         radiance = indirect.radiance
-        direct_diffuse = not indirect.significant and lobe.strength == 0 and not shared.terms.specular
+        direct_diffuse = not indirect.significant and not shared.terms.specular
 
         values = (measured - radiance)[:, chosen]
         before = shared.shift_m
         hold = turn == 0 and not direct_diffuse
-        shared, noise = _self_calibrate(
-            sample, values, highlight[:, chosen], lobe, shared, present.noise, priors, hold=hold
-        )
+        shared, noise = _self_calibrate(sample, values, shared, present.noise, priors, hold=hold)
         calibrations += not hold
         depth = depth + np.float32(shared.shift_m - before)
         present = replace(present, lamps=shared.lamps(scene.lamps), noise=noise, terms=scene.terms and shared.terms)
@@ -215,7 +202,6 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         indirect_irradiance=indirect.irradiance if indirect and indirect.significant else None,
         indirect_scale=indirect.scale if indirect else 0.0,
         typical_albedo=0.0 if estimate is None else _typical_albedo(estimate, shared.terms),
-        lobe=lobe,
         noise=present.noise,
         normals=normals,
     )
@@ -245,16 +231,16 @@ def _mean_angle_deg(before: Float32Array, normals: Float32Array) -> float:
 
 
 def _indirect_light(
-    level: PyramidLevel, diffuse: Float32Array, direct: Float32Array, estimate: Estimate, depth_m: Float32Array,
+    level: PyramidLevel, measured: Float32Array, direct: Float32Array, estimate: Estimate, depth_m: Float32Array,
     normals: Float32Array, scene: Scene, *, expected: bool,
 ) -> _IndirectLight:  # fmt: skip
-    """Predicts interreflection from `diffuse` images (F, N) without the lobe's highlights; `direct` (F, N) gave the
-    estimate. What its terms say is no diffuse reflection is taken from both.
+    """Predicts interreflection from images (F, N); `direct` (F, N) gave the estimate. What its terms say is no diffuse
+    reflection is taken from both.
 
     Unless it is `expected`, a few pixels decide first whether it is significant.
     """
     coarse = level.coarse
-    diffuse, direct = diffuse - estimate.nondiffuse_value, direct - estimate.nondiffuse_value
+    diffuse, direct = measured - estimate.nondiffuse_value, direct - estimate.nondiffuse_value
 
     def predicted(every: int) -> _IndirectLight:
         surface = Surface(depth_m, normals, estimate.albedo, level.table)
@@ -283,7 +269,7 @@ def hardly_lit(
     received: Float32Array | None, values: Float32Array, estimate: Estimate, terms: ImageTerms | None,
     typical_albedo: float,
 ) -> BoolArray:  # fmt: skip
-    """`interreflection.hardly_lit` (N,) by the diffuse part of values (F, N) without the lobe's highlights; none where
+    """`interreflection.hardly_lit` (N,) by the diffuse part of values (F, N); none where
     no irradiance is `received` (F, N). Of metal, which has no diffuse light, pixels that no lamp is mirrored in: what
     little they reflect fits a dark surface that mirrors one, and bare metal is of one albedo."""
     if terms is not None and terms.metal > 0:
@@ -313,13 +299,11 @@ def divide_intensity(values: Float32Array, log_intensity: FloatArray) -> Float32
 
 
 def _self_calibrate(
-    sample: _Sample, values: Float32Array, highlight: Float32Array, lobe: Lobe, before: SharedParameters, noise: Noise,
-    stated: Priors, *, hold: bool,
-) -> tuple[SharedParameters, Noise]:  # fmt: skip
+    sample: _Sample, values: Float32Array, before: SharedParameters, noise: Noise, stated: Priors, *, hold: bool
+) -> tuple[SharedParameters, Noise]:
     """Three Gauss–Newton steps of the shared parameters on K sample pixels, and the noise scales from the residuals.
 
-    `values` (F, K), which contain the `highlight` (F, K) of `lobe`, and the sample's depth are those of the parameters
-    `before`; `hold` leaves the lamps as they are.
+    `values` (F, K) and the sample's depth are those of the parameters `before`; `hold` leaves the lamps as they are.
     """
     nominal, depth_sigma_m = sample.nominal, photometry.SETTINGS.integrated_depth_sigma_m
     if len(nominal.lamps) < photometry.OVERDETERMINED:
@@ -330,26 +314,19 @@ def _self_calibrate(
     for turn in range(4):
         lamps = present.lamps(nominal.lamps)
         divided = divide_intensity(values, present.log_intensity - before.log_intensity)
-        diffuse, extra = divided - highlight, (np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2
         estimate = pixel_solve.solve(
-            sample.pixels, diffuse, sample.depth_m + np.float32(present.shift_m - before.shift_m),
+            sample.pixels, divided, sample.depth_m + np.float32(present.shift_m - before.shift_m),
             replace(nominal, lamps=lamps, noise=noise, terms=nominal.terms and present.terms), options,
-            extra_variance=extra,
         )  # fmt: skip
         if turn in (0, 3):
             noise = residual_noise.estimate(
-                estimate, diffuse, noise, nominal.noise,
-                sample.pixels.plus_extra(extra + estimate.highlight_variance),
+                estimate, divided, noise, nominal.noise,
+                sample.pixels.plus_extra(np.zeros_like(divided) + estimate.highlight_variance),
             )  # fmt: skip
         if turn == 3:
             break
         by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, sample.ray_direction, lamps)
-        gloss = lobe.derivatives(estimate, sample.ray_direction)
-        if gloss is not None:
-            highlight = gloss.highlight
-        step = self_calibration.gauss_newton_step(
-            estimate, by_depth, divided - highlight, lamps, present, priors, depth_sigma_m, gloss
-        )
+        step = self_calibration.gauss_newton_step(estimate, by_depth, divided, lamps, present, priors, depth_sigma_m)
         shift = float(np.clip(step.shift_m, -MAX_SHIFT_STEP_M, MAX_SHIFT_STEP_M))
         present = SharedParameters(
             log_intensity=present.log_intensity + step.log_intensity,

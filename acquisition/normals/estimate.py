@@ -34,7 +34,7 @@ class Estimate:
 
     @property
     def nondiffuse_value(self) -> Float32Array | np.float32:
-        """What is no diffuse reflection of the lamp's light in the values (F, N), beside the lobe; 0 without terms."""
+        """What is no diffuse reflection of the lamp's light in the values (F, N); 0 without terms."""
         return np.float32(0) if self.terms is None else self.terms.nondiffuse
 
     @property

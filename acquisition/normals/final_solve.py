@@ -25,15 +25,14 @@ from acquisition.normals import (
     interreflection,
     measurement_flags,
     memory_mapped,
+    microfacet,
     pixel_solve,
     residual_noise,
-    specular,
     term_solve,
 )
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, PixelSolveOptions, Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
-from acquisition.normals.specular import HighlightDerivatives
 
 
 @dataclass(frozen=True)
@@ -169,7 +168,7 @@ def solve(
     numbers: list[np.ndarray] = []
     matrices: list[FloatArray] = []
     light, indirect = 0.0, 0.0
-    margin = 1 if _direct_diffuse(state) else 3
+    margin = 1 if state.indirect_irradiance is None else 3
     margin += 0 if scene.terms is None else term_solve.rounds(scene.terms) * margin
     blocks = _blocks(masked, samples)
     solved = block_map(BlockSolver(masked, level, state, scene, margin), blocks)
@@ -204,7 +203,8 @@ def solve(
     maps["depth"][window] = depth
     maps["depth"][unsolved] = 0
     window_rows, window_columns = np.unravel_index(np.concatenate(numbers), shape)
-    noise, lobe = scene.noise, state.lobe if scene.terms is None else specular.equivalent(state.lobe, scene.terms.gloss)
+    noise, terms = scene.noise, state.shared.terms
+    strength, exponent = microfacet.blinn_phong(terms.gloss) if terms.gloss > 0 else (0.0, 0.0)
     return NormalMap(
         normals=maps["normals"],
         albedo=maps["albedo"],
@@ -234,7 +234,7 @@ def solve(
             "lamps_aside_m": state.shared.lamp_offset_m.tolist(),
             "threshold": scene.settings.shadow_threshold,
             "interreflection": {"share": indirect / light, "scale": state.indirect_scale},
-            "lobe": {"strength": lobe.strength, "exponent": lobe.exponent},
+            "lobe": {"strength": float(terms.lobe_factor) * strength, "exponent": exponent},
         },
     )
 
@@ -327,49 +327,32 @@ def _stated_share(solution: PixelSolution, scene: Scene) -> Float32Array:
     return share.astype(np.float32)
 
 
-def _direct_diffuse(state: AlternationResult) -> bool:
-    """Whether images are direct light from a diffuse surface, so that nothing is to be subtracted from them."""
-    return state.indirect_irradiance is None and state.lobe.strength == 0
-
-
 def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> PixelSolution:
-    """Solves pixels by fixed-point iteration: indirect light depends on the albedo and gloss on the normals."""
+    """Solves pixels by fixed-point iteration: indirect light depends on the albedo."""
     measured = alternation.divide_intensity(pixels.values, state.shared.log_intensity)
-
     lighting = Lighting.at(pixels, state.depth_m, scene)
 
-    def once(
-        values: Float32Array, extra: Float32Array | None, iterations: int, gloss: HighlightDerivatives | None = None
-    ) -> Estimate:
-        return pixel_solve.solve_lit(
-            pixels, values, lighting, scene,
-            PixelSolveOptions(scene.settings.shadow_threshold, scene.cauchy_scale, iterations),
-            extra_variance=extra, highlight_by_g=None if gloss is None else gloss.by_g,
-        )  # fmt: skip
+    def once(values: Float32Array, extra: Float32Array | None, iterations: int) -> Estimate:
+        options = PixelSolveOptions(scene.settings.shadow_threshold, scene.cauchy_scale, iterations)
+        return pixel_solve.solve_lit(pixels, values, lighting, scene, options, extra_variance=extra)
 
-    values, diffuse, extra, indirect = measured, measured, None, None
-    complete = _direct_diffuse(state)
-    estimate = once(values, extra, pixel_solve.IRLS_ITERATIONS if complete else PRELIMINARY_ITERATIONS)
-    for iterations in () if complete else (PRELIMINARY_ITERATIONS, pixel_solve.IRLS_ITERATIONS):
-        gloss = state.lobe.derivatives(estimate, lighting.ray_direction)
-        direct, values, extra = np.sum(values, axis=0), measured, None
-        if gloss is not None:
-            values = measured - gloss.highlight
-            extra = np.square(np.float32(specular.HIGHLIGHT_SIGMA) * gloss.highlight)
-        diffuse = values
-        if state.indirect_irradiance is not None:
+    values, extra, indirect, irradiance = measured, None, None, state.indirect_irradiance
+    estimate = once(values, None, pixel_solve.IRLS_ITERATIONS if irradiance is None else PRELIMINARY_ITERATIONS)
+    if irradiance is not None:
+        for iterations in (PRELIMINARY_ITERATIONS, pixel_solve.IRLS_ITERATIONS):
             other = np.sum(np.broadcast_to(estimate.nondiffuse_value, values.shape), axis=0)
             indirect = interreflection.reflected_radiosity(
-                state.indirect_irradiance, np.sum(values, axis=0) - other, direct - other, estimate.albedo
+                irradiance, np.sum(measured, axis=0) - other, np.sum(values, axis=0) - other, estimate.albedo
             )
-            values = values - indirect
-            added = np.square(np.float32(photometry.SETTINGS.predicted_indirect_sigma) * indirect)
-            extra = added if extra is None else extra + added
-        estimate = once(values, extra, iterations, gloss)
+            values = measured - indirect
+            extra = np.square(np.float32(photometry.SETTINGS.predicted_indirect_sigma) * indirect)
+            estimate = once(values, extra, iterations)
     extra = np.zeros_like(measured) if extra is None else extra
     if estimate.terms is not None:
         extra = extra + estimate.terms.highlight_variance
-    hardly_lit = alternation.hardly_lit(state.indirect_irradiance, diffuse, estimate, scene.terms, state.typical_albedo)
+    hardly_lit = alternation.hardly_lit(
+        state.indirect_irradiance, measured, estimate, scene.terms, state.typical_albedo
+    )
     return PixelSolution(estimate, measured, values, pixels.plus_extra(extra), indirect, hardly_lit)
 
 

@@ -3,7 +3,8 @@
     y = |s| (ρ (n·l) L + S + b ρ K(n, l, v)) + a ρ + o
 
 b is the weight of Oren and Nayar's azimuthal term K (Oren & Nayar 1994, eq. 30) relative to Lambert's, L and S the
-layer and the lobe of a glossy dielectric of roughness α (`microfacet`; without gloss 1 and 0), a the irradiance of
+layer and the lobe of a glossy dielectric of roughness α (`microfacet`; without gloss 1 and 0; gloss that is no
+dielectric's has a lobe of a strength of its own beside diffuse light that lacks nothing, L = 1), a the irradiance of
 light that does not come from the lamp, o an offset that is the same everywhere: a black level, stray light in the lens.
 Plaster, paper and clay are rough surfaces, paint, plastic and glaze glossy ones; ambient light stays in images without
 a lamp-off frame. All are zero unless a test demands them (`term_tests`): estimated on sound captures they cost 20–50 %
@@ -43,23 +44,30 @@ LEAST_ALBEDO = 1e-3
 """Albedo below which the highlight's derivative by g is evaluated as at that albedo; it divides."""
 
 MAX_GLOSS_STEP = 0.4
-"""Largest relative change of α in one step: the lobe's shape is far from linear in it."""
+"""Largest relative change of α, or of the lobe's strength, in one step: the lobe is far from linear in α."""
 
 
 @dataclass(frozen=True)
 class ImageTerms:
     """Weight b of the rough diffuse term, irradiance a of ambient light and offset o, the last two in units of y, and
-    roughness α of a glossy dielectric, or of a metal, which has no diffuse light; 0 for none."""
+    roughness α of a glossy surface, or of a metal, which has no diffuse light; 0 for none. `strength` of the glossy
+    lobe over a dielectric's of the same α, beside diffuse light that lacks nothing; 0 for a dielectric."""
 
     roughness: float = 0.0
     ambient: float = 0.0
     offset: float = 0.0
     gloss: float = 0.0
     metal: float = 0.0
+    strength: float = 0.0
+
+    @property
+    def lobe_factor(self) -> np.float32:
+        """The glossy lobe over a dielectric's."""
+        return np.float32(self.strength if self.strength > 0 else 1)
 
     @property
     def specular(self) -> bool:
-        """Whether the surface is a glossy dielectric or a metal."""
+        """Whether the surface is glossy or a metal."""
         return self.gloss > 0 or self.metal > 0
 
     @property
@@ -79,8 +87,8 @@ LAMBERTIAN = ImageTerms()
 @dataclass(frozen=True)
 class TermValues:
     """The terms at N pixels: the sum of all (F, N), of it what is no diffuse reflection of the lamp's light (F, N), the
-    lobe of a dielectric (F, N) and the offset, the variance (F, N) of what is mirrored, as it is predicted, and
-    derivatives by g (F, 3, N); those by parameters (F, L, N) where they are not the usual ones (`by_parameter`)."""
+    lobe of gloss (F, N) and the offset, the variance (F, N) of what is mirrored, as it is predicted, and
+    derivatives by g (F, 3, N)."""
 
     value: Float32Array
     nondiffuse: Float32Array
@@ -88,7 +96,6 @@ class TermValues:
     offset: float
     highlight_variance: Float32Array
     by_g: Float32Array
-    by_parameter: Float32Array | None = None
 
     @property
     def constant(self) -> Float32Array:
@@ -103,7 +110,7 @@ def evaluate(
     """Values and derivatives of the terms at g = albedo × normal (3, N) and light vectors (F, 3, N).
 
     `usable` (F, N) measurements have a rough term and gloss; `view` (3, N) are unit directions to the camera;
-    `response` (N,) are values of white at a mosaic's sites, by which a dielectric's lobe differs; none: ones.
+    `response` (N,) are values of white at a mosaic's sites, by which the lobe of gloss differs; none: ones.
     """
     albedo, normal, strength, lamp = _directions(g, light)
     ambient = np.float32(terms.ambient)
@@ -118,12 +125,14 @@ def evaluate(
     if terms.gloss > 0:
         gloss = microfacet.reflection(normal, lamp, view, usable, terms.gloss)
         diffuse = np.maximum(np.einsum("fcn,cn->fn", light, normal), 0)
-        mirrored = strength if response is None else strength * response
+        mirrored = terms.lobe_factor * (strength if response is None else strength * response)
         lobe = mirrored * gloss.lobe
         nondiffuse = nondiffuse + lobe
         highlight_sigma = np.float32(photometry.SETTINGS.predicted_highlight_sigma) * lobe
-        value = value + lobe + albedo * diffuse * gloss.layer
-        by_g += gloss.layer[:, None] * light + diffuse[:, None] * gloss.layer_by_normal
+        value = value + lobe
+        if terms.strength == 0:
+            value = value + albedo * diffuse * gloss.layer
+            by_g += gloss.layer[:, None] * light + diffuse[:, None] * gloss.layer_by_normal
         by_g += (mirrored / np.maximum(albedo, np.float32(LEAST_ALBEDO)))[:, None] * gloss.lobe_by_normal
     if terms.metal > 0:
         metal = microfacet.reflection(normal, lamp, view, usable, terms.metal, microfacet.METAL_F0)
@@ -147,7 +156,7 @@ def by_parameter(
     terms: ImageTerms, g: Float32Array, light: Float32Array, usable: BoolArray, view: Float32Array,
     response: Float32Array | None = None,
 ) -> Float32Array:  # fmt: skip
-    """Derivatives (F, 5, N) of the terms by b, a, o and either α; arguments as of `evaluate`."""
+    """Derivatives (F, 6, N) of the terms by b, a, o, either α and the strength; arguments as of `evaluate`."""
     albedo, normal, strength, lamp = _directions(g, light)
     rough, _ = _azimuthal_term(normal, lamp, view, usable)
     out = np.zeros((len(light), len(fields(ImageTerms)), light.shape[2]), np.float32)
@@ -155,7 +164,8 @@ def by_parameter(
     if terms.gloss > 0:
         mirrored = strength if response is None else strength * response
         gloss = microfacet.reflection(normal, lamp, view, usable, terms.gloss)
-        out[:, 3] = mirrored * gloss.lobe_by_log_alpha / np.float32(terms.gloss)
+        out[:, 3] = terms.lobe_factor * mirrored * gloss.lobe_by_log_alpha / np.float32(terms.gloss)
+        out[:, 5] = mirrored * gloss.lobe
     if terms.metal > 0:
         metal = microfacet.reflection(normal, lamp, view, usable, terms.metal, microfacet.METAL_F0)
         out[:, 4] = albedo * strength * metal.lobe_by_log_alpha / np.float32(terms.metal)
@@ -171,12 +181,14 @@ def _directions(g: Float32Array, light: Float32Array) -> tuple[Float32Array, Flo
 
 
 def stepped(present: ImageTerms, step: ImageTerms) -> ImageTerms:
-    """The terms after a Gauss–Newton step, within their ranges; gloss changes by `max_gloss_step` at most, none stays
+    """The terms after a Gauss–Newton step, within their ranges; gloss changes by `MAX_GLOSS_STEP` at most, none stays
     none."""
 
+    def changed(before: float, by: float) -> float:
+        return before * (1 + float(np.clip(by / max(before, 1e-6), -MAX_GLOSS_STEP, MAX_GLOSS_STEP)))
+
     def alpha(before: float, by: float) -> float:
-        change = np.clip(by / max(before, 1e-6), -MAX_GLOSS_STEP, MAX_GLOSS_STEP)
-        return float(np.clip(before * (1 + change), *SETTINGS.gloss_range)) if before > 0 else 0.0
+        return float(np.clip(changed(before, by), *SETTINGS.gloss_range)) if before > 0 else 0.0
 
     return ImageTerms(
         roughness=float(np.clip(present.roughness + step.roughness, 0, SETTINGS.max_rough_weight)),
@@ -184,6 +196,7 @@ def stepped(present: ImageTerms, step: ImageTerms) -> ImageTerms:
         offset=present.offset + step.offset,
         gloss=alpha(present.gloss, step.gloss),
         metal=alpha(present.metal, step.metal),
+        strength=changed(present.strength, step.strength),
     )
 
 

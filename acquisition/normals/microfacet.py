@@ -63,6 +63,12 @@ def reflection(
     return out
 
 
+def blinn_phong(alpha: float) -> tuple[float, float]:
+    """Strength, in units of albedo, and exponent of the Blinn–Phong lobe of a dielectric's height and width where it
+    faces lamp and camera: F₀/(4α²) and 2/α² − 2 (Walter et al. 2007, eq. 25 and 33)."""
+    return F0 / (4 * alpha**2), 2 / alpha**2 - 2
+
+
 @numba.njit(
     "void(float32[:,::1], float32[:,:,::1], float32[:,::1], uint8[:,::1], float64, float64, float32[:,::1],"
     " float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,:,::1])",

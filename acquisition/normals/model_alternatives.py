@@ -7,7 +7,7 @@ other faults.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -54,8 +54,10 @@ class AlternativeSettings:
     """Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried, and accepted
     unless the images then fit worse. 0.11–1.3 of 84 of 95 glossy captures (α 0.12–0.5), 0.09 at most of 174 others
     (design seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights by two rings)."""
-    term_sigma: ImageTerms = tuned(ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0), "term")
-    """1 σ of the priors of terms that are estimated; those of gloss and metal say next to nothing."""
+    term_sigma: ImageTerms = tuned(
+        ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0, strength=1.0), "term"
+    )
+    """1 σ of the priors of terms that are estimated; those of gloss, metal and strength say next to nothing."""
     sharpened_worse: float = tuned(1.6, "misfit ratio")
     """Misfit of sharpened images over that before, up to which they are accepted. It rises to 1.2–1.4 times by noise
     alone, since where a pixel is lit, a residual does not know of blur."""
@@ -133,7 +135,7 @@ def other_axes(present: Solution) -> list[Alternative]:
 
 def _others(present: Solution) -> list[Alternative]:
     """What else a poor fit may be of which other axes fit better."""
-    return [*_metal(present), *_coded(present)] if present.poor else []
+    return [*_gloss(present), *_metal(present), *_coded(present)] if present.poor else []
 
 
 def _relit(
@@ -237,7 +239,7 @@ TERMS = {
         photometry.METAL,
         "the surface has no diffuse light: it is solved as metal, less surely, of roughness α",
     ),
-    "gloss": ("gloss", "the surface is glossy: it is solved as a dielectric with microfacets, of roughness α"),
+    "gloss": ("gloss", "the surface is glossy: it is solved with microfacets, of roughness α"),
 }
 """Kind and sentence of the finding for each of `ImageTerms`."""
 
@@ -246,9 +248,8 @@ def other_formation(present: Solution) -> list[Alternative]:
     """Terms, and a coding, that the score tests demand; in a poor fit also the coding, metal, and ambient and stray
     light from other starts."""
     problem, nominal = present.problem, present.problem.nominal
-    alternatives: list[Alternative] = []
+    alternatives = _gloss(present)
     if nominal.terms is None and present.scores is not None:
-        alternatives += _gloss(present, present.scores.gloss)
         for name in ("roughness", "ambient", "offset"):
             score: TermScore = getattr(present.scores, name)
             if score.gain > model_trial.SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
@@ -286,16 +287,21 @@ def _excess_subtracted(scores: TermScores) -> bool:
     return all(offset.gain > other.gain for other in others if other.step > 0)
 
 
-def _gloss(present: Solution, score: TermScore) -> list[Alternative]:
-    """Gloss of a dielectric, where score test and lobe find it; in a poor fit anyway, since the wrong normals that
-    sharp highlights make leave no score."""
-    better = model_trial.SETTINGS.better_at_least if present.poor else None
-    found = score.gain > model_trial.SETTINGS.min_gain or present.state.lobe.strength > 0
-    most = 1.0 if found and score.step > SETTINGS.min_gloss_step else better
-    if most is None:
+def _gloss(present: Solution) -> list[Alternative]:
+    """Gloss of a dielectric, and of any strength, where the score test finds it; in a poor fit anyway, since the wrong
+    normals that sharp highlights make leave no score."""
+    if present.problem.nominal.terms is not None or present.scores is None:
         return []
-    gloss = _with_term(present.problem, "gloss", ImageTerms(gloss=GLOSS_START), most)
-    return [replace(gloss, least_images=photometry.OVERDETERMINED)]
+    score = present.scores.gloss
+    found = score.gain > model_trial.SETTINGS.min_gain and score.step > SETTINGS.min_gloss_step
+    if not found and not present.poor:
+        return []
+    most = 1.0 if found else model_trial.SETTINGS.better_at_least
+    dielectric, other = (
+        _with_term(present.problem, "gloss", ImageTerms(gloss=GLOSS_START, strength=strength), most)
+        for strength in (0.0, 1.0)
+    )
+    return [replace(dielectric, least_images=photometry.OVERDETERMINED), other]
 
 
 def _metal(present: Solution) -> list[Alternative]:
@@ -307,8 +313,9 @@ def _metal(present: Solution) -> list[Alternative]:
 
 
 def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
-    """One of `TERMS` estimated from a start, accepted up to `most` of the misfit."""
-    sigma = replace(LAMBERTIAN, **{name: getattr(SETTINGS.term_sigma, name)})
+    """One of `TERMS` estimated from a start, with what else the start has, accepted up to `most` of the misfit."""
+    estimated = {name} | {field.name for field in fields(start) if getattr(start, field.name) > 0}
+    sigma = replace(LAMBERTIAN, **{one: getattr(SETTINGS.term_sigma, one) for one in estimated})
     changed = replace(problem, nominal=replace(problem.nominal, terms=start), term_sigma=sigma)
     return Alternative(*TERMS[name], changed, most, step=step)
 

@@ -1,7 +1,7 @@
 """Selection of the image model: the plain one, unless a test demands another whose fit is then better.
 
-A sound capture is solved by the plain model: Lambert's law, one specular lobe, light from other surfaces, lamps where
-the calibration says. Cheap tests look for what most often is otherwise (`model_alternatives`). Only what a test demands
+A sound capture is solved by the plain model: Lambert's law, light from other surfaces, lamps where the calibration
+says. Cheap tests look for what most often is otherwise (`model_alternatives`). Only what a test demands
 is tried, by another descent from its own start, and only a trial that fits the images better replaces the model. What
 stays wrong is said in a finding that is not corrected, and raises σ (`error_variance`).
 """
@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition import photometry
 from acquisition.models.base import Float32Array
 from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
@@ -58,12 +57,10 @@ def solve(problem: Problem) -> Solution:
     state = alternation.refine(level, problem.start_m, nominal, priors)
     scene = replace(nominal, lamps=state.shared.lamps(nominal.lamps), terms=nominal.terms and state.shared.terms)
     scene, lit, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
-    ray_direction = photometry.ray_directions(lit.ray)
     fit = goodness_of_fit.evaluate(
         sample.estimate, sample.values, nominal.noise, sample.extra_variance, _place(lit.ray)
     )
-    gloss = state.lobe.derivatives(sample.estimate, ray_direction)
-    scores = term_tests.scores(sample.estimate, sample.values, scene, state.shared, priors, gloss)
+    scores = term_tests.scores(sample.estimate, sample.values, scene, state.shared, priors)
     return Solution(problem, state, scene, fit, scores)
 
 

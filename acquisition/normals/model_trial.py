@@ -250,6 +250,8 @@ class Alternative:
         elif self.kind in ("gloss", photometry.METAL):
             value = max(terms.gloss, terms.metal)
             message += f" {value:.2f}"
+            if terms.strength > 0:
+                message += f" and {terms.strength:.1f} times a dielectric's strength"
         elif self.kind in ("ambient light", "stray light"):
             value = terms.ambient + terms.offset
             message += f" ({value:.1%} of white)"

@@ -200,19 +200,14 @@ def solve(
     options: PixelSolveOptions,
     *,
     extra_variance: Float32Array | None = None,
-    highlight_by_g: Float32Array | None = None,
 ) -> Estimate:
     """Iteratively reweighted least squares (Cauchy weights) of g at each of N pixels at depth (N,).
 
     `values` (F, N) replaces the measured ones where intensities were divided out or light subtracted; `extra_variance`
-    (F, N) is added to the noise model's and the pixels' own. Where a highlight was subtracted that depends on g,
-    `highlight_by_g` (F, 3, N) is its derivative ∂h/∂g; rotating a normal leaves |g| as it is, so the derivative adds to
-    the light vectors and nothing to the values.
+    (F, N) is added to the noise model's and the pixels' own.
     """
     lighting = Lighting.at(pixels, depth_m, scene)
-    return solve_lit(
-        pixels, values, lighting, scene, options, extra_variance=extra_variance, highlight_by_g=highlight_by_g
-    )
+    return solve_lit(pixels, values, lighting, scene, options, extra_variance=extra_variance)
 
 
 def solve_lit(
@@ -223,19 +218,17 @@ def solve_lit(
     options: PixelSolveOptions,
     *,
     extra_variance: Float32Array | None = None,
-    highlight_by_g: Float32Array | None = None,
 ) -> Estimate:
     """`solve` in a known `lighting`, which serves for all solves at one depth."""
     light = lighting.light
-    bent = light if highlight_by_g is None else light + highlight_by_g
     if scene.terms is None:
-        return _solve(pixels, values, lighting, bent, scene, options, extra_variance)
+        return _solve(pixels, values, lighting, light, scene, options, extra_variance)
 
     def once(terms: TermValues) -> Estimate:
         extra = extra_variance
         if scene.terms is not None and scene.terms.specular:
             extra = terms.highlight_variance if extra is None else extra + terms.highlight_variance
-        return _solve(pixels, values, lighting, bent + terms.by_g, scene, options, extra, terms)
+        return _solve(pixels, values, lighting, light + terms.by_g, scene, options, extra, terms)
 
     response = scene.response(pixels.channel)
     return term_solve.solve(

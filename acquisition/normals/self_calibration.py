@@ -24,7 +24,6 @@ from acquisition.models.tuned import tuned
 from acquisition.normals import image_terms, pixel_solve, pixel_solve_kernels
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixel_solve import Estimate
-from acquisition.normals.specular import HighlightDerivatives
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,6 @@ class SelfCalibrationSettings:
     """Pixels whose model errors are correlated, errors of lamp positions included, which all pixels of an image share.
     With 10 the object's shift is wrong by up to 8 mm where few lights determine it, with 30 discontinuities calibrate
     worse."""
-    lobe_log_sigma: float = tuned(0.5, "1")
-    """1 σ of the logarithms of a lobe's strength and exponent."""
     max_sigma_scale: float = tuned(4.0, "1")
     """Largest factor of the stated σ of intensities in `evidence_maximised_sigma`."""
 
@@ -100,7 +97,7 @@ class Equations:
     """Normal equations of the shared parameters: `matrix` x = `right` (M, M), the prior's `precision` (M, M), what it
     pulls back by (M,), and which are `held` fixed (M,).
 
-    Log intensities (F) come first, then lamp positions (3F), shift, terms and lobe.
+    Log intensities (F) come first, then lamp positions (3F), shift and terms.
     """
 
     matrix: FloatArray
@@ -118,50 +115,34 @@ class Equations:
 
 def normal_equations(
     estimate: Estimate, by_depth: Float32Array, values: Float32Array, lamps: Float32Array, present: SharedParameters,
-    priors: Priors, offset_sigma_m: float, gloss: HighlightDerivatives | None = None,
+    priors: Priors, offset_sigma_m: float, tested: Float32Array | None = None,
 ) -> Equations | None:  # fmt: skip
     """Linearised least squares of the shared parameters from estimates at K pixels, each pixel's own eliminated.
 
     `by_depth` (∂s/∂Z) (F, 3, K), `values` (F, K), `lamps` (F, 6) as estimated with; what is `present` is already
     divided out of `values`, and in lamps and depth. Priors pull all towards zero; that of the intensities is widened by
-    `evidence_maximised_sigma`. Of glossy pixels `values` are without highlights, and `gloss` has their derivatives.
-    None where too few pixels have enough lights.
+    `evidence_maximised_sigma`. `tested` (F, L, K) are derivatives by parameters that are held at zero and stand in
+    place of the terms'. None where too few pixels have enough lights.
     """
     count = len(values)
     enough = np.count_nonzero(estimate.weights > 0, axis=0) >= photometry.OVERDETERMINED
     if np.count_nonzero(enough) < photometry.SETTINGS.min_sample:
         return None
     terms = estimate.terms
-    derivatives: list[Float32Array] = []
-    if terms is not None:
+    nothing, none = np.zeros((count, 0, 0), np.float32), np.zeros((count, 0), np.float32)
+    by_g, added = (nothing, none) if terms is None else (terms.by_g, terms.value)
+    by_parameter, parameters, parameter_sigma = nothing, np.zeros(0), np.zeros(0)
+    if tested is not None:
+        by_parameter, parameters, parameter_sigma = tested, np.zeros(tested.shape[1]), np.zeros(tested.shape[1])
+    elif terms is not None:
         view = -estimate.point / np.sqrt(np.sum(estimate.point * estimate.point, axis=0))
-        derivatives.append(
-            image_terms.by_parameter(
-                present.terms, estimate.g, estimate.light, estimate.usable, view, estimate.response
-            )
-            if terms.by_parameter is None
-            else terms.by_parameter
+        by_parameter = image_terms.by_parameter(
+            present.terms, estimate.g, estimate.light, estimate.usable, view, estimate.response
         )
-    if gloss is not None:
-        derivatives.append(gloss.by_lobe)
-    columns = sum(part.shape[1] for part in derivatives)
-    sigma = np.concatenate(
-        [
-            [priors.shift_m],
-            [] if terms is None else astuple(priors.terms),
-            [] if gloss is None else [SETTINGS.lobe_log_sigma] * gloss.by_lobe.shape[1],
-        ]
-    )
+        parameters, parameter_sigma = np.array(astuple(present.terms)), np.array(astuple(priors.terms))
+    sigma = np.concatenate([[priors.shift_m], parameter_sigma])
     size = 4 * count + len(sigma)
     sums = np.zeros((size + 1, size + 1))
-    nothing, none = np.zeros((count, 0, 0), np.float32), np.zeros((count, 0), np.float32)
-    by_g, added = nothing, none
-    if terms is not None:
-        by_g, added = terms.by_g, terms.value
-    if gloss is not None:
-        by_g, added = (
-            (gloss.by_g, gloss.highlight) if terms is None else (terms.by_g + gloss.by_g, added + gloss.highlight)
-        )
     _normal_equations(
         estimate.light,
         by_depth,
@@ -171,7 +152,7 @@ def normal_equations(
         estimate.weights,
         np.ascontiguousarray(by_g, np.float32),
         np.ascontiguousarray(added, np.float32),
-        np.ascontiguousarray(np.concatenate(derivatives, axis=1) if columns else nothing, np.float32),
+        np.ascontiguousarray(by_parameter, np.float32),
         enough,
         np.array([1e-6] * photometry.PIXEL_UNKNOWNS + [offset_sigma_m**-2]),
         sums,
@@ -180,12 +161,7 @@ def normal_equations(
         sums[:-1, :-1] / SETTINGS.effective_sample_divisor,
         sums[:-1, -1] / SETTINGS.effective_sample_divisor,
     )
-    before = np.zeros(size)
-    before[: 4 * count + 1] = np.concatenate(
-        [present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m]]
-    )
-    if terms is not None:
-        before[4 * count + 1 : size - (0 if gloss is None else gloss.by_lobe.shape[1])] = astuple(present.terms)
+    before = np.concatenate([present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m], parameters])
     others = np.asarray(block_diag(_position_precision(priors, count), np.diag(_precision(sigma))), np.float64)
     intensity_sigma = priors.intensity
     if intensity_sigma > 0:
@@ -197,14 +173,14 @@ def normal_equations(
 
 def gauss_newton_step(
     estimate: Estimate, by_depth: Float32Array, values: Float32Array, lamps: Float32Array, present: SharedParameters,
-    priors: Priors, offset_sigma_m: float, gloss: HighlightDerivatives | None = None,
+    priors: Priors, offset_sigma_m: float,
 ) -> SharedParameters:  # fmt: skip
     """Gauss–Newton step of the shared parameters from estimates at K pixels: their changes, and the covariance after.
 
     Arguments as of `normal_equations`. The terms of the result are changes, too.
     """
     count = len(values)
-    equations = normal_equations(estimate, by_depth, values, lamps, present, priors, offset_sigma_m, gloss)
+    equations = normal_equations(estimate, by_depth, values, lamps, present, priors, offset_sigma_m)
     if equations is None:
         stated = block_diag(priors.intensity**2 * np.eye(count), priors.position_covariance(count))
         return replace(SharedParameters.nominal(count), covariance=stated)
@@ -294,10 +270,10 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
     weights: Float32Array,  # (F, K)
     by_g: Float32Array,  # (F, 3, K) of values beside Lambert's, or empty
     added: Float32Array,  # (F, K) values beside Lambert's that scale with the lamp, or empty
-    by_lobe: Float32Array,  # (F, L, K) of values by the parameters of terms and lobe
+    by_term: Float32Array,  # (F, L, K) of values by the parameters of terms
     enough: BoolArray,  # (K,): the pixels that count
     precision: FloatArray,  # (4,) of the prior of a pixel's own unknowns
-    sums: FloatArray,  # (M + 1, M + 1), M = 4F + 1 + L: intensities, positions, shift, terms and lobe; residuals
+    sums: FloatArray,  # (M + 1, M + 1), M = 4F + 1 + L: intensities, positions, shift and terms; residuals
 ) -> None:
     """Sums the normal equations of the shared parameters, each pixel's own unknowns eliminated (Schur complement).
 
@@ -305,8 +281,8 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
     residuals, these are CᵀC − CᵀO (OᵀO + prior)⁻¹ OᵀC. Only its own row has anything in a lamp's columns, so that CᵀC
     is kept lamp by lamp until the end.
     """
-    count, lobes, size = light.shape[0], by_lobe.shape[1], len(sums)
-    lamp_columns, wide = 4 * count, 6 + lobes  # columns of the lamps; columns of one of them, and those of all
+    count, terms, size = light.shape[0], by_term.shape[1], len(sums)
+    lamp_columns, wide = 4 * count, 6 + terms  # columns of the lamps; columns of one of them, and those of all
     own, inner = np.empty((4, count)), np.empty((4, 4))
     columns, by_lamp = np.empty((wide, count)), np.zeros((wide, wide, count))
     across = np.empty((4, size))
@@ -319,12 +295,12 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
             for c in range(3):
                 slope += by_depth[f, c, p] * np.float64(g[c, p])
                 direct += light[f, c, p] * np.float64(g[c, p])
-                own[c, f] = root * (light[f, c, p] + by_g[f, c, p] if lobes else light[f, c, p])
+                own[c, f] = root * (light[f, c, p] + by_g[f, c, p] if terms else light[f, c, p])
                 columns[1 + c, f] = root * by_position[f, c, p]
-            columns[0, f] = root * (direct + added[f, p] if lobes else direct)
+            columns[0, f] = root * (direct + added[f, p] if terms else direct)
             own[3, f] = columns[4, f] = root * slope
-            for one in range(lobes):
-                columns[5 + one, f] = root * by_lobe[f, one, p]
+            for one in range(terms):
+                columns[5 + one, f] = root * by_term[f, one, p]
             columns[wide - 1, f] = root * (values[f, p] - direct)
         for a in range(wide):
             for b in range(wide):

@@ -17,7 +17,6 @@ from acquisition.normals import image_terms, pixel_solve, self_calibration
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms, TermValues
 from acquisition.normals.pixel_solve import Estimate, Scene
 from acquisition.normals.self_calibration import Equations, Priors, SharedParameters
-from acquisition.normals.specular import HighlightDerivatives
 
 
 @dataclass(frozen=True)
@@ -25,8 +24,8 @@ class TermTestSettings:
     """Tuned numbers of the score tests."""
 
     gloss_tested: float = tuned(0.3, "α")
-    """Roughness α at which gloss is tested, in the middle of what is common. Sharper gloss leaves highlights, which the
-    specular lobe finds first."""
+    """Roughness α at which gloss is tested, in the middle of what is common. Sharper gloss leaves highlights, which
+    robust weights reject, and wrong normals, which make the fit poor."""
 
 
 SETTINGS = TermTestSettings()
@@ -57,10 +56,9 @@ class TermScores:
 
 
 def scores(
-    estimate: Estimate, values: Float32Array, scene: Scene, shared: SharedParameters, priors: Priors,
-    gloss: HighlightDerivatives | None,
-) -> TermScores | None:  # fmt: skip
-    """Score tests at K pixels' `estimate` from `values` (F, K) without highlights and indirect light.
+    estimate: Estimate, values: Float32Array, scene: Scene, shared: SharedParameters, priors: Priors
+) -> TermScores | None:
+    """Score tests at K pixels' `estimate` from `values` (F, K) without indirect light.
 
     `scene` has the lamps as estimated, `shared` what is divided out. None where too few pixels have enough lights.
     """
@@ -80,9 +78,8 @@ def scores(
     columns = np.stack([*np.moveaxis(usual[:, :3], 1, 0), glossy.value, coded], axis=1, dtype=np.float32)
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
     equations = self_calibration.normal_equations(
-        replace(estimate, terms=replace(present, by_parameter=columns)), by_depth, values, scene.lamps, shared,
-        replace(priors, terms=LAMBERTIAN),
-        photometry.SETTINGS.offset_sigma_m, gloss,
+        replace(estimate, terms=present), by_depth, values, scene.lamps, shared, priors,
+        photometry.SETTINGS.offset_sigma_m, columns,
     )  # fmt: skip
     if equations is None:
         return None

@@ -172,10 +172,9 @@ those that are marked doubtful; ideal are 1 and 0.63. Stages work on one another
 being on, and the figures do not add up."""
 
 NOT_SWITCHED = """Not among them is the estimate of the sensor's noise (`acquisition.normals.sensor_estimate`,
-`acquisition.normals.pixel_noise`): the bench states the sensor's true noise, and neither is reached. Two that change
-few errors here serve others: the specular lobe gloss that is no dielectric's ([decision
-23](../decisions/0023-one-specular-lobe.md)), noise from residuals σ where the model is wrong, the finding `lamps`, and
-the choice of the solver under many distant lights."""
+`acquisition.normals.pixel_noise`): the bench states the sensor's true noise, and neither is reached. One that changes
+few errors here serves others: noise from residuals σ where the model is wrong, the finding `lamps`, and the choice of
+the solver under many distant lights."""
 
 
 def write(path: Path, command: str, lines: Sequence[Line], grading: str) -> None:

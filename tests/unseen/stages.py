@@ -24,7 +24,6 @@ from acquisition.normals import (
     pixel_solve,
     residual_noise,
     self_calibration,
-    specular,
     translucency,
 )
 from acquisition.normals.model_trial import Alternative
@@ -156,11 +155,6 @@ STAGES = (
         (_setting(alternation, min_indirect_share=math.inf),),
     ),
     Stage(
-        "specular lobe",
-        "Every surface counts as diffuse.",
-        (_setting(specular, min_strength=math.inf),),
-    ),
-    Stage(
         "noise from residuals",
         "The shares c and σ_d of the noise are those of the calibration.",
         (Patch(residual_noise, "estimate", _stated_noise),),
@@ -172,7 +166,7 @@ STAGES = (
     ),
     Stage(
         "Cauchy weights",
-        "Pixels are solved by least squares (recipe's `robust` off); the fit of the lobe keeps its own weights.",
+        "Pixels are solved by least squares (recipe's `robust` off).",
         settings=SolveSettings(robust=False),
     ),
     Stage(
@@ -201,8 +195,8 @@ STAGES = (
         (_setting(model_selection, max_selections=0),),
     ),
     Stage(
-        "gloss of a dielectric",
-        "Highlights are those of the one lobe, whatever the score test says.",
+        "gloss",
+        "A glossy surface is solved as a diffuse one, whatever the score test says.",
         (Patch(model_alternatives, "_gloss", _no_alternative),),
     ),
     Stage(

@@ -11,11 +11,11 @@ from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
 from acquisition.normals import final_solve, integrability, pyramid, session_images
 from acquisition.normals import images as normalised
 from acquisition.normals.alternation import AlternationResult
+from acquisition.normals.image_terms import ImageTerms
 from acquisition.normals.images import Images
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 from acquisition.normals.self_calibration import SharedParameters
-from acquisition.normals.specular import NO_LOBE, Lobe
 from tests.acquisition import scenes
 
 SIZE = 96
@@ -47,7 +47,7 @@ def model(known: Calibration, stack: Images) -> Scene:
     return Scene(photometry.lamps(stack.lights), known, noise, SolveSettings(), median_albedo=0.5)
 
 
-def refined(gathered: PyramidLevel, noise: photometry.Noise, lobe: Lobe, received: float) -> AlternationResult:
+def refined(gathered: PyramidLevel, noise: photometry.Noise, received: float) -> AlternationResult:
     """A coarse surface that is not flat, as an alternation might end with."""
     coarse = gathered.coarse
     count, lights = coarse.values.shape[1], len(coarse.values)
@@ -61,7 +61,6 @@ def refined(gathered: PyramidLevel, noise: photometry.Noise, lobe: Lobe, receive
         indirect_irradiance=None if light is None else light.astype(np.float32),
         indirect_scale=1.0,
         typical_albedo=0.5,
-        lobe=lobe,
         noise=noise,
         normals=np.zeros((3, count), np.float32),
     )
@@ -84,18 +83,22 @@ def same(one: NormalMap, two: NormalMap) -> None:
     assert one.notes["interreflection"]["share"] == pytest.approx(two.notes["interreflection"]["share"], rel=ROUNDING)
 
 
-@pytest.mark.parametrize(("lobe", "received"), [(NO_LOBE, 0.0), (Lobe(0.1, 25.0), 0.2)], ids=["plain", "in turns"])
+@pytest.mark.parametrize(
+    ("terms", "received"),
+    [(None, 0.0), (None, 0.2), (ImageTerms(gloss=0.3, strength=0.5), 0.2)],
+    ids=["plain", "in turns", "glossy"],
+)
 def test_solve_in_blocks_of_rows_equals_solve_in_one(
-    lobe: Lobe, received: float, cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
+    terms: ImageTerms | None, received: float, cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stack = images(cushion)
     all_pixels = slice(0, SIZE)
     masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
-    known = model(cushion.calibration, stack)
+    known = replace(model(cushion.calibration, stack), terms=terms)
 
     def solved() -> NormalMap:
         gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
-        return final_solve.solve(masked, gathered, refined(gathered, known.noise, lobe, received), known, (SIZE, SIZE))
+        return final_solve.solve(masked, gathered, refined(gathered, known.noise, received), known, (SIZE, SIZE))
 
     together = solved()
     assert np.count_nonzero(together.flags == LIT) < 0.95 * len(LIGHTS) * np.count_nonzero(cushion.mask)  # shadows
@@ -158,7 +161,7 @@ def test_flags_predicted_indirect_light_is_no_highlight(cushion: scenes.Scene) -
     masked = MaskedImages(lit, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
     gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, lit)
-    result = replace(refined(gathered, known.noise, NO_LOBE, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
+    result = replace(refined(gathered, known.noise, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
     received = np.repeat(falling[:, None], gathered.coarse.values.shape[1], axis=1)
     shares = [
         np.mean(
@@ -185,7 +188,7 @@ def test_solve_pixels_with_two_lights_are_smoothed(cushion: scenes.Scene) -> Non
     )
     gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
-    start = replace(refined(gathered, known.noise, NO_LOBE, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
+    start = replace(refined(gathered, known.noise, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
     result = final_solve.solve(masked, gathered, start, known, (SIZE, SIZE))
     assert np.min(result.sigma_deg[lone]) > 15  # smoothing claims nothing: two lights are two lights
     assert np.mean(cushion.error_deg(result.normals)[lone[cushion.graded]]) < 4
@@ -196,7 +199,7 @@ def test_solve_integrability_lowers_median_error(cushion: scenes.Scene, monkeypa
     masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
     gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
-    start = replace(refined(gathered, known.noise, NO_LOBE, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
+    start = replace(refined(gathered, known.noise, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
 
     def median_deg() -> float:
         result = final_solve.solve(masked, gathered, start, known, (SIZE, SIZE))
@@ -216,7 +219,7 @@ def test_solve_noise_beyond_what_is_stated_is_a_misfit(cushion: scenes.Scene) ->
     gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     scene = model(cushion.calibration, stack)
     estimated = replace(scene, noise=replace(scene.noise, intensity=0.1, direction=0.05))
-    state = refined(gathered, estimated.noise, NO_LOBE, 0.0)
+    state = refined(gathered, estimated.noise, 0.0)
 
     def solved(stated: photometry.Noise) -> NormalMap:
         size = (SIZE, SIZE)

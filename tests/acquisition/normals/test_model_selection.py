@@ -174,16 +174,35 @@ def test_solve_moved_object_is_registered(cushion: scenes.Scene, images: Images,
     assert mean_deg(cushion, result) < unmended
 
 
-def reflected(true: scenes.Scene, images: Images, reflectance: Reflectance) -> Images:
-    """The Lambertian images times what another surface reflects of a Lambertian one at each pixel."""
+def lit(true: scenes.Scene, images: Images) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Light vectors and unit vectors to the lamps (F, N, 3), and to the camera (N, 3), at the object's pixels."""
     known = true.calibration
     rows, columns = np.nonzero(true.mask)
     depth = true.depth[rows, columns].astype(np.float32)
     ray = photometry.rays(known, slice(0, known.height), slice(0, known.width))[:, rows, columns]
     point, along = photometry.points(ray, depth), photometry.ray_directions(ray)
-    light = photometry.light_vectors(point, photometry.lamps(images.lights), known)
-    lamp = np.moveaxis(light / np.linalg.norm(light, axis=1)[:, None], 1, -1)
-    view = -along.T / np.linalg.norm(along.T, axis=1, keepdims=True)
+    light = np.moveaxis(photometry.light_vectors(point, photometry.lamps(images.lights), known), 1, -1)
+    lamp = light / np.linalg.norm(light, axis=-1, keepdims=True)
+    return light, lamp, -along.T / np.linalg.norm(along.T, axis=1, keepdims=True)
+
+
+def with_blinn_phong(true: scenes.Scene, images: Images, strength: float, exponent: float) -> Images:
+    """The images with strength · |s| (n·h)^exponent added where the surface is lit."""
+    light, lamp, view = lit(true, images)
+    half = lamp + view
+    half /= np.linalg.norm(half, axis=-1, keepdims=True)
+    cosine = np.clip(np.einsum("fnc,nc->fn", half, true.normals[true.mask]), 0, 1)
+    values = images.whole.values.copy()
+    values[:, true.mask] += np.where(
+        values[:, true.mask] > 0, strength * np.linalg.norm(light, axis=-1) * cosine**exponent, 0
+    )
+    return scenes.with_values(images, values)
+
+
+def reflected(true: scenes.Scene, images: Images, reflectance: Reflectance) -> Images:
+    """The Lambertian images times what another surface reflects of a Lambertian one at each pixel."""
+    _, lamp, view = lit(true, images)
+    rows, columns = np.nonzero(true.mask)
     normal, albedo = true.normals[rows, columns], np.full(len(rows), 0.5)
     plain, other = (one.value(normal, lamp, view, albedo) for one in (Reflectance(), reflectance))
     values = images.whole.values.copy()
@@ -194,7 +213,22 @@ def reflected(true: scenes.Scene, images: Images, reflectance: Reflectance) -> I
 def test_solve_glossy_dielectric_is_solved_as_one(cushion: scenes.Scene, images: Images, sound: NormalMap) -> None:
     result = solved(cushion, reflected(cushion, images, Reflectance("ggx", 0.3)))
     assert kinds(result) == [("gloss", True)]
+    assert "times a dielectric's strength" not in result.findings[0].message
     assert result.findings[0].value == pytest.approx(0.3, abs=0.03)
+    assert mean_deg(cushion, result) < 1.5 * mean_deg(cushion, sound)
+
+
+@pytest.mark.parametrize(("strength", "exponent"), [(0.1, 30.0), (0.2, 30.0), (0.15, 200.0)])
+def test_solve_gloss_of_other_strength_is_solved_with_it(
+    strength: float, exponent: float, cushion: scenes.Scene, images: Images, sound: NormalMap
+) -> None:
+    """The Blinn–Phong lobes of the simulator's finishes, beside diffuse light that lacks nothing. GGX of the same light
+    has a longer tail and a higher, narrower peak."""
+    result = solved(cushion, with_blinn_phong(cushion, images, strength, exponent))
+    assert kinds(result) == [("gloss", True)]
+    assert "times a dielectric's strength" in result.findings[0].message
+    assert result.notes["lobe"]["strength"] == pytest.approx(strength, rel=0.3)
+    assert exponent / 1.6 < result.notes["lobe"]["exponent"] < exponent * 1.6
     assert mean_deg(cushion, result) < 1.5 * mean_deg(cushion, sound)
 
 

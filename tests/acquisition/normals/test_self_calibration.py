@@ -1,6 +1,6 @@
 """Self-calibration of lamp intensities and positions: evidence, normal equations, recovered offsets and their σ."""
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -9,10 +9,10 @@ from acquisition import normals, photometry
 from acquisition.models.light_plan import Light
 from acquisition.models.result import SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.normals import alternation, pixel_solve, self_calibration, specular
+from acquisition.normals import alternation, image_terms, pixel_solve, self_calibration
+from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms, TermValues
 from acquisition.normals.pixel_solve import Estimate, PixelSolveOptions
 from acquisition.normals.self_calibration import Priors, SharedParameters
-from acquisition.normals.specular import HighlightDerivatives, Lobe
 from tests.acquisition import scenes
 from tests.acquisition.normals.shared_scene import measured
 
@@ -57,33 +57,26 @@ def test_step_flat_glossy_surface_recovers_intensities() -> None:
     made = measured(largest_slant=0.15)
     rng = np.random.default_rng(5)
     wrong = rng.normal(0, 0.03, 8)
-    gloss = Lobe(0.2, 30.0)
-    exact = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, PixelSolveOptions(0.08))
-    images = (made.values + gloss.highlight(exact, made.ray_direction)) * np.exp(wrong)[:, None]
+    gloss = ImageTerms(gloss=0.25, strength=1.2)
+    view = -made.ray_direction / np.linalg.norm(made.ray_direction, axis=0)
+    everywhere = np.ones(made.values.shape, np.bool_)
+    added = image_terms.evaluate(gloss, 0.6 * made.normals, made.light, everywhere, view.astype(np.float32))
+    images = (made.values + added.value) * np.exp(wrong)[:, None]
     images = (images + rng.normal(0, 0.002, images.shape)).astype(np.float32)
-    log_intensity, highlight = np.zeros(8), np.zeros_like(images)
+    present = replace(SharedParameters.nominal(8), terms=gloss)
+    priors = Priors(STATED, 0.0, 0.0, ImageTerms(gloss=1.0, strength=1.0))
     for _ in range(10):
-        divided = alternation.divide_intensity(images, log_intensity)
-        solution = pixel_solve.solve(
-            made.pixels,
-            divided - highlight,
-            made.depth_m,
-            made.scene,
-            PixelSolveOptions(0.08),
-            extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
-        )
-        glossy = gloss.derivatives(solution, made.ray_direction)
-        assert glossy is not None
-        highlight = glossy.highlight
+        divided = alternation.divide_intensity(images, present.log_intensity)
+        scene = replace(made.scene, terms=present.terms)
+        solution = pixel_solve.solve(made.pixels, divided, made.depth_m, scene, PixelSolveOptions(0.08))
         change = pixel_solve.depth_derivative(solution.light, solution.point, made.ray_direction, made.lamp)
-        present = replace(SharedParameters.nominal(8), log_intensity=log_intensity)
-        log_intensity = (
-            log_intensity
-            + self_calibration.gauss_newton_step(
-                solution, change, divided - highlight, made.lamp, present, Priors(STATED, 0.0, 0.0), 0.003, glossy
-            ).log_intensity
+        step = self_calibration.gauss_newton_step(solution, change, divided, made.lamp, present, priors, 0.003)
+        present = replace(
+            present,
+            log_intensity=present.log_intensity + step.log_intensity,
+            terms=image_terms.stepped(present.terms, step.terms),
         )
-    left = log_intensity - wrong
+    left = present.log_intensity - wrong
     assert np.std(left) < 0.3 * np.std(wrong)
 
 
@@ -132,9 +125,9 @@ def test_step_eliminated_pixels_equals_dense_solution() -> None:
 @pytest.mark.parametrize("glossy", [False, True])
 @pytest.mark.parametrize("count", [5, 8, 21])
 def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bool) -> None:
-    """Random pixels lit by some of the lamps, with a lobe and without, against dense matrices of each pixel."""
+    """Random pixels lit by some of the lamps, with terms and without, against dense matrices of each pixel."""
     rng, pixels, offset_sigma = np.random.default_rng(count), 90, 0.003
-    lobes = 2 if glossy else 0
+    terms = ImageTerms(0.1, 0.05, 0.02, 0.3, 0.0, 0.8) if glossy else LAMBERTIAN
 
     def random(*shape: int) -> np.ndarray:
         return rng.normal(size=shape).astype(np.float32)
@@ -147,34 +140,38 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
         light=random(count, 3, pixels), point=random(3, pixels) - np.array([[0], [0], [5]], np.float32),
     )  # fmt: skip
     change, values = random(count, 3, pixels), random(count, pixels)
-    gloss = HighlightDerivatives(random(count, 3, pixels), random(count, 2, pixels)) if glossy else None
-    present = SharedParameters(random(count).astype(float), random(count, 3).astype(float), 0.7, np.zeros((0, 0)))
+    added, by_g = np.zeros((count, pixels)), np.zeros((count, 3, pixels))
+    by_term, term_sigma = np.zeros((count, 0, pixels)), np.zeros(0)
+    if glossy:
+        added, by_g, term_sigma = random(count, pixels), random(count, 3, pixels), np.full(6, 0.5)
+        solution = replace(solution, terms=TermValues(added, added, added, 0.0, added, by_g))
+        view = -solution.point / np.linalg.norm(solution.point, axis=0)
+        by_term = image_terms.by_parameter(terms, solution.g, solution.light, solution.usable, view)
+    present = SharedParameters(
+        random(count).astype(float), random(count, 3).astype(float), 0.7, np.zeros((0, 0)), terms
+    )
     step = self_calibration.gauss_newton_step(
-        solution, change, values, lamp, present, Priors(9.0, 5.0, 3.0), offset_sigma, gloss
+        solution, change, values, lamp, present, Priors(9.0, 5.0, 3.0, ImageTerms(*term_sigma)), offset_sigma
     )
 
-    size = 4 * count + 1 + lobes
+    size = 4 * count + 1 + len(term_sigma)
     matrix, right = np.zeros((size, size)), np.zeros(size)
     aside = self_calibration.position_derivative(solution, lamp).astype(float)
     pixel_prior = np.diag([1e-6] * 3 + [offset_sigma**-2])
     for p in np.flatnonzero(np.count_nonzero(weights, axis=0) >= 4):
         root = np.sqrt(solution.weights[:, p].astype(float))
         slope, predicted = (rows[:, :, p].astype(float) @ solution.g[:, p] for rows in (change, solution.light))
-        bright = predicted if gloss is None else predicted + gloss.by_lobe[:, 0, p]
-        turning = solution.light[:, :, p] + (0 if gloss is None else gloss.by_g[:, :, p])
-        own = np.column_stack([turning, slope])
-        each = [np.diag(bright), *(np.diag(along) for along in aside[:, :, p].T)]
-        shared = np.column_stack([*each, slope, *([] if gloss is None else gloss.by_lobe[:, :, p].T)])
-        own, shared, left = root[:, None] * own, root[:, None] * shared, root * (values[:, p] - predicted)
+        own = np.column_stack([solution.light[:, :, p] + by_g[:, :, p], slope])
+        each = [np.diag(predicted + added[:, p]), *(np.diag(along) for along in aside[:, :, p].T)]
+        shared = np.column_stack([*each, slope, *by_term[:, :, p].T])
+        left = root * (values[:, p] - added[:, p] - predicted)
+        own, shared = root[:, None] * own, root[:, None] * shared
         inner = np.linalg.inv(own.T @ own + pixel_prior)
         matrix += shared.T @ shared - shared.T @ own @ inner @ own.T @ shared
         right += shared.T @ left - shared.T @ own @ inner @ own.T @ left
-    prior = np.array(
-        [9.0**-2] * count + [5.0**-2] * 3 * count + [3.0**-2] + [self_calibration.SETTINGS.lobe_log_sigma**-2] * lobes
-    )
-    before = np.concatenate(
-        [present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m], np.zeros(lobes)]
-    )
+    prior = np.array([9.0**-2] * count + [5.0**-2] * 3 * count + [3.0**-2, *term_sigma**-2])
+    parameters = astuple(terms) if glossy else ()
+    before = np.concatenate([present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m], parameters])
     covariance = np.linalg.inv(matrix / self_calibration.SETTINGS.effective_sample_divisor + np.diag(prior))
     dense = covariance @ (right / self_calibration.SETTINGS.effective_sample_divisor - prior * before)
     scale = np.sqrt(np.diag(covariance))[: 4 * count + 1]
