@@ -86,7 +86,7 @@ GLOSS_START = 0.2
 METAL_START = 0.3
 """Roughness α from which a metal's is estimated in a poor fit."""
 
-SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(offset=0.03), ImageTerms(offset=0.1))
+SECOND_STARTS = (("ambient", 0.05), ("ambient", 0.15), ("offset", 0.03), ("offset", 0.1))
 """Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
 
 
@@ -134,8 +134,10 @@ def other_axes(present: Solution) -> list[Alternative]:
 
 
 def _others(present: Solution) -> list[Alternative]:
-    """What else a poor fit may be of which other axes fit better."""
-    return [*_gloss(present), *_metal(present), *_coded(present)] if present.poor else []
+    """What else a poor fit may be of which other axes fit better; gloss where it gains more than stray light."""
+    scores = present.scores
+    gloss = _gloss(present) if scores is not None and scores.gloss.gain > scores.offset.gain else []
+    return [*gloss, *_metal(present), *_coded(present)] if present.poor else []
 
 
 def _relit(
@@ -247,21 +249,22 @@ TERMS = {
 def other_formation(present: Solution) -> list[Alternative]:
     """Terms, and a coding, that the score tests demand; in a poor fit also the coding, metal, and ambient and stray
     light from other starts."""
-    problem, nominal = present.problem, present.problem.nominal
-    alternatives = _gloss(present)
-    if nominal.terms is None and present.scores is not None:
+    problem = present.problem
+    if problem.nominal.terms is not None:
+        return _coded(present)
+    alternatives = [*_gloss(present), *_metal(present), *_coded(present)]
+    if present.scores is not None:
         for name in ("roughness", "ambient", "offset"):
             score: TermScore = getattr(present.scores, name)
             if score.gain > model_trial.SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
                 alternatives.append(_with_term(problem, name, LAMBERTIAN, 1.0, score.step))
         if _excess_subtracted(present.scores):
             alternatives.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, present.scores.offset.step))
-    if nominal.terms is None and present.poor:
-        alternatives += _metal(present)
-        for start in SECOND_STARTS:
-            name = "ambient" if start.ambient else "offset"
-            alternatives.append(_with_term(problem, name, start, model_trial.SETTINGS.better_at_least))
-    return [*alternatives, *_coded(present)]
+    if present.poor:
+        for name, start in SECOND_STARTS:
+            terms = replace(LAMBERTIAN, **{name: start})
+            alternatives.append(_with_term(problem, name, terms, model_trial.SETTINGS.better_at_least))
+    return alternatives
 
 
 def _coded(present: Solution) -> list[Alternative]:
@@ -297,10 +300,8 @@ def _gloss(present: Solution) -> list[Alternative]:
     if not found and not present.poor:
         return []
     most = 1.0 if found else model_trial.SETTINGS.better_at_least
-    dielectric, other = (
-        _with_term(present.problem, "gloss", ImageTerms(gloss=GLOSS_START, strength=strength), most)
-        for strength in (0.0, 1.0)
-    )
+    starts = ImageTerms(gloss=GLOSS_START), ImageTerms(gloss=GLOSS_START, strength=1.0)
+    dielectric, other = (_with_term(present.problem, "gloss", start, most) for start in starts)
     return [replace(dielectric, least_images=photometry.OVERDETERMINED), other]
 
 
@@ -308,8 +309,7 @@ def _metal(present: Solution) -> list[Alternative]:
     """Metal, in a poor fit of a surface that no other term describes yet."""
     if present.problem.nominal.terms is not None or not present.poor:
         return []
-    better = model_trial.SETTINGS.better_at_least
-    return [_with_term(present.problem, "metal", ImageTerms(metal=METAL_START), better)]
+    return [_with_term(present.problem, "metal", ImageTerms(metal=METAL_START), model_trial.SETTINGS.better_at_least)]
 
 
 def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
