@@ -110,7 +110,7 @@ def _relight(archive: Archive, entry: SessionEntry, results: list[ResultEntry], 
     for number, name in enumerate(names):
         pixels = np.asarray(images.rows(number, 0, images.height), np.float64) / images.full_scale
         cv2.imwrite(str(out / name), np.round(255 * np.clip(pixels, 0, 1)).astype(np.uint8))
-    light_files.write_lp(out / "lights.lp", names, light_files.directions(images, source.centre))
+    light_files.write_lp(out / "lights.lp", names, source.directions)
     export.make("lights.dome", source, out)
     for path in sorted(scratch.rglob("*"), reverse=True):
         path.unlink() if path.is_file() else path.rmdir()

@@ -20,7 +20,6 @@ from acquisition import geometry, lamp_pose, photometry, pilot, plan
 from acquisition.capture import check, expected, region
 from acquisition.formats import export, report
 from acquisition.formats.atomic_write import discard_partial
-from acquisition.formats.export import light_files
 from acquisition.formats.folders import session_folder
 from acquisition.models.base import BoolArray, FloatArray, Joints, Vector3
 from acquisition.models.calibration import Calibration
@@ -330,7 +329,7 @@ def _facts(
     return report.ReportContext(
         title=f"Session {session.name}, result {folder.name}",
         names=images.names,
-        directions=light_files.directions(images, export.Source(normal_map, images).centre),
+        directions=export.Source(normal_map, images).directions,
         groups=tuple("first pass" if number == 0 else "planned" for number in passes),
         solver=str(normal_map.notes.get("solver", "")),
         why=str(normal_map.notes.get("why", "")),

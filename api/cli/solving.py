@@ -21,7 +21,6 @@ from rich.table import Table
 
 from acquisition import photometry
 from acquisition.formats import export, folders, report
-from acquisition.formats.export import light_files
 from acquisition.formats.folders import Sphere, session_folder
 from acquisition.formats.folders.angular_error import AngularErrors, angular_errors
 from acquisition.formats.folders.session_folder import SessionCapture
@@ -273,11 +272,10 @@ def _facts(
 ) -> report.ReportContext:
     images = solved.images
     error = {} if graded is None else {"mean": graded.mean_deg, "median": graded.median_deg, "95 %": graded.p95_deg}
-    centre = export.Source(solved.normal_map, images).centre
     return report.ReportContext(
         title=request.folder.resolve().name,
         names=images.names,
-        directions=light_files.directions(images, centre),
+        directions=export.Source(solved.normal_map, images).directions,
         solver=solved.solver,
         why=solved.why,
         seconds=dict(seconds),

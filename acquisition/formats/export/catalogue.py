@@ -14,6 +14,7 @@ from acquisition.formats.export import exr, light_files, map_files, mesh
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import NormalMap
 from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals.images import row_blocks
 
 NEAR_LIGHT = (
     "The lamps stood near the object. Directions and intensities are those at its centre; away from it both differ, "
@@ -42,8 +43,7 @@ class Source:
     def centre(self) -> FloatArray:
         """The middle (3,) of the solved surface, view frame, in the unit of `points`."""
         mask, total = self.normal_map.mask, np.zeros(3)
-        for start in range(0, len(mask), map_files.STRIP_ROWS):
-            rows = slice(start, min(start + map_files.STRIP_ROWS, len(mask)))
+        for rows in row_blocks(len(mask)):
             total += self._points(rows)[:, mask[rows]].sum(axis=1, dtype=np.float64)
         return total / max(np.count_nonzero(mask), 1)
 
@@ -57,14 +57,17 @@ class Source:
         return photometry.points(photometry.camera_rays(camera.matrix, camera.distortion, rows, columns), depth)
 
     @property
+    def directions(self) -> FloatArray:
+        """Unit directions (F, 3), view frame, from `centre` to the lights."""
+        return light_files.directions(self.images, self.centre)
+
+    @property
     def width_m(self) -> float | None:
         """How much the image's width shows at the object; none where that is not known."""
         camera = self.images.camera
-        return (
-            None
-            if camera is None or map_files.depth_unit(self.normal_map) != "m"
-            else float(-self.centre[2] * self.images.width / camera.matrix[0, 0])
-        )
+        if camera is None or map_files.depth_unit(self.normal_map) != "m":
+            return None
+        return float(-self.centre[2] * self.images.width / camera.matrix[0, 0])
 
 
 def _diligent(source: Source, path: Path) -> None:
@@ -72,13 +75,13 @@ def _diligent(source: Source, path: Path) -> None:
     intensities and mask.png. It knows distant lights only: near ones are given at the object's centre, and
     `README.txt` says so."""
     path.mkdir()
-    images, centre = source.solved_images, source.centre
+    images = source.solved_images
     names = [f"{number:03d}.png" for number in range(1, images.count + 1)]
     for index, name in enumerate(names):
         map_files.png(path / name, _sixteen_bits(images, index))
     (path / "filenames.txt").write_text("\n".join(names) + "\n", encoding="utf-8")
-    power = np.broadcast_to(light_files.intensities(images, centre), (images.count, 3))
-    np.savetxt(path / "light_directions.txt", light_files.directions(images, centre), fmt="%.9f")
+    power = np.broadcast_to(light_files.intensities(images, source.centre), (images.count, 3))
+    np.savetxt(path / "light_directions.txt", source.directions, fmt="%.9f")
     np.savetxt(path / "light_intensities.txt", power, fmt="%.9g")
     map_files.png(path / "mask.png", images.mask.astype(np.uint8) * 255)
     if not isinstance(images.lights, DistantLights):
@@ -114,9 +117,7 @@ FILES: dict[str, Callable[[Source, Path], None]] = {
     "albedo.exr": lambda source, path: exr.write_albedo(path, source.normal_map),
     "albedo.png": lambda source, path: map_files.albedo_png(path, source.normal_map),
     "mesh.ply": lambda source, path: mesh.write(path, source.points, source.normal_map),
-    "lights.lp": lambda source, path: light_files.write_lp(
-        path, source.images.names, light_files.directions(source.images, source.centre)
-    ),
+    "lights.lp": lambda source, path: light_files.write_lp(path, source.images.names, source.directions),
     "lights.dome": lambda source, path: light_files.write_dome(
         path, source.solved_images, source.centre, source.width_m
     ),

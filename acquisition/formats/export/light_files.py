@@ -55,12 +55,10 @@ def write_dome(path: Path, images: ImageSet, centre_m: FloatArray, width_m: floa
 
     `width_m` is the width of what the image shows at the object; none: unknown, and distant lights stand 10 m away.
     """
-    units = directions(images, centre_m)
-    lights = images.lights
+    units, lights = directions(images, centre_m), images.lights
     near = not isinstance(lights, DistantLights)
-    positions = (lights.positions_m - centre_m) * 1000 if not isinstance(lights, DistantLights) else units * DISTANT_MM
+    positions = units * DISTANT_MM if isinstance(lights, DistantLights) else (lights.positions_m - centre_m) * 1000
     power = intensities(images, centre_m).mean(axis=1)
-    adjust = power.mean() / power
     content = {
         "label": "lightpose",
         "notes": "Positions in mm, x right, y up, z to the camera; origin: the object's centre.",
@@ -71,7 +69,7 @@ def write_dome(path: Path, images: ImageSet, centre_m: FloatArray, width_m: floa
         "directions": [_vector(row) for row in units],
         "positionsSphere": [],
         "positions3d": [_vector(row) for row in positions] if near else [],
-        "ledAdjust": [{"r": value, "g": value, "b": value} for value in adjust.tolist()],
+        "ledAdjust": [{"r": value, "g": value, "b": value} for value in (power.mean() / power).tolist()],
     }
     path.write_text(json.dumps(content, indent=1), encoding="utf-8")
 

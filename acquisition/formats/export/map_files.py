@@ -17,11 +17,9 @@ from acquisition import colour
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import NormalMap
 from acquisition.normals.colour_albedo import SRGB
+from acquisition.normals.images import row_blocks
 
 Green = Literal["opengl", "directx"]
-STRIP_ROWS = 256
-"""Rows converted to colours at once, so that large maps need no large intermediates."""
-
 WHITE_QUANTILE = 0.995
 """Quantile of a grey or uncalibrated albedo that is white in the PNG: its scale may be unknown."""
 
@@ -41,8 +39,7 @@ def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green
     """A 16-bit RGB normal map of normals (H, W, 3), black outside the mask (H, W)."""
     scale = np.array([32767.5, 32767.5 if green == "opengl" else -32767.5, 32767.5], np.float32)
     colours = np.empty(normals.shape, np.uint16)
-    for start in range(0, len(normals), STRIP_ROWS):
-        rows = slice(start, start + STRIP_ROWS)
+    for rows in row_blocks(len(normals)):
         encoded = np.clip(normals[rows] * scale + np.float32(32768.0), 0, 65535)  # truncation after + ½ rounds
         colours[rows] = encoded[..., ::-1]  # OpenCV's order, B G R
     colours[~mask] = 0
@@ -69,8 +66,7 @@ def albedo_png(path: Path, normal_map: NormalMap) -> None:
     if not calibrated and np.any(normal_map.mask):
         white = max(float(np.quantile(albedo[normal_map.mask], WHITE_QUANTILE)), 1e-9)
     coded = np.zeros(albedo.shape, np.uint16)
-    for start in range(0, len(albedo), STRIP_ROWS):
-        rows = slice(start, start + STRIP_ROWS)
+    for rows in row_blocks(len(albedo)):
         values: FloatArray = colour.encoded_srgb(albedo[rows].astype(np.float64) / white)
         coded[rows] = np.round(65535 * values)
     coded[~normal_map.mask] = 0

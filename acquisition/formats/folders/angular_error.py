@@ -37,14 +37,10 @@ def angular_errors(normal_map: NormalMap, images: ImageSet) -> AngularErrors | N
     if not np.any(graded):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no pixel of the evaluation mask has a normal: check the masks")
     estimated, true = normal_map.normals[graded].astype(np.float64), images.truth[graded].astype(np.float64)
-    # The arctangent is exact for small angles, where the arccosine is not.
-    error = np.degrees(
-        np.arctan2(np.linalg.norm(np.cross(estimated, true), axis=-1), np.sum(estimated * true, axis=-1))
-    )
-    sigma = normal_map.sigma_deg[graded]
-    predicted = (
-        MEDIAN_ERROR_PER_SIGMA * float(np.median(sigma[np.isfinite(sigma)])) if np.any(np.isfinite(sigma)) else 0.0
-    )
+    sine, cosine = np.linalg.norm(np.cross(estimated, true), axis=-1), np.sum(estimated * true, axis=-1)
+    error = np.degrees(np.arctan2(sine, cosine))  # exact for small angles, where the arccosine is not
+    sigma = normal_map.sigma_deg[graded & np.isfinite(normal_map.sigma_deg)]
+    predicted = MEDIAN_ERROR_PER_SIGMA * float(np.median(sigma)) if sigma.size else 0.0
     return AngularErrors(
         mean_deg=float(np.mean(error)),
         median_deg=float(np.median(error)),

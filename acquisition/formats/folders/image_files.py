@@ -18,7 +18,7 @@ import numpy as np
 import tifffile
 from PIL.PngImagePlugin import PngImageFile
 
-from acquisition.formats.folders.refusal import refusal
+from acquisition.formats.folders.refusal import content, refusal
 from acquisition.formats.folders.text_table import listed_file
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
@@ -165,18 +165,13 @@ def exceeds(images: FolderImages, level: float) -> bool:
 
 def decode(path: Path) -> np.ndarray:
     """Decodes one image file, (H, W) or (H, W, 3) RGB, in the type it is stored in. Raises folder.invalid."""
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError as error:
-        raise refusal(path, "is missing: put it there") from error
-    except OSError as error:
-        raise refusal(path, f"cannot be read: {error}") from error
-    if content.startswith(PNG_SIGNATURE):  # OpenCV accepts some that are not intact
+    stored = content(path)
+    if stored.startswith(PNG_SIGNATURE):  # OpenCV accepts some that are not intact
         try:
-            PngImageFile(BytesIO(content)).verify()
+            PngImageFile(BytesIO(stored)).verify()
         except (OSError, SyntaxError, struct.error) as error:
             raise refusal(path, "is a damaged or truncated PNG file: copy it again") from error
-    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
+    pixels = cv2.imdecode(np.frombuffer(stored, np.uint8), cv2.IMREAD_UNCHANGED) if stored else None
     if pixels is None:
         raise refusal(path, "is no image, or is damaged or truncated: copy it again")
     if pixels.ndim == 3 and pixels.shape[2] == 3:

@@ -16,13 +16,21 @@ def refusal(path: Path, detail: str) -> RigError:
     return RigError(ErrorCode.FOLDER_INVALID, f"{path}: {detail}", file=str(path))
 
 
+def content(path: Path) -> bytes:
+    """The bytes of a file. Raises RigError folder.invalid when it is missing or cannot be read."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise refusal(path, "is missing: put it there") from error
+    except OSError as error:
+        raise refusal(path, f"cannot be read: {error}") from error
+
+
 def text(path: Path) -> str:
     """A small text file, byte order mark or not. Raises RigError folder.invalid when it is missing or no text."""
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise refusal(path, "is missing: put it there") from error
-    except (OSError, UnicodeDecodeError) as error:
+        return content(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise refusal(path, f"cannot be read: {error}") from error
 
 
