@@ -44,6 +44,8 @@ REASONS: dict[str, str] = {
         cast_shadows.HIDDEN images.BYTES_PER_VALUE criterion.MIN_LIGHTS
         photometry.OVERDETERMINED
         photometry.REDUNDANT prior_forecast.ALBEDO""",
+    "defaults of what a capture may state itself": """
+        image_set.POSITION_SIGMA_M image_set.INTENSITY_SIGMA image_set.FULL_WELL_E image_set.READ_NOISE_E""",
     "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE distant.DIRECTION_SIGMA_RAD",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS

@@ -16,7 +16,15 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import LIT, SATURATED, FisherInformation, NormalMap, SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals import integration, memory_mapped, near_light, reflectance_solve, silhouette
-from acquisition.normals.image_set import Camera, DistantLights, ImageSet, NearLights, check
+from acquisition.normals.image_set import (
+    INTENSITY_SIGMA,
+    POSITION_SIGMA_M,
+    Camera,
+    DistantLights,
+    ImageSet,
+    NearLights,
+    check,
+)
 from acquisition.normals.images import row_blocks
 
 Solver = Literal["auto", "ls"]
@@ -37,7 +45,7 @@ SETTINGS = DistantSettings()
 OBJECT_SIZE_M = 0.1
 """Size that the longer side of an object of unknown scale counts as; shadows do not depend on it."""
 
-DIRECTION_SIGMA_RAD = near_light.SETTINGS.position_sigma_m / (4 * OBJECT_SIZE_M)
+DIRECTION_SIGMA_RAD = POSITION_SIGMA_M / (4 * OBJECT_SIZE_M)
 """1 σ of a light's direction: that of near light's default at four object sizes."""
 
 CAMERA_M, LAMPS_M = 100.0, 90.0
@@ -91,7 +99,7 @@ def _unexplained(solved: NormalMap) -> bool:
     return (
         any(not finding.corrected for finding in solved.findings)
         or solved.noise["direction"] > SETTINGS.max_noise_ratio * DIRECTION_SIGMA_RAD
-        or solved.noise["intensity"] > SETTINGS.max_noise_ratio * near_light.SETTINGS.intensity_sigma
+        or solved.noise["intensity"] > SETTINGS.max_noise_ratio * INTENSITY_SIGMA
     )
 
 

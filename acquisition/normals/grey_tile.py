@@ -17,7 +17,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.result import ModelFinding
 from acquisition.models.shot import Observations, Shot
 from acquisition.models.tuned import tuned
-from acquisition.normals import session_images, silhouette
+from acquisition.normals import discontinuity, session_images, silhouette
 
 MODEL_SIGMA = photometry.SETTINGS.flat_field_sigma
 """1 σ of the tile's value against that of the light model, as a fraction: the lamp is seen from the tile some 10° from
@@ -26,13 +26,11 @@ where the object sees it, and the object sends the tile some light."""
 
 @dataclass(frozen=True)
 class GreyTileSettings:
-    """Tuned numbers of the intensities from a grey tile."""
+    """Tuned number of the intensities from a grey tile."""
 
     min_evenness: float = tuned(0.9, "1")
     """The 10th over the 90th percentile of the tile's pixels, each over its own median of all images, below which a
     shadow lies on part of it: noise of a tile of 25 pixels at a tenth of full scale leaves 0.97."""
-    min_brightness: float = tuned(0.6, "of the median")
-    """Value over the median of all images below which the whole tile lies in a shadow: no lamp loses so much."""
 
 
 SETTINGS = GreyTileSettings()
@@ -85,7 +83,7 @@ def measure(observations: Observations, calibration: Calibration, tile: GreyTile
     saturated = np.isinf(bright)
     lit = ~saturated & (shading.min(axis=1) > 0) & (dark > SETTINGS.min_evenness * bright)
     typical = float(np.median(brightness[lit])) if np.any(lit) else 1.0
-    usable = lit & (brightness >= SETTINGS.min_brightness * typical)
+    usable = lit & (brightness >= discontinuity.SETTINGS.shadow_below * typical)
     if 2 * np.count_nonzero(usable) < len(usable):
         return None
     log = np.log(np.where(usable, brightness, typical) / np.median(brightness[usable]))

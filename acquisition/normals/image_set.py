@@ -19,14 +19,19 @@ from acquisition.models.tuned import tuned
 
 @dataclass(frozen=True)
 class ImageCheckSettings:
-    """Tuned numbers of the check of distant lights."""
+    """Tuned number of the check of lights."""
 
     min_direction_spread: float = tuned(0.02, "1")
-    """Least `direction_spread` of distant lights, below which they count as lying in one plane. The directions are
-    stated and hold at all pixels, so that it is lower than the one of near lights in `solve`."""
+    """Least `direction_spread` of lights, below which they count as lying in one plane with the object."""
 
 
 SETTINGS = ImageCheckSettings()
+
+POSITION_SIGMA_M, INTENSITY_SIGMA = 0.001, 0.01
+"""1 σ of each near light's position per axis and of its intensity, as a share, where the source does not state them."""
+
+FULL_WELL_E, READ_NOISE_E = 10_000.0, 5.0
+"""Electrons at full scale and read noise, of a small pixel, where the source does not state them."""
 
 StoredValues = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 
@@ -65,14 +70,16 @@ class NearLights:
 
     `intensity` (F,) is the value, as a fraction of full scale, that a perfectly white Lambertian surface facing the
     lamp at `reference_m` would give, the mean of the channels, and `colour` (F, C) each channel's share of that, mean
-    1; none: white light. `position_sigma_m` is 1 σ of each position per axis; none: unknown.
+    1; none: white light. `position_sigma_m` is 1 σ of each position per axis, `intensity_sigma` of each intensity, as
+    a share.
     """
 
     positions_m: FloatArray
     intensity: FloatArray
     reference_m: float
     colour: FloatArray | None = None
-    position_sigma_m: float | None = None
+    position_sigma_m: float = POSITION_SIGMA_M
+    intensity_sigma: float = INTENSITY_SIGMA
 
     def of_channels(self, count: int) -> FloatArray:
         """`intensity` of each of `count` channels (F, C)."""
@@ -115,6 +122,10 @@ class ImageSet:
     """(H, W, 3) true normals, view frame."""
     rough_depth_m: float | Float32Array | None = None
     """The object's rough depth along OpenCV's z, a number or (H, W)."""
+    full_well_e: float = FULL_WELL_E
+    """Electrons at full scale, for a first guess of shot noise."""
+    read_noise_e: float = READ_NOISE_E
+    """Read noise, e⁻, for a first guess."""
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
     """Facts from the reader for the report."""
 
@@ -164,6 +175,18 @@ def direction_spread(vectors: FloatArray | Float32Array) -> float:
     return float(np.linalg.svd(units, compute_uv=False)[-1] / np.sqrt(len(units)))
 
 
+def refuse_coplanar(vectors: FloatArray | Float32Array) -> None:
+    """Refuses lights whose directions (F, 3) from the object, of any length, lie in one plane. Raises RigError
+    normals.infeasible."""
+    spread = direction_spread(vectors)
+    if not spread > SETTINGS.min_direction_spread:
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            "the lights are parallel or lie in one plane with the object: take images with lights from other sides",
+            spread=spread,
+        )
+
+
 def check(images: ImageSet) -> None:
     """Validates lights and mask: refuses a set that no solver can solve, whatever its pixels hold.
 
@@ -176,7 +199,7 @@ def check(images: ImageSet) -> None:
         (lights.directions, lights.intensities) if distant else (lights.positions_m, lights.intensity[:, None])
     )
 
-    def refuse(detail: str, **context: str | float) -> NoReturn:
+    def refuse(detail: str, **context: str) -> NoReturn:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, detail, **context)
 
     if images.count < 3:
@@ -202,9 +225,5 @@ def check(images: ImageSet) -> None:
             f"the mask is empty or not {images.width} × {images.height} like {images.names[0]}: draw it round the "
             "object"
         )
-    if distant and not (spread := direction_spread(first)) > SETTINGS.min_direction_spread:
-        refuse(
-            f"the lights of {images.names[0]} … {images.names[-1]} are parallel or lie in one plane: take images "
-            "with lights from other sides",
-            spread=spread,
-        )
+    if distant:
+        refuse_coplanar(first)

@@ -1,8 +1,8 @@
-"""Near-light images of any source for the session's own solver: normalised values, a camera, uncertainties by default.
+"""Near-light images of any source for the session's own solver: normalised values, a camera, uncertainties.
 
-A folder has no sensor model and no uncertainty of its lights. The sensor's noise is estimated from how neighbouring
-residuals differ, else it is a default; the uncertainty of the lights is a default, which the solver corrects by the
-residuals. The three channels of colour images are measurements of one normal with an albedo each
+A folder has no sensor model, and mostly no uncertainty of its lights. The sensor's noise is estimated from how
+neighbouring residuals differ, else it is what the image set assumes; so is the uncertainty of the lights, which the
+solver corrects by the residuals. The three channels of colour images are measurements of one normal with an albedo each
 (`colour_channels`).
 """
 
@@ -15,28 +15,10 @@ from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
-from acquisition.models.tuned import tuned
 from acquisition.normals import colour_albedo, colour_channels, pixel_noise, silhouette
 from acquisition.normals.image_set import ImageSet, NearLights
 from acquisition.normals.images import ImageBlock, Images, held_if_small, row_blocks
 from acquisition.normals.solve import ObjectPlace, solve_stack
-
-
-@dataclass(frozen=True)
-class FolderDefaults:
-    """What is assumed of near-light folders that do not say."""
-
-    full_well_e: float = tuned(10_000.0, "e⁻")
-    """Default electrons at full scale, of a small pixel, for shot noise."""
-    read_noise_e: float = tuned(5.0, "e⁻")
-    """Default read noise, e⁻."""
-    intensity_sigma: float = tuned(0.01, "share")
-    """1 σ of each light's intensity."""
-    position_sigma_m: float = tuned(0.001, "m")
-    """1 σ of each light's position per axis."""
-
-
-SETTINGS = FolderDefaults()
 
 
 def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -> NormalMap:
@@ -85,9 +67,8 @@ def windowed_images(images: ImageSet) -> Images:
     """Normalises the images within the mask's window: y = 1 is a white surface facing the lamp at its reference."""
     lights = _lights(images)
     rows, columns = silhouette.bounding_box(images.mask)
-    floor = (
-        (SETTINGS.read_noise_e / SETTINGS.full_well_e / lights.intensity) ** 2 + _quantisation_step(images) ** 2 / 12
-    ) / images.channels
+    read = images.read_noise_e / images.full_well_e / lights.intensity
+    floor = (read**2 + _quantisation_step(images) ** 2 / 12) / images.channels
     middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
     return held_if_small(
         Images(
@@ -95,7 +76,7 @@ def windowed_images(images: ImageSet) -> Images:
             lights=tuple(lamp_pose.light_at(place, middle) for place in lights.positions_m),
             rows=rows,
             columns=columns,
-            shot=1 / (SETTINGS.full_well_e * images.channels * lights.intensity),
+            shot=1 / (images.full_well_e * images.channels * lights.intensity),
             floor=floor,
         )
     )
@@ -138,7 +119,7 @@ class _Rows:
 
 
 def calibration_of(images: ImageSet) -> Calibration:
-    """Calibration from camera and lights: isotropic lamps, default uncertainties.
+    """Calibration from camera and lights: isotropic lamps.
 
     Raises RigError normals.infeasible where one of them is missing.
     """
@@ -161,13 +142,13 @@ def calibration_of(images: ImageSet) -> Calibration:
         lobe_exponent=0.0,
         sensor=SensorModel(
             bits=16 if top > 255 else 8,
-            gain_e_per_dn=SETTINGS.full_well_e / top,
-            read_noise_e=SETTINGS.read_noise_e,
-            full_well_e=SETTINGS.full_well_e,
+            gain_e_per_dn=images.full_well_e / top,
+            read_noise_e=images.read_noise_e,
+            full_well_e=images.full_well_e,
             black_level_dn=0.0,
         ),
-        intensity_sigma=SETTINGS.intensity_sigma,
-        lamp_position_sigma_m=lights.position_sigma_m or SETTINGS.position_sigma_m,
+        intensity_sigma=lights.intensity_sigma,
+        lamp_position_sigma_m=lights.position_sigma_m,
         made_at="1970-01-01T00:00:00+00:00",  # unknown, and of no use here
         valid_days=1.0,
     )

@@ -29,7 +29,7 @@ from acquisition.normals import (
 from acquisition.normals import grey_tile as grey_tiles
 from acquisition.normals.final_solve import BlockMap
 from acquisition.normals.grey_tile import GreyTile
-from acquisition.normals.image_set import direction_spread
+from acquisition.normals.image_set import refuse_coplanar
 from acquisition.normals.images import Images, refuse_few
 from acquisition.normals.model_trial import Problem
 from acquisition.normals.pixel_solve import Scene
@@ -40,9 +40,6 @@ from acquisition.normals.pyramid import MaskedImages
 class SolveCheckSettings:
     """Tuned numbers of the check of what is solved."""
 
-    min_direction_spread: float = tuned(0.05, "1")
-    """Least `direction_spread` of near lights, below which they count as lying in one plane with the object. Directions
-    are those at the centroid at a rough depth, so that it is higher than the one of distant lights in `image_set`."""
     min_pixels: int = tuned(16, "pixels")
     """Object pixels below which nothing is solved."""
 
@@ -135,7 +132,7 @@ def solve_stack(
         images, inside if known is None else known, photometry.rays(calibration, rows, columns), channel
     )
     centroid = _centroid(masked, rough)
-    _refuse_coplanar_lights(lamps, centroid)
+    refuse_coplanar(lamps[:, :3] - centroid)
     distance = float(np.mean(np.linalg.norm(lamps[:, :3] - centroid, axis=1)))
     noise = photometry.model_noise(calibration, images.shot, images.floor, distance)
 
@@ -188,13 +185,3 @@ def _centroid(masked: MaskedImages, depth_m: Float32Array) -> Float32Array:
             raise RigError(ErrorCode.NORMALS_INFEASIBLE, "the rough depth must be positive: check base_from_camera")
         total += np.sum(photometry.points(masked.ray[:, rows][:, mask], depth[mask]), axis=1, dtype=np.float64)
     return (total / np.count_nonzero(masked.mask)).astype(np.float32)
-
-
-def _refuse_coplanar_lights(lamps: Float32Array, centroid: Float32Array) -> None:
-    spread = direction_spread(lamps[:, :3] - centroid)
-    if not spread > SETTINGS.min_direction_spread:
-        raise RigError(
-            ErrorCode.NORMALS_INFEASIBLE,
-            "the lights are parallel or lie in one plane with the object: take lights from other sides",
-            spread=spread,
-        )

@@ -3,7 +3,9 @@
 Positions are in OpenCV's camera frame (x right, y down, z forward) in `unit` (mm, cm or m) and become the view frame in
 m here; lengths whose names end in `_mm` are in mm always.
 `intensity` is what a perfectly white Lambertian surface facing the lamp at `reference_mm` would give, as a fraction of
-full scale, so albedo is absolute. `black_level` (stored values, the same for all images) is optional, zero if absent.
+full scale, so albedo is absolute. `black_level` (stored values, the same for all images) is optional, zero if absent;
+so are `position_sigma_mm` per axis and `intensity_sigma` (a share), 1 σ of what is stated of the lights, and the
+camera's `full_well_e` (electrons at full scale) and `read_noise_e`, from which the estimate of its noise starts.
 Fields of other names are not used, and a warning says so.
 """
 
@@ -19,7 +21,15 @@ from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal, value
 from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import Value, Vector3
-from acquisition.normals.image_set import Camera, ImageSet, NearLights
+from acquisition.normals.image_set import (
+    FULL_WELL_E,
+    INTENSITY_SIGMA,
+    POSITION_SIGMA_M,
+    READ_NOISE_E,
+    Camera,
+    ImageSet,
+    NearLights,
+)
 
 LIGHTS = "lights.json"
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
@@ -41,6 +51,8 @@ class _ForeignValue(Value):
 class _Camera(_ForeignValue):
     K: Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
     distortion: list[float] = Field(default_factory=list[float])
+    full_well_e: float = Field(default=FULL_WELL_E, gt=0)
+    read_noise_e: float = Field(default=READ_NOISE_E, ge=0)
 
 
 class _Light(_ForeignValue):
@@ -56,6 +68,8 @@ class _Lights(_ForeignValue):
     lights: list[_Light] = Field(min_length=1)
     depth_mm: float = Field(gt=0)
     black_level: int = Field(default=0, ge=0)
+    position_sigma_mm: float = Field(default=1000 * POSITION_SIGMA_M, gt=0)
+    intensity_sigma: float = Field(default=INTENSITY_SIGMA, gt=0)
 
 
 def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
@@ -64,11 +78,9 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     matrix = np.array(given.camera.K)
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
         raise refusal(path, "camera.K is no camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
-    coefficients = np.array(given.camera.distortion)
-    if np.any(coefficients[5:]):
+    distortion = np.pad(given.camera.distortion, (0, 5))
+    if np.any(distortion[5:]):
         raise refusal(path, "camera.distortion holds more than k1 k2 p1 p2 k3: undistort the images with the rest")
-    distortion = np.zeros(5)
-    distortion[: min(len(coefficients), 5)] = coefficients[:5]
     names = [light.file for light in given.lights]
     stored = image_files.open_images(path.parent, names, scratch, given.black_level, progress)
     height, width = stored.size
@@ -93,13 +105,17 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         np.array([light.position for light in given.lights]) @ VIEW_FROM_CAMERA[:3, :3].T * METRES[given.unit],
         np.array([light.intensity for light in given.lights]),
         given.reference_mm / 1000,
+        position_sigma_m=given.position_sigma_mm / 1000,
+        intensity_sigma=given.intensity_sigma,
     )
     images = assembly.image_set(stored, lights, object_mask, kind="near light", warnings=warnings)
     return replace(
         images,
         saturated_from=images.saturated_from - given.black_level / stored.full_scale,
-        camera=Camera(matrix, distortion),
+        camera=Camera(matrix, distortion[:5]),
         rough_depth_m=given.depth_mm / 1000,
+        full_well_e=given.camera.full_well_e,
+        read_noise_e=given.camera.read_noise_e,
     )
 
 

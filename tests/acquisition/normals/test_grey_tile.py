@@ -117,6 +117,19 @@ def test_tile_in_a_shadow_is_noticed_and_named() -> None:
     np.testing.assert_allclose(found.log_intensity, np.log(DRIFT), atol=0.02)
 
 
+def test_lamp_at_half_its_brightness_is_measured() -> None:
+    true, sound = dimmed()
+    dark = int(true.calibration.sensor.black_level_dn)
+
+    def half(pixels: np.ndarray) -> None:
+        pixels[:] = dark + (pixels - dark) // 2
+
+    found = grey_tile.measure(changed(sound, [7], half), true.calibration, tile(true))
+    assert found is not None
+    assert found.finding is None
+    assert found.log_intensity[7] == pytest.approx(np.log(DRIFT[7] / 2), abs=3 * found.sigma)
+
+
 def test_saturated_tile_is_noticed_and_named() -> None:
     true, sound = dimmed()
 

@@ -58,9 +58,11 @@ def test_transfer_curve_few_per_cent_outliers_are_clipped() -> None:
 def test_transfer_curve_scatter_below_rounding_drops_bin() -> None:
     rng = np.random.default_rng(2)
     level = rng.uniform(0, TOP, 50_000).astype(np.float32)
-    fine = (0.2 * rng.normal(size=level.shape)).astype(np.float32)
-    assert len(photon_transfer.transfer_curve(level, np.rint(fine), TOP, 1.0).level) == 0
-    assert len(photon_transfer.transfer_curve(level, np.rint(10 * fine), TOP, 1.0).level) > 10
+    scattered = rng.normal(size=(4, *level.shape))
+    for sigma, kept in ((0.2, False), (0.45, False), (0.6, True), (2.0, True)):
+        difference = np.sum(np.rint(sigma * scattered), axis=0, dtype=np.float32) / 2
+        points = len(photon_transfer.transfer_curve(level, difference, TOP, 1.0).level)
+        assert points > 10 if kept else points == 0, sigma
 
 
 def test_fit_line_two_points_returns_none() -> None:

@@ -11,6 +11,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.result import ATTACHED, CAST, LIT, SATURATED, NormalMap, SolveSettings
 from acquisition.models.shot import Observations, Shot
+from acquisition.normals.image_set import direction_spread
 from acquisition.plan import baselines
 from tests.acquisition import scenes
 
@@ -263,6 +264,17 @@ def test_solve_parallel_lights_is_refused(cushion: scenes.Scene) -> None:
 def test_solve_coplanar_lights_is_refused(cushion: scenes.Scene) -> None:
     line = [scenes.ring(1, slant)[0] for slant in (10.0, 30.0, 50.0)]
     assert "one plane" in refused(scenes.capture(cushion, line), cushion.calibration).detail
+
+
+def test_solve_lights_close_together_has_a_sigma_that_says_so(cushion: scenes.Scene) -> None:
+    """Within 3° of one direction: what differs between the images is of the size of the intensities' errors."""
+    lights = scenes.ring(8, 2.6)
+    assert 0.02 < direction_spread(np.array([light.axis for light in lights])) < 0.05
+    result = solved(scenes.capture(cushion, lights, seed=7), cushion.calibration)
+    shown = result.mask & cushion.graded
+    error, sigma = cushion.error_deg(result.normals)[shown[cushion.graded]], result.sigma_deg[shown]
+    assert np.median(sigma) > 5
+    assert 0.5 < np.sqrt(np.mean((error / sigma) ** 2)) < 2  # the errors of few lights are common to all pixels
 
 
 def test_solve_empty_region_is_refused(observations: Observations, cushion: scenes.Scene) -> None:

@@ -125,6 +125,25 @@ def test_read_near_light_folder_converts_metric_units(unit: str, of_mm: float, t
     assert images.rough_depth_m == pytest.approx(0.48)
 
 
+def test_read_near_light_folder_states_what_is_known_of_lights_and_sensor(tmp_path: Path) -> None:
+    folder = small.near(tmp_path / "in")
+    content = json.loads((folder / "lights.json").read_text())
+    assumed = near_light.calibration_of(folders.read(folder, tmp_path))
+    content |= {"position_sigma_mm": 0.2, "intensity_sigma": 0.003}
+    content["camera"] |= {"full_well_e": 30_000, "read_noise_e": 2}
+    (folder / "lights.json").write_text(json.dumps(content))
+    images = folders.read(folder, tmp_path)
+    assert not any("not used" in sentence for sentence in images.notes["warnings"])
+    stated = near_light.calibration_of(images)
+    for known, position_m, intensity, full_well_e, read_e in (
+        (assumed, 1e-3, 0.01, 10_000, 5),
+        (stated, 2e-4, 0.003, 30_000, 2),
+    ):
+        assert known.lamp_position_sigma_m == pytest.approx(position_m)
+        assert known.intensity_sigma == intensity
+        assert (known.sensor.full_well_e, known.sensor.read_noise_e) == (full_well_e, read_e)
+
+
 @pytest.mark.parametrize(("gain", "clipped"), [(1.0, True), (3.0, False)])
 def test_read_float_images_above_one_are_not_saturated(gain: float, clipped: bool, tmp_path: Path) -> None:
     folder = small.near(tmp_path / "in")
