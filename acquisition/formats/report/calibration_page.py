@@ -10,15 +10,11 @@ import html
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from math import ceil, degrees, log10, sqrt
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from acquisition.formats.report.page import PAGE
-
-SHOWN = ("camera.json", "hand_eye.json", "lamp.json", "lobe.json", "response.json", "check.json")
-"""Files of results in the order of the page."""
+from acquisition.formats.report.page import PAGE, table_rows, template
 
 PICTURES: Mapping[str, str] = {
     "projection_sigma.png": "1 σ of where the camera model puts a direction, and the corners that were seen: where "
@@ -49,28 +45,24 @@ class _Part:
 
 def write(folder: Path, title: str, facts: Mapping[str, str], advice: Sequence[str]) -> None:
     """Writes report.html into an estimate's folder; `facts`: date, version, serial numbers, sessions, for people."""
-    parts: list[str] = []
-    for name in SHOWN:
-        if (folder / name).exists():
-            stated = cast(dict[str, Any], json.loads((folder / name).read_text(encoding="utf-8")))
-            parts.append(_section(_PARTS[name](stated)))
+    stated = {name: folder / name for name in _PARTS if (folder / name).exists()}
+    parts = [_section(_PARTS[name](json.loads(file.read_text(encoding="utf-8")))) for name, file in stated.items()]
     pictures = [
         f'<figure><img alt="" src="data:image/png;base64,{base64.b64encode((folder / name).read_bytes()).decode()}">'
         f"<figcaption>{html.escape(what)}</figcaption></figure>"
         for name, what in PICTURES.items()
         if (folder / name).exists()
     ]
-    style = resources.files("acquisition.formats.report").joinpath("template.html").read_text(encoding="utf-8")
-    style = style[style.index("<style>") : style.index("</style>")] + _STYLE
+    style, _, _ = template().partition("</style>")
     page = [
         "<!doctype html>\n<html lang=en>\n<meta charset=utf-8>\n<meta name=viewport content='width=device-width'>",
         f"<title>{html.escape(title)}</title>",
-        style,
+        style[style.index("<style>") :] + _STYLE,
         f"<h1>{html.escape(title)}</h1>",
         "<ul class=warnings>" + "".join(f"<li>{html.escape(sentence)}" for sentence in advice) + "</ul>",
         *parts,
         "<h2>Pictures</h2><div class=grid>" + "".join(pictures) + "</div>" if pictures else "",
-        "<h2>Made with</h2>" + _rows(list(facts.items())),
+        f"<h2>Made with</h2><table>{table_rows(list(facts.items()))}</table>",
     ]
     (folder / PAGE).write_text("\n".join(page), encoding="utf-8")
 
@@ -90,18 +82,12 @@ def _section(part: _Part) -> str:
         for name, value, sigma, unit in part.values
     )
     made = f"<h2>{html.escape(part.title)}</h2><table class=part>{rows}</table>"
-    made += _rows(part.facts) if part.facts else ""
+    made += f"<table>{table_rows(part.facts)}</table>" if part.facts else ""
     if part.names:
         made += _correlations(part.names, part.covariance)
     if part.images:
         made += _images(part.images, part.unit)
     return made
-
-
-def _rows(rows: Sequence[tuple[str, str]]) -> str:
-    return (
-        "<table>" + "".join(f"<tr><th>{html.escape(name)}<td>{html.escape(said)}" for name, said in rows) + "</table>"
-    )
 
 
 def _correlations(names: Sequence[str], covariance: Sequence[Sequence[float]]) -> str:
@@ -282,3 +268,4 @@ _PARTS = {
     "response.json": _response,
     "check.json": _check,
 }
+"""Files of results in the order of the page, and what it states of them."""

@@ -5,6 +5,7 @@ A person has a minute: figures first, then what is wrong and what to do, then th
 
 import base64
 import html
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -48,7 +49,7 @@ def _page(normal_map: NormalMap, context: ReportContext, small: ReducedMaps, map
         "NORMALS_DATA": _data(pictures.normals(small)),
         "ALBEDO_DATA": _data(_albedo(small)),
     }
-    page = resources.files("acquisition.formats.report").joinpath("template.html").read_text(encoding="utf-8")
+    page = template()
     for name, value in parts.items():
         page = page.replace(f"@{name}@", value)
     return page
@@ -99,36 +100,41 @@ def _maps(small: ReducedMaps) -> list[_MapPicture]:
 
 
 def _figures(normal_map: NormalMap, context: ReportContext) -> str:
-    sigma = normal_map.sigma_deg[normal_map.mask]
+    sigma, fit = normal_map.sigma_deg[normal_map.mask], normal_map.fit
     sigma = sigma[np.isfinite(sigma)]
     pixels, object_pixels = np.count_nonzero(normal_map.mask), max(1, np.count_nonzero(normal_map.silhouette))
+    stated = expected = ""
+    if sigma.size:
+        mean, median = np.mean(sigma), np.median(sigma)
+        stated = f"mean {mean:.2f}°, median {median:.2f}°"
+        expected = f"mean {MEAN_ERROR_PER_SIGMA * mean:.2f}°, median {MEDIAN_ERROR_PER_SIGMA * median:.2f}°"
+    fitted = "" if fit is None else (
+        f"residuals {fit.misfit:.2f} of the stated noise; {fit.probability:.0%} of sound captures fit as badly"
+    )  # fmt: skip
+    predicted = context.predicted_sigma_deg
     rows = [
         ("images", f"{len(normal_map.flags)}"),
         ("normals", f"{pixels:,}".replace(",", " ") + f" ({pixels / object_pixels:.1%} of the object)"),
+        ("σ of all solved pixels", stated),
+        ("error to expect", expected),
+        ("fit of the images", fitted),
+        ("mean σ that the plan predicted", "" if predicted is None else f"{predicted:.2f}°"),
+        ("error against the truth", ", ".join(f"{name} {value:.2f}°" for name, value in context.error_deg.items())),
+        ("calibration checked", context.calibration_checked),
+        ("solver", ": ".join(filter(None, (context.solver, context.why)))),
+        ("sensor", str(normal_map.notes.get("sensor", ""))),
     ]
-    if sigma.size:
-        rows.append(("σ of all solved pixels", f"mean {np.mean(sigma):.2f}°, median {np.median(sigma):.2f}°"))
-        mean, median = MEAN_ERROR_PER_SIGMA * np.mean(sigma), MEDIAN_ERROR_PER_SIGMA * np.median(sigma)
-        rows.append(("error to expect", f"mean {mean:.2f}°, median {median:.2f}°"))
-    if normal_map.fit is not None:
-        fit = normal_map.fit
-        rows.append(
-            (
-                "fit of the images",
-                f"residuals {fit.misfit:.2f} of the stated noise; {fit.probability:.0%} of sound captures fit as badly",
-            )
-        )
-    if context.predicted_sigma_deg is not None:
-        rows.append(("mean σ that the plan predicted", f"{context.predicted_sigma_deg:.2f}°"))
-    if context.error_deg:
-        rows.append(("error against the truth", ", ".join(f"{k} {v:.2f}°" for k, v in context.error_deg.items())))
-    if context.calibration_checked:
-        rows.append(("calibration checked", context.calibration_checked))
-    if context.solver:
-        rows.append(("solver", context.solver + (f": {context.why}" if context.why else "")))
-    if "sensor" in normal_map.notes:
-        rows.append(("sensor", str(normal_map.notes["sensor"])))
-    return "".join(f"<tr><th>{html.escape(name)}<td>{html.escape(value)}" for name, value in rows)
+    return table_rows([(name, said) for name, said in rows if said])
+
+
+def table_rows(rows: Sequence[tuple[str, str]]) -> str:
+    """Rows of an HTML table: what, and what is said of it."""
+    return "".join(f"<tr><th>{html.escape(name)}<td>{html.escape(said)}" for name, said in rows)
+
+
+def template() -> str:
+    """The page with its style and script, and names between `@` where its parts belong."""
+    return resources.files("acquisition.formats.report").joinpath("template.html").read_text(encoding="utf-8")
 
 
 def _figure(one: _MapPicture) -> str:
@@ -205,12 +211,10 @@ def _data(pixels: np.ndarray) -> str:
 
 def _contact_sheet(maps: list[_MapPicture]) -> bytes:
     """All maps side by side with their names, three in a row."""
-    label = 26
     tiles: list[np.ndarray] = []
     for one in maps:
         title = one.name.replace("σ", "sigma") + ("" if one.scale is None else f"  {one.scale[0]} - {one.scale[1]}")
-        tile = np.full((one.picture.shape[0] + label, max(one.picture.shape[1], 260), 3), 255, np.uint8)
-        tile[label:, : one.picture.shape[1]] = one.picture
+        tile = np.pad(one.picture, ((26, 0), (0, max(0, 260 - one.picture.shape[1])), (0, 0)), constant_values=255)
         title = title.replace("°", " deg")
         cv2.putText(tile, title, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
         tiles.append(tile)
