@@ -71,14 +71,15 @@ class Source:
 
 
 def _diligent(source: Source, path: Path) -> None:
-    """A DiLiGenT-style folder, which most photometric-stereo programs read: 001.png … (16 bits), filenames, directions,
-    intensities and mask.png. It knows distant lights only: near ones are given at the object's centre, and
-    `README.txt` says so."""
+    """A DiLiGenT-style folder, which most photometric-stereo programs read: 001.png … (16 bits of full scale),
+    filenames, directions, intensities and mask.png. It knows distant lights only: near ones are given at the object's
+    centre, and `README.txt` says so."""
     path.mkdir()
     images = source.solved_images
     names = [f"{number:03d}.png" for number in range(1, images.count + 1)]
     for index, name in enumerate(names):
-        map_files.png(path / name, _sixteen_bits(images, index))
+        values = np.clip(images.values(index, 0, images.height), 0, 1)
+        map_files.png(path / name, np.round(values * 65535).astype(np.uint16))
     (path / "filenames.txt").write_text("\n".join(names) + "\n", encoding="utf-8")
     power = np.broadcast_to(light_files.intensities(images, source.centre), (images.count, 3))
     np.savetxt(path / "light_directions.txt", source.directions, fmt="%.9f")
@@ -86,17 +87,6 @@ def _diligent(source: Source, path: Path) -> None:
     map_files.png(path / "mask.png", images.mask.astype(np.uint8) * 255)
     if not isinstance(images.lights, DistantLights):
         (path / "README.txt").write_text(NEAR_LIGHT, encoding="utf-8")
-
-
-def _sixteen_bits(images: ImageSet, index: int) -> np.ndarray:
-    pixels = images.rows(index, 0, images.height)
-    match pixels.dtype.name:
-        case "uint16":
-            return pixels
-        case "uint8":
-            return pixels.astype(np.uint16) * 257
-        case _:
-            return np.round(np.clip(pixels / np.float32(images.full_scale), 0, 1) * 65535).astype(np.uint16)
 
 
 def _integration(source: Source, path: Path) -> None:

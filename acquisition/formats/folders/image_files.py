@@ -174,9 +174,7 @@ def decode(path: Path) -> np.ndarray:
     pixels = cv2.imdecode(np.frombuffer(stored, np.uint8), cv2.IMREAD_UNCHANGED) if stored else None
     if pixels is None:
         raise refusal(path, "is no image, or is damaged or truncated: copy it again")
-    if pixels.ndim == 3 and pixels.shape[2] == 3:
-        return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
-    return np.asarray(pixels[..., 0] if pixels.ndim == 3 and pixels.shape[2] == 1 else pixels)
+    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB) if pixels.ndim == 3 and pixels.shape[2] == 3 else np.asarray(pixels)
 
 
 def read_mask(path: Path, size: tuple[int, int]) -> BoolArray:

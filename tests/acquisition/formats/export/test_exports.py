@@ -177,6 +177,15 @@ def test_diligent_export_near_light_is_stated_in_readme(near: export.Source, tmp
     assert folders.read(folder, tmp_path).count == near.images.count
 
 
+def test_diligent_export_of_twelve_bits_fills_the_scale(near: export.Source, tmp_path: Path) -> None:
+    """A session's values: what was clipped stays clipped, and albedo keeps its scale."""
+    twelve = replace(near.images, rows=lambda *rows: near.images.rows(*rows) // 16, full_scale=4095.0)  # type: ignore[arg-type]
+    again = folders.read(made("diligent", replace(near, images=twelve), tmp_path / "out"), tmp_path)
+    for index in range(again.count):
+        whole = index, 0, again.height
+        np.testing.assert_allclose(again.values(*whole), twelve.values(*whole), atol=1e-5)  # half a step of 16 bits
+
+
 @pytest.mark.parametrize("bits", [8, 16])
 def test_diligent_export_of_lp_folder_has_sixteen_bits(bits: int, tmp_path: Path) -> None:
     images = folders.read(small.lp(tmp_path / "in", bits), tmp_path)
