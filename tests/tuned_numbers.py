@@ -77,7 +77,7 @@ REASONS: dict[str, str] = {
         integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS pixel_solve.IRLS_ITERATIONS
         relaxation.MAX_GAP relaxation.MAX_ROUNDS
         relaxation.MIN_RELATIVE_WEIGHT optimise.MIN_IMPROVEMENT optimise.MAX_PASSES baselines.AZIMUTH_STEPS
-        registration.ROUNDS registration.ROBUST_ROUNDS
+        registration.ROUNDS
         translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS term_solve.ROUNDS
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
         reflectance_fit.FINAL_STEP
