@@ -6,12 +6,12 @@ of unknown scale counts as `OBJECT_SIZE_M` wide and its brightest parts as nearl
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from acquisition import photometry
-from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import LIT, SATURATED, FisherInformation, NormalMap, SolveSettings
 from acquisition.models.tuned import tuned
@@ -145,7 +145,7 @@ def _white(images: ImageSet) -> float:
 def _least_squares_map(images: ImageSet) -> NormalMap:
     """Lambertian least squares (Woodham 1980) of the mask's pixels, by blocks of rows; colours are mixed by LUMA."""
     lights, size = _distant(images), (images.height, images.width)
-    maps: dict[str, Float32Array] = {name: np.zeros(size, np.float32) for name in ("albedo", "residual")}
+    maps: dict[str, Any] = {name: np.zeros(size, np.float32) for name in ("albedo", "residual", "depth")}
     maps |= {"normals": np.zeros((*size, 3), np.float32), "sigma_deg": np.full(size, np.nan, np.float32)}
     if images.channels == 3:
         maps["albedo_rgb"] = np.zeros((*size, 3), np.float32)
@@ -172,12 +172,7 @@ def _least_squares_map(images: ImageSet) -> NormalMap:
         for name, part in found.items():
             maps[name][rows][inside] = part
     return NormalMap(
-        normals=maps["normals"],
-        albedo=maps["albedo"],
-        sigma_deg=maps["sigma_deg"],
-        residual=maps["residual"],
-        albedo_rgb=maps.get("albedo_rgb"),
-        depth=np.zeros(size, np.float32),
+        **maps,
         mask=maps["albedo"] > 0,
         silhouette=images.mask,
         flags=flags,

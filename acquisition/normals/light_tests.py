@@ -232,21 +232,12 @@ def swapped_pair(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, cal
     rows = light.transpose(2, 0, 1).astype(np.float64)  # (K, F, 3)
     values = few.values.T.astype(np.float64)
     used = (values > SolveSettings().shadow_threshold * np.max(values, axis=1, keepdims=True)) & ~few.clipped.T
-    before = _residual(rows, values, used)
-    best = min(
-        (
-            Swap(a, b, _residual(rows[:, order], values, used) / before)
-            for a, b, order in (_exchanged(len(lamps), *pair) for pair in combinations(range(len(lamps)), 2))
-        ),
-        key=lambda swap: swap.residual_share,
-    )
-    return best
-
-
-def _exchanged(count: int, a: int, b: int) -> tuple[int, int, np.ndarray]:
-    order = np.arange(count)
-    order[[a, b]] = b, a
-    return a, b, order
+    before, order = _residual(rows, values, used), np.arange(len(lamps))
+    swaps = [
+        Swap(a, b, _residual(rows[:, np.where(order == a, b, np.where(order == b, a, order))], values, used) / before)
+        for a, b in combinations(range(len(lamps)), 2)
+    ]
+    return min(swaps, key=lambda swap: swap.residual_share)
 
 
 def _residual(rows: FloatArray, values: FloatArray, used: BoolArray) -> float:
