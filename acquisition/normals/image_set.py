@@ -22,7 +22,8 @@ class ImageCheckSettings:
     """Tuned number of the check of lights."""
 
     min_direction_spread: float = tuned(0.02, "1")
-    """Least `direction_spread` of lights, below which they count as lying in one plane with the object."""
+    """Least `direction_spread` of lights, below which they count as lying in one plane with the object. Near lights of
+    0.03 give an error of 8.5° at a σ of 10.5° (`test_solve_lights_close_together_has_a_sigma_that_says_so`)."""
 
 
 SETTINGS = ImageCheckSettings()
