@@ -35,7 +35,7 @@ class DistantSettings:
     """What is assumed of folders with directions of lights."""
 
     max_noise_ratio: float = tuned(2.0, "ratio")
-    """Noise that residuals show over what the lights' stated σ explain, above which no model fits: 4 and 5 on lacquer
+    """Noise that residuals show over what the lights' stated σ explain, above which no model fits. 4 and 5 on lacquer
     and glaze, whose normals err by 8° in a fit that looks sound, 1.4 on rough plaster (0.7°), 0.4 on plastic and satin
     (`gloss_scenes`, balls)."""
 

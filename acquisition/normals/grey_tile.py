@@ -30,7 +30,7 @@ class GreyTileSettings:
 
     min_evenness: float = tuned(0.9, "1")
     """The 10th over the 90th percentile of the tile's pixels, each over its own median of all images, below which a
-    shadow lies on part of it: noise of a tile of 25 pixels at a tenth of full scale leaves 0.97."""
+    shadow lies on part of it. Noise of a tile of 25 pixels at a tenth of full scale leaves 0.97."""
 
 
 SETTINGS = GreyTileSettings()
