@@ -31,13 +31,13 @@ class TransferSettings:
     rounding_sigma: float = tuned(0.06, "1")
     """1 σ of a bin's variance beyond its sampling error, by clipping of quantised values, as a share of it, times the
     squared step over it. Without it the noise of a sensor that reads with 0.8 steps is 5 % too small by 5 of its σ
-    (`test_fit_line_synthetic_sensor_recovers_gain_and_read_noise`); with 0.083 its 1 σ is over a tenth of it. Errors of the
-    same 120 sensors' floors are 0.80 of their σ (rms), 0.90 with half and 0.69 with twice as much."""
+    (`test_fit_line_synthetic_sensor_recovers_gain_and_read_noise`); with 0.083 its 1 σ is over a tenth of it. Errors
+    of the same 120 sensors' floors are 0.80 of their σ (rms), 0.90 with half and 0.69 with twice as much."""
     pattern_sigma: float = tuned(0.001, "share")
     """1 σ of the difference of two frames from pixel to pixel in proportion to brightness, where a lamp came back
     displaced: a term in the square of brightness, which would otherwise be counted as photons.
-    The same 120 sensors have patterns of 0–0.0015: 0.91 are known and their gains' errors are 0.96 σ (rms); with half as
-    much 0.92 and 1.05, with twice 0.84 and 0.84."""
+    The same 120 sensors have patterns of 0–0.0015: 0.91 are known and their gains' errors are 0.96 σ (rms); with half
+    as much 0.92 and 1.05, with twice 0.84 and 0.84."""
     max_relative_sigma: float = tuned(0.05, "share")
     """1 σ of an estimate of gain or read noise, as a share of it, up to which it replaces what is stated. A scene of
     fine detail that has moved between its two frames gives a gain wrong a thousandfold, of 7–8 % (scratch evaluation,
