@@ -234,7 +234,11 @@ def solve(
             "lamps_aside_m": state.shared.lamp_offset_m.tolist(),
             "threshold": scene.settings.shadow_threshold,
             "interreflection": {"share": indirect / light, "scale": state.indirect_scale},
-            "lobe": {"strength": float(terms.lobe_factor) * strength, "exponent": exponent},
+            "lobe": {
+                "strength": float(terms.lobe_factor) * strength,
+                "exponent": exponent,
+                "dielectric": terms.strength == 0,
+            },
         },
     )
 
