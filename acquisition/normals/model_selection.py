@@ -36,8 +36,9 @@ def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
     corrected findings first."""
     present = solve(problem)
     findings: list[ModelFinding] = []
+    vain: set[str] = set()
     while len(findings) < SETTINGS.max_selections:
-        accepted = _best_trial(present)
+        accepted = _best_trial(present, vain)
         if accepted is None:
             break
         alternative, present = accepted
@@ -110,21 +111,30 @@ def remaining(solution: Solution) -> list[ModelFinding]:
     return findings
 
 
-def _best_trial(present: Solution) -> tuple[Alternative, Solution] | None:
-    """The best-fitting accepted trial of the first function of alternatives that has one; none: the model stays."""
+def _best_trial(present: Solution, vain: set[str]) -> tuple[Alternative, Solution] | None:
+    """The best-fitting accepted trial of the first function of alternatives that has one; none: the model stays.
+
+    What a poor fit alone calls for is not tried again once it has fitted no better: its kind is added to `vain`.
+    """
     tried = set(present.problem.corrected)
     for propose in model_alternatives.ALTERNATIVES:
         accepted: list[tuple[float, Alternative, Solution]] = []
         alternatives = [
             alternative
             for alternative in propose(present)
-            if alternative.kind not in tried and alternative.told_by(len(present.scene.lamps))
+            if alternative.kind not in tried
+            and (alternative.demanded or alternative.kind not in vain)
+            and alternative.told_by(len(present.scene.lamps))
         ]
         for alternative in alternatives:
             corrected = (*alternative.problem.corrected, alternative.kind)
             trial = solve(replace(alternative.problem, corrected=corrected))
             if alternative.accepted(present, trial):
                 accepted.append((trial.fit.misfit * trial.fit.share / alternative.coding, alternative, trial))
+                if alternative.decides(present, trial):
+                    break
+            elif not alternative.demanded and trial.fit.misfit >= present.fit.misfit:
+                vain.add(alternative.kind)
         if accepted:
             return min(accepted, key=lambda one: one[0])[1:]
         tried |= {alternative.kind for alternative in alternatives}

@@ -191,7 +191,8 @@ class Alternative:
     `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one
     step promised of the term that it estimates from zero. `silent`: it corrects the solver, not the capture.
     `sound_enough`: its fit need not be better than a sound one, because a test demands it that does not look at
-    residuals. `least_images`: fewer leave residuals that do not tell it from others.
+    residuals. `least_images`: fewer leave residuals that do not tell it from others. `decisive`: no other is tried
+    once it is accepted with half the misfit and half the relative residuals.
     """
 
     kind: str
@@ -204,6 +205,12 @@ class Alternative:
     silent: bool = False
     sound_enough: bool = False
     least_images: int = photometry.REDUNDANT
+    decisive: bool = False
+
+    @property
+    def demanded(self) -> bool:
+        """Whether a test demands it, and not the poor fit alone."""
+        return self.sound_enough or self.worse_at_most > SETTINGS.better_at_least
 
     def told_by(self, images: int) -> bool:
         """Whether so many images can demand it: a test that does not look at residuals needs none."""
@@ -240,6 +247,16 @@ class Alternative:
             # 100. Where no score tells of a coding, they have to fall: a wrong shape may fit what is linear already.
             share_at_most = self.coding if before.seems_coded else 1.0
         return after.share <= share_at_most * before_fit.share and after.probability > SETTINGS.min_probability
+
+    def decides(self, before: Solution, trial: Solution) -> bool:
+        """Whether an accepted trial is so much better that it need not be compared with others."""
+        better = SETTINGS.better_at_least
+        return (
+            self.decisive
+            and not trial.poor
+            and trial.fit.misfit <= better * before.fit.misfit
+            and trial.fit.share <= better * before.fit.share
+        )
 
     def finding(self, terms: ImageTerms) -> ModelFinding:
         """The finding of an accepted trial, with the amount that it has estimated."""
