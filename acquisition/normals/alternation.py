@@ -321,7 +321,7 @@ def _self_calibrate(
         if turn in (0, 3):
             noise = residual_noise.estimate(
                 estimate, divided, noise, nominal.noise,
-                sample.pixels.plus_extra(np.zeros_like(divided) + estimate.highlight_variance),
+                sample.pixels.plus_extra(np.broadcast_to(estimate.highlight_variance, divided.shape)),
             )  # fmt: skip
         if turn == 3:
             break

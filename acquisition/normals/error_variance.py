@@ -37,11 +37,12 @@ estimate, the albedo's local contrast, slant and gloss. λ against the mean of a
 Gaussian surrounding tells less, the sum of squared second differences along rows and columns nearly as much (scratch
 fits on design seeds, November 2026).
 
-The constants were chosen where the errors of captures without uncorrected findings are likeliest under Rayleigh's law
-with a heavy tail (bivariate t, 20 degrees of freedom), all of them multiplied so that the factor of σ₀² itself is 1:
-`python -m tests.unseen fit-sigma` fits, and prints how much less likely the errors are without each component. They
-depend on the tail that is assumed (`tests.unseen.sigma_fit`). On those 117 captures of 6, 8, 12 and 20 lights P(e < σ)
-is 0.72, P(e < 2σ) 0.94. How they do on captures that they were not fitted to stands in `tests/unseen/reports.md`.
+The constants are rounded from those that make the errors of those 117 captures, of 6, 8, 12 and 20 lights, likeliest
+under Rayleigh's law with a heavy tail (bivariate t, 20 degrees of freedom), all of them multiplied so that the factor
+of σ₀² itself is 1: B 0.26, M 0.44, L 0.35 of those that may be blurred, E 8.9° of few lights. P(e < σ) is 0.72 there,
+P(e < 2σ) 0.94. `python -m tests.unseen fit-sigma` fits such captures, and prints how much less likely the errors are
+without each component. The constants depend on the tail that is assumed (`tests.unseen.sigma_fit`). How they do on
+captures that they were not fitted to stands in `tests/unseen/reports.md`.
 
 B and E are `photometry`'s, because a plan's forecast takes them into account as well.
 """

@@ -36,9 +36,9 @@ def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
     corrected findings first."""
     present = solve(problem)
     findings: list[ModelFinding] = []
-    vain: set[str] = set()
+    no_better: set[str] = set()
     while len(findings) < SETTINGS.max_selections:
-        accepted = _best_trial(present, vain)
+        accepted = _best_trial(present, no_better)
         if accepted is None:
             break
         alternative, present = accepted
@@ -111,10 +111,10 @@ def remaining(solution: Solution) -> list[ModelFinding]:
     return findings
 
 
-def _best_trial(present: Solution, vain: set[str]) -> tuple[Alternative, Solution] | None:
+def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, Solution] | None:
     """The best-fitting accepted trial of the first function of alternatives that has one; none: the model stays.
 
-    What a poor fit alone calls for is not tried again once it has fitted no better: its kind is added to `vain`.
+    What a poor fit alone calls for is not tried again once it has fitted no better: its kind is added to `no_better`.
     """
     tried = set(present.problem.corrected)
     for propose in model_alternatives.ALTERNATIVES:
@@ -123,7 +123,7 @@ def _best_trial(present: Solution, vain: set[str]) -> tuple[Alternative, Solutio
             alternative
             for alternative in propose(present)
             if alternative.kind not in tried
-            and (alternative.demanded or alternative.kind not in vain)
+            and (alternative.demanded or alternative.kind not in no_better)
             and alternative.told_by(len(present.scene.lamps))
         ]
         for alternative in alternatives:
@@ -134,7 +134,7 @@ def _best_trial(present: Solution, vain: set[str]) -> tuple[Alternative, Solutio
                 if alternative.decides(present, trial):
                     break
             elif not alternative.demanded and trial.fit.misfit >= present.fit.misfit:
-                vain.add(alternative.kind)
+                no_better.add(alternative.kind)
         if accepted:
             return min(accepted, key=lambda one: one[0])[1:]
         tried |= {alternative.kind for alternative in alternatives}

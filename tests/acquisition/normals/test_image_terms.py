@@ -111,19 +111,27 @@ def test_solve_with_gloss_recovers_normals() -> None:
     assert mean_error_deg(made, solved(made, values, ImageTerms(gloss=0.15))) < 0.2
 
 
-def test_gauss_newton_steps_find_roughness_of_gloss() -> None:
-    made = measured()
-    values = glossy_values(made, 0.3).astype(np.float32)
-    present = replace(SharedParameters.nominal(len(values)), terms=ImageTerms(gloss=0.2))
-    priors = Priors(0.01, 0.001, 0.03, ImageTerms(gloss=1.0))
-    for _ in range(4):
+def stepped_terms(
+    made: MeasuredPixels, values: np.ndarray, start: ImageTerms, sigma: ImageTerms, *, steps: int
+) -> ImageTerms:
+    """The terms after Gauss–Newton steps of all shared parameters, `sigma` being 1 σ of their priors."""
+    present = replace(SharedParameters.nominal(len(values)), terms=start)
+    priors = Priors(0.01, 0.001, 0.03, sigma)
+    for _ in range(steps):
         estimate = solved(made, values, present.terms)
         by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, made.ray_direction, made.lamp)
         step = self_calibration.gauss_newton_step(
             estimate, by_depth, values, made.lamp, present, priors, photometry.SETTINGS.offset_sigma_m
         )
         present = replace(present, terms=image_terms.stepped(present.terms, step.terms))
-    assert present.terms.gloss == pytest.approx(0.3, abs=0.02)
+    return present.terms
+
+
+def test_gauss_newton_steps_find_roughness_of_gloss() -> None:
+    made = measured()
+    values = glossy_values(made, 0.3).astype(np.float32)
+    found = stepped_terms(made, values, ImageTerms(gloss=0.2), ImageTerms(gloss=1.0), steps=4)
+    assert found.gloss == pytest.approx(0.3, abs=0.02)
 
 
 def lobe_values(made: MeasuredPixels, terms: ImageTerms) -> np.ndarray:
@@ -160,17 +168,10 @@ def test_gauss_newton_steps_find_strength_of_gloss(count: int, largest_slant: fl
     made = measured(count=count, largest_slant=largest_slant)
     noise = np.random.default_rng(0).normal(0, 0.003, made.values.shape)
     values = (lobe_values(made, true) + noise).astype(np.float32)
-    present = replace(SharedParameters.nominal(count), terms=ImageTerms(gloss=0.2, strength=1.0))
-    priors = Priors(0.01, 0.001, 0.03, ImageTerms(gloss=1.0, strength=1.0))
-    for _ in range(8):
-        estimate = solved(made, values, present.terms)
-        by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, made.ray_direction, made.lamp)
-        step = self_calibration.gauss_newton_step(
-            estimate, by_depth, values, made.lamp, present, priors, photometry.SETTINGS.offset_sigma_m
-        )
-        present = replace(present, terms=image_terms.stepped(present.terms, step.terms))
-    assert present.terms.strength == pytest.approx(true.strength, rel=0.1)
-    assert present.terms.gloss == pytest.approx(true.gloss, rel=0.1)
+    sigma = ImageTerms(gloss=1.0, strength=1.0)
+    found = stepped_terms(made, values, ImageTerms(gloss=0.2, strength=1.0), sigma, steps=8)
+    assert found.strength == pytest.approx(true.strength, rel=0.1)
+    assert found.gloss == pytest.approx(true.gloss, rel=0.1)
 
 
 def test_stepped_keeps_terms_within_ranges() -> None:

@@ -11,7 +11,7 @@ import pytest
 from acquisition import normals, photometry
 from acquisition.models.light_plan import Light
 from acquisition.models.result import ATTACHED, CAST, NormalMap, SolveSettings
-from acquisition.normals import Images, light_tests, model_alternatives, model_selection, session_images
+from acquisition.normals import Images, error_variance, light_tests, model_alternatives, model_selection, session_images
 from acquisition.normals.model_trial import Alternative, Solution
 from acquisition.normals.term_tests import TermScore
 from hardware_sim.reflectance import Reflectance
@@ -216,6 +216,49 @@ def test_solve_glossy_dielectric_is_solved_as_one(cushion: scenes.Scene, images:
     assert "times a dielectric's strength" not in result.findings[0].message
     assert result.findings[0].value == pytest.approx(0.3, abs=0.03)
     assert mean_deg(cushion, result) < 1.5 * mean_deg(cushion, sound)
+
+
+def test_solve_dielectric_that_halves_the_misfit_is_compared_with_no_other_reflectance(
+    cushion: scenes.Scene, images: Images, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = recorded_trials(monkeypatch)
+    assert kinds(solved(cushion, reflected(cushion, images, Reflectance("ggx", 0.2)))) == [("gloss", True)]
+    assert tried[0][1].poor
+    assert [alternative.kind for alternative, _, _ in tried] == ["axes of the lamps", "gloss"]
+
+
+def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(
+    cushion: scenes.Scene, images: Images, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stray light, and a dark image: when the one has been put right, the fit is as poor as to call for all again."""
+    values = images.whole.values + np.float32(0.1)
+    values[3] *= 0.3
+    tried = recorded_trials(monkeypatch)
+    solved(cushion, scenes.with_values(images, values))
+    first, last = tried[0][1], tried[-1][1]
+    assert last is not first
+    assert last.poor
+    axes = [(before, trial) for alternative, before, trial in tried if alternative.kind == "axes of the lamps"]
+    assert [before is first and trial.fit.misfit > before.fit.misfit for before, trial in axes] == [True]
+    again = {alternative.kind for alternative, before, _ in tried if before is last}
+    assert "coded values" in again  # it had fitted better
+
+
+def test_solve_states_to_sigma_whether_shadows_show_sharp_images(
+    cushion: scenes.Scene, images: Images, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stated: list[bool] = []
+    original = error_variance.sigma_deg
+
+    def recording(*maps: np.ndarray, sharp: bool, capture_deg: float) -> tuple[np.ndarray, float]:
+        stated.append(sharp)
+        return original(*maps, sharp=sharp, capture_deg=capture_deg)
+
+    monkeypatch.setattr(error_variance, "sigma_deg", recording)
+    solved(cushion, images)
+    blurred = np.stack([cv2.GaussianBlur(one, (0, 0), 1.2) for one in images.whole.values])
+    solved(cushion, scenes.with_values(images, blurred))
+    assert stated == [True, False]
 
 
 @pytest.mark.parametrize(("strength", "exponent"), [(0.1, 30.0), (0.2, 30.0), (0.15, 200.0)])
