@@ -75,8 +75,8 @@ class NormalMap:
     flags: npt.NDArray[np.uint8]  # (F, H, W)
     intensity_factors: FloatArray  # (F,)
     information: FisherInformation
+    doubtful: BoolArray  # (H, W)
     indirect: Float32Array | None = None  # (H, W) share of indirect in all light; none: not predicted
-    doubtful: BoolArray | None = None  # (H, W)
     albedo_rgb: Float32Array | None = None  # (H, W, 3) of each channel; none: grey images
     noise: dict[str, float] = field(default_factory=dict[str, float])  # names of parameters → values used
     notes: dict[str, Any] = field(default_factory=dict[str, Any])

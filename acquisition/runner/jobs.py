@@ -160,7 +160,7 @@ def require_within_keep_out(normal_map: NormalMap, cell: CellConfig, calibration
     path home and for the next session, and only a person who corrects the cell file makes all of them safe.
     """
     rays = photometry.rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
-    reliable = normal_map.mask if normal_map.doubtful is None else normal_map.mask & ~normal_map.doubtful
+    reliable = normal_map.mask & ~normal_map.doubtful
     if not reliable.any():
         return
     points = photometry.points(rays, normal_map.depth)[:, reliable].T

@@ -28,7 +28,6 @@ def test_solve_pixels_in_all_shadows_are_doubtful_and_of_large_sigma(seed: int) 
 
     solved = run.solve(scene, capture(scene, positions))
 
-    assert solved.doubtful is not None
     graded = scene.truth.within_78_deg & solved.mask
     lights = lamps_that_reach(scene, positions)
     dark, lit = graded & (lights <= 1), graded & (lights >= 3)
@@ -47,7 +46,6 @@ def test_solve_dark_parts_of_bright_object_are_not_doubtful(family: str) -> None
 
     solved = run.solve(scene, capture(scene, positions))
 
-    assert solved.doubtful is not None
     lit = scene.truth.within_78_deg & solved.mask & (lamps_that_reach(scene, positions) >= 3)
     dark = lit & (solved.albedo < 0.3 * np.median(solved.albedo[solved.mask]))
     assert np.mean(dark[lit]) > 0.2

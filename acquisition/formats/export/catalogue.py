@@ -84,7 +84,7 @@ def _diligent(source: Source, path: Path) -> None:
     power = np.broadcast_to(light_files.intensities(images, source.centre), (images.count, 3))
     np.savetxt(path / "light_directions.txt", source.directions, fmt="%.9f")
     np.savetxt(path / "light_intensities.txt", power, fmt="%.9g")
-    map_files.png(path / "mask.png", images.mask.astype(np.uint8) * 255)
+    map_files.mask_png(path / "mask.png", images.mask)
     if not isinstance(images.lights, DistantLights):
         (path / "README.txt").write_text(NEAR_LIGHT, encoding="utf-8")
 
@@ -94,7 +94,7 @@ def _integration(source: Source, path: Path) -> None:
     path.mkdir()
     normal_map = source.normal_map
     map_files.normals_png(path / "normal_map.png", normal_map.normals, normal_map.mask)
-    map_files.png(path / "mask.png", normal_map.mask.astype(np.uint8) * 255)
+    map_files.mask_png(path / "mask.png", normal_map.mask)
     if source.images.camera is not None:
         np.savetxt(path / "K.txt", source.images.camera.matrix, fmt="%.9g")
 

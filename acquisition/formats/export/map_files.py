@@ -75,6 +75,11 @@ def albedo_png(path: Path, normal_map: NormalMap) -> None:
     png(path, coded, f"albedo, {space}, coded with sRGB's curve", profile)
 
 
+def mask_png(path: Path, mask: BoolArray) -> None:
+    """A mask (H, W) as an 8-bit PNG, white inside."""
+    png(path, mask.astype(np.uint8) * 255)
+
+
 def png(path: Path, pixels: np.ndarray, description: str = "", profile: bytes | None = None) -> None:
     """An 8- or 16-bit PNG, (H, W) or (H, W, 3) RGB, with a description (Latin-1) and an ICC profile where they are
     given."""

@@ -6,7 +6,9 @@ has the rest, so that another process reads back exactly what was written. The f
 
 import json
 import os
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -15,13 +17,13 @@ from pydantic import TypeAdapter
 
 from acquisition.formats.atomic_write import atomic_folder
 from acquisition.formats.export import map_files
-from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import FisherInformation, GoodnessOfFit, ModelFinding, NormalMap
 from acquisition.normals import memory_mapped
 
 ARCHIVE = "normal_map.npz"
-OPTIONAL = ("albedo_rgb", "indirect")
+MASKS, OPTIONAL = ("doubtful", "mask", "silhouette"), ("albedo_rgb", "indirect")
+INFORMATION = tuple(field.name for field in fields(FisherInformation))
 UNITS = {
     "normals": "unit normals x, y, z",
     "depth": "depth along the camera's axis",
@@ -37,8 +39,8 @@ def write(normal_map: NormalMap, folder: Path) -> list[str]:
     """Writes the files of a result into a new folder and returns their names; an existing one is replaced as a whole.
 
     normals.png (16-bit RGB, OpenGL green), mask.png, lights_used.png (count), normals/depth/sigma_deg/albedo/residual
-    and, where they are known, albedo_rgb and indirect .tiff (float32; m, degrees), doubtful.png, mask_proposed.png,
-    normal_map.npz.
+    and, where they are known, albedo_rgb and indirect .tiff (float32; m, degrees), doubtful.png, normal_map.npz, and
+    mask_proposed.png where none was given.
     """
     with atomic_folder(folder) as partial:
         write_into(normal_map, partial)
@@ -57,12 +59,11 @@ def write_into(normal_map: NormalMap, folder: Path) -> None:
 def write_maps(normal_map: NormalMap, folder: Path) -> None:
     """The pictures and float maps alone, into an existing folder."""
     map_files.normals_png(folder / "normals.png", normal_map.normals, normal_map.mask)
-    map_files.png(folder / "mask.png", normal_map.mask.astype(np.uint8) * 255)
+    map_files.mask_png(folder / "mask.png", normal_map.mask)
+    map_files.mask_png(folder / "doubtful.png", normal_map.doubtful)
     if normal_map.notes.get("mask") == "proposed":
-        map_files.png(folder / "mask_proposed.png", normal_map.silhouette.astype(np.uint8) * 255)
+        map_files.mask_png(folder / "mask_proposed.png", normal_map.silhouette)
     map_files.png(folder / "lights_used.png", lights_used(normal_map))
-    if normal_map.doubtful is not None:
-        map_files.png(folder / "doubtful.png", normal_map.doubtful.astype(np.uint8) * 255)
     for name, unit in UNITS.items():
         values = getattr(normal_map, name)
         if values is not None:
@@ -87,24 +88,19 @@ def read(folder: Path) -> NormalMap:
     path = folder / ARCHIVE
     try:
         with np.load(path, allow_pickle=False) as stored:
-            maps = {
+            maps: dict[str, Any] = {
                 name: tifffile.imread(folder / f"{name}.tiff")
                 for name in UNITS
                 if name not in OPTIONAL or (folder / f"{name}.tiff").exists()
             }
             shape = maps["depth"].shape
+            for name in MASKS:
+                maps[name] = np.unpackbits(stored[name], count=np.prod(shape)).reshape(shape).astype(np.bool_)
             return NormalMap(
                 **maps,
-                mask=_unpacked(stored["mask"], shape),
-                silhouette=_unpacked(stored["silhouette"], shape),
                 flags=stored["flags"],
                 intensity_factors=stored["intensity_factors"],
-                information=FisherInformation(
-                    rows=stored["information_rows"],
-                    columns=stored["information_columns"],
-                    matrices=stored["information_matrices"],
-                ),
-                doubtful=_unpacked(stored["doubtful"], shape) if "doubtful" in stored else None,
+                information=FisherInformation(*(stored[f"information_{name}"] for name in INFORMATION)),
                 noise=json.loads(str(stored["noise"])),
                 notes=json.loads(str(stored["notes"])),
                 fit=_FIT.validate_json(str(stored["fit"])) if "fit" in stored else None,
@@ -117,21 +113,13 @@ def read(folder: Path) -> NormalMap:
 
 
 def _arrays(normal_map: NormalMap) -> dict[str, np.ndarray]:
-    doubtful = {} if normal_map.doubtful is None else {"doubtful": np.packbits(normal_map.doubtful)}
-    return doubtful | {
-        "mask": np.packbits(normal_map.mask),
-        "silhouette": np.packbits(normal_map.silhouette),
+    return {
+        **{name: np.packbits(getattr(normal_map, name)) for name in MASKS},
         "flags": normal_map.flags,
         "intensity_factors": normal_map.intensity_factors,
-        "information_rows": normal_map.information.rows,
-        "information_columns": normal_map.information.columns,
-        "information_matrices": normal_map.information.matrices,
+        **{f"information_{name}": getattr(normal_map.information, name) for name in INFORMATION},
         "noise": np.array(json.dumps(normal_map.noise)),
         "notes": np.array(json.dumps(normal_map.notes)),
         "fit": np.array(_FIT.dump_json(normal_map.fit).decode()),
         "findings": np.array(_FINDINGS.dump_json(normal_map.findings).decode()),
     }
-
-
-def _unpacked(bits: np.ndarray, shape: tuple[int, ...]) -> BoolArray:
-    return np.unpackbits(bits, count=int(np.prod(shape))).reshape(shape).astype(np.bool_)

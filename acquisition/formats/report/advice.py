@@ -47,42 +47,32 @@ MAX_SIGMA_DEG = 5.0
 
 def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     """Warnings about a result with advice, the gravest first; empty where there is nothing to warn of."""
-    warnings: list[str] = []
-    object_pixels = max(1, np.count_nonzero(normal_map.silhouette))
-    used = lights_used(normal_map)
-    underlit = normal_map.silhouette & (used < photometry.PIXEL_UNKNOWNS)
-    if np.all(normal_map.silhouette):
+    silhouette, used = normal_map.silhouette, lights_used(normal_map)
+    underlit = silhouette & (used < photometry.PIXEL_UNKNOWNS)
+    if np.all(silhouette):
         underlit &= used > 0  # no mask was given: what no light reaches is background
-    if np.count_nonzero(underlit) > MIN_REPORTED_SHARE * object_pixels:
-        share = np.count_nonzero(underlit) / object_pixels
+    warnings = _told("{} of the pixels were lit by fewer than three lights", underlit, silhouette)
+    if warnings:
         side = missing_side(normal_map, underlit, context.directions)
-        advice = "no single light would help most of them" if side is None else f"add a light {side}"
-        warnings.append(f"{_percent(share)} of the pixels were lit by fewer than three lights: {advice}.")
+        warnings[0] += ": no single light would help most of them." if side is None else f": add a light {side}."
     warnings += _image_warnings(normal_map, context)
-    highlighted = np.zeros_like(normal_map.silhouette)
+    highlighted = np.zeros_like(silhouette)
     for flags in memory_mapped.iterate(normal_map.flags):  # all at once may not fit into memory twice
         highlighted |= (flags & HIGHLIGHT) > 0
-    highlights = np.count_nonzero(highlighted & normal_map.silhouette) / object_pixels
-    if highlights > 5 * MIN_REPORTED_SHARE:
-        warnings.append(
-            f"{_percent(highlights)} of the pixels show a highlight in some image: the surface is glossy there; "
-            "more lights leave more images without it."
-        )
+    warnings += _told(
+        "{} of the pixels show a highlight in some image: the surface is glossy there; more lights leave more images "
+        "without it.",
+        highlighted, silhouette, 5 * MIN_REPORTED_SHARE,
+    )  # fmt: skip
     if normal_map.indirect is not None:
-        strong = float(np.mean(normal_map.indirect[normal_map.mask] > 0.2)) if np.any(normal_map.mask) else 0.0
-        if strong > MIN_REPORTED_SHARE:
-            warnings.append(
-                f"{_percent(strong)} of the pixels get over a fifth of their light from other surfaces: it is "
-                "predicted and taken out, but σ is larger there; where it is the table's, a dark cloth helps."
-            )
-    if normal_map.doubtful is not None and np.any(normal_map.doubtful):
-        share = np.count_nonzero(normal_map.doubtful & normal_map.silhouette) / object_pixels
-        if share > MIN_REPORTED_SHARE:
-            warnings.append(
-                f"At {_percent(share)} of the pixels σ means nothing (hatched in its map): do not rely on it."
-            )
-    warnings += _fit_warnings(normal_map, context)
-    return warnings + list(context.warnings)
+        warnings += _told(
+            "{} of the pixels get over a fifth of their light from other surfaces: it is predicted and taken out, but "
+            "σ is larger there; where it is the table's, a dark cloth helps.",
+            normal_map.indirect > 0.2, normal_map.mask,
+        )  # fmt: skip
+    doubtful = "At {} of the pixels σ means nothing (hatched in its map): do not rely on it."
+    warnings += _told(doubtful, normal_map.doubtful, silhouette)
+    return [*warnings, *_fit_warnings(normal_map, context), *context.warnings]
 
 
 def missing_side(normal_map: NormalMap, underlit: BoolArray, directions: FloatArray) -> str | None:
@@ -148,13 +138,15 @@ def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     poor = [name for name, probability in named if probability is not None and probability < MIN_PROBABILITY]
     if poor and len(poor) <= len(probabilities) / 2:  # most of them do not fit as badly
         warnings.append(f"{', '.join(poor)}: fits the others badly: check that image and its lamp.")
-    sigma = normal_map.sigma_deg[normal_map.mask]
-    uncertain = float(np.mean(sigma[np.isfinite(sigma)] > MAX_SIGMA_DEG)) if np.any(np.isfinite(sigma)) else 0.0
-    if uncertain > 5 * MIN_REPORTED_SHARE:
-        warnings.append(
-            f"{_percent(uncertain)} of the normals are uncertain by more than {MAX_SIGMA_DEG:.0f}°: add lights."
-        )
-    return warnings
+    uncertain = f"{{}} of the normals are uncertain by more than {MAX_SIGMA_DEG:.0f}°: add lights."
+    known = normal_map.mask & np.isfinite(normal_map.sigma_deg)
+    return warnings + _told(uncertain, normal_map.sigma_deg > MAX_SIGMA_DEG, known, 5 * MIN_REPORTED_SHARE)
+
+
+def _told(sentence: str, where: BoolArray, area: BoolArray, least: float = MIN_REPORTED_SHARE) -> list[str]:
+    """The sentence with the share of `area` (H, W) that is in `where`, if it is more than the least."""
+    share = np.count_nonzero(where & area) / max(1, np.count_nonzero(area))
+    return [sentence.format(_percent(share))] if share > least else []
 
 
 def _percent(share: float) -> str:

@@ -60,7 +60,6 @@ def reduced(normal_map: NormalMap) -> ReducedMaps:
         return np.asarray(mean / np.maximum(share, 1e-6), np.float32)
 
     normals = small(normal_map.normals[rows, columns], solved)
-    doubtful = np.zeros_like(inside) if normal_map.doubtful is None else normal_map.doubtful[rows, columns]
     everywhere = np.ones_like(inside)
     return ReducedMaps(
         normals=np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6), np.float32),
@@ -71,7 +70,7 @@ def reduced(normal_map: NormalMap) -> ReducedMaps:
         residual=small(normal_map.residual[rows, columns], solved),
         lights=small(lights_used(normal_map)[rows, columns], inside),
         indirect=None if normal_map.indirect is None else small(normal_map.indirect[rows, columns], solved),
-        doubtful=small(doubtful, inside),
+        doubtful=small(normal_map.doubtful[rows, columns], inside),
         mask=small(inside, everywhere) > 0.5,
         solved=small(solved, everywhere) > 0.5,
     )

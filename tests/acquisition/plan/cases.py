@@ -120,6 +120,7 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
             flags=flags,
             intensity_factors=np.ones(len(lights)),
             information=FisherInformation(rows=rows, columns=columns, matrices=matrices),
+            doubtful=np.zeros_like(true.mask),
         )
 
     flags = np.zeros((len(lights), height, width), np.uint8)

@@ -30,7 +30,7 @@ def result() -> NormalMap:
         normals=np.zeros((6, 4, 3), np.float32), albedo=rgb.mean(axis=-1), depth=flat, sigma_deg=flat, residual=flat,
         mask=mask, silhouette=mask, flags=np.zeros((1, 6, 4), np.uint8), intensity_factors=np.ones(1),
         information=FisherInformation(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4))),
-        albedo_rgb=rgb, notes={"colour": SRGB},
+        doubtful=np.zeros_like(mask), albedo_rgb=rgb, notes={"colour": SRGB},
     )  # fmt: skip
 
 

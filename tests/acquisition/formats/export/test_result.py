@@ -42,6 +42,7 @@ def normal_map() -> NormalMap:
             columns=columns[:20].astype(np.int64),
             matrices=half @ half.transpose(0, 2, 1),
         ),
+        doubtful=mask & (rng.random(shape) < 0.1),
         noise={"intensity": 0.012, "direction": 0.004},
         notes={"shift_m": 0.0012, "threshold": 0.08},
         fit=GoodnessOfFit(

@@ -49,6 +49,7 @@ def ball() -> NormalMap:
         flags=np.where(mask, LIT, 0).astype(np.uint8) * np.ones((LIGHTS, 1, 1), np.uint8),
         intensity_factors=np.ones(LIGHTS),
         information=FisherInformation(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4))),
+        doubtful=np.zeros_like(mask),
     )
 
 
@@ -134,7 +135,7 @@ def test_reduced_maps_are_means_over_object_pixels(ball: NormalMap) -> None:
             name: np.kron(getattr(ball, name), np.ones((10, 10, 1) if name == "normals" else (10, 10))).astype(
                 getattr(ball, name).dtype
             )
-            for name in ("normals", "albedo", "depth", "sigma_deg", "residual", "mask", "silhouette")
+            for name in ("normals", "albedo", "depth", "sigma_deg", "residual", "mask", "silhouette", "doubtful")
         },
         flags=np.kron(ball.flags, np.ones((1, 10, 10), np.uint8)),
         intensity_factors=ball.intensity_factors,

@@ -277,7 +277,6 @@ def test_solve_fewer_than_three_lit_measurements_are_doubtful() -> None:
     measured = lambert(normals, directions)
     measured[:2, :12] = 0.0
     result = distant.solve(image_set(measured, directions, mask))
-    assert result.doubtful is not None
     dark_rows = np.zeros_like(mask)
     dark_rows[:12] = mask[:12]
     assert np.all(result.doubtful[dark_rows & result.mask])
