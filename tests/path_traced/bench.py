@@ -282,8 +282,7 @@ def grade(normal_map: NormalMap, true: Truth, log_intensity: Sequence[float] | n
     error = np.where(normal_map.mask, true.error_deg(normal_map.normals), 90.0)
     sigma = normal_map.sigma_deg
     known = where & normal_map.mask & np.isfinite(sigma)
-    doubtful = np.zeros_like(where) if normal_map.doubtful is None else normal_map.doubtful
-    valid = known & ~doubtful
+    valid = known & ~normal_map.doubtful
     e, s = error[valid], sigma[valid]
     half = sigma[known] <= np.median(sigma[known])
     left = np.log(normal_map.intensity_factors) - np.asarray(log_intensity)
@@ -296,6 +295,6 @@ def grade(normal_map: NormalMap, true: Truth, log_intensity: Sequence[float] | n
         within_two=float(np.mean(e < 2 * s)),
         ratio=float(np.sqrt(np.mean((e / s) ** 2))),
         sure_half_deg=float(np.mean(error[known][half])),
-        flagged=float(np.mean(doubtful[where])),
+        flagged=float(np.mean(normal_map.doubtful[where])),
         intensity_error=float(np.std(left)),
     )

@@ -27,7 +27,7 @@ def sigma(normal_map: NormalMap, true: Truth) -> dict[str, float]:
     """How σ compares with the error: P(e < σ), P(e < 2σ), rms e/σ over pixels within 78° that are not doubtful, and
     (`.all`) over every solved one of the object; mean σ, share of doubtful and of solved pixels within 78°."""
     error, s = true.error_deg(normal_map.normals), normal_map.sigma_deg
-    doubtful = np.zeros_like(true.object) if normal_map.doubtful is None else normal_map.doubtful
+    doubtful = normal_map.doubtful
     known = normal_map.mask & np.isfinite(s) & (s > 0)
     out: dict[str, float] = {}
     for suffix, where in (("", known & true.within_78_deg & ~doubtful), (".all", known & true.object)):

@@ -221,9 +221,7 @@ def _solve(scene: Scene, count: int, fault: str | None) -> dict[str, np.ndarray]
 
 def _graded(scene: Scene, solved: NormalMap) -> np.ndarray:
     """Numbers of a sample of pixels: solved, not doubtful, within 78°."""
-    graded = solved.mask & scene.truth.within_78_deg & np.isfinite(solved.sigma_deg)
-    if solved.doubtful is not None:
-        graded &= ~solved.doubtful
+    graded = solved.mask & scene.truth.within_78_deg & np.isfinite(solved.sigma_deg) & ~solved.doubtful
     return np.random.default_rng(0).permutation(np.flatnonzero(graded))[:PIXELS]
 
 
