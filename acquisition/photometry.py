@@ -41,11 +41,9 @@ from acquisition.models.tuned import tuned
 class SharedSettings:
     """Tuned numbers that planner and solver share: priors, and factors of σ."""
 
-    depth_sigma_m: float = tuned(0.0015, "m")
-    """1 σ of a pixel's depth after integration that the direction term allows for; larger errors are the depth
-    column's."""
-    offset_sigma_m: float = tuned(0.003, "m")
-    """1 σ prior (m) of a pixel's depth offset, the nuisance parameter beside g in forecasts and score tests."""
+    depth_sigma_m: float = tuned(0.002, "m")
+    """1 σ of a pixel's depth after integration: of the depth offset that is a nuisance parameter beside g in forecasts
+    and score tests, and in the direction term of noise."""
     prior_scale: float = tuned(0.5, "of the albedo")
     """1 σ of the weak prior of g = ρn in units of the albedo: it keeps σ finite (about 40°) where no light reaches."""
     flat_field_sigma: float = tuned(0.005, "share")
@@ -62,13 +60,17 @@ class SharedSettings:
     """Deviation from what is expected, in σ, that is no noise among millions of pixels: of an object from its
     background, and of a highlight from the diffuse prediction. Silhouettes of 432 simulated objects before tables have
     a mean overlap (IoU) of 0.964 with it and 0.963 with 6 (scratch evaluation, November 2026)."""
+    outlying_deviations: float = tuned(3.0, "σ")
+    """Deviation, in σ, from which a pixel's measurements count as outlying: residuals whose rms is as large ask for a
+    second start, which costs time, and a measurement in shadow costs a solution with gloss as much."""
     min_sample: int = tuned(50, "measurements")
     """Pixels or measurements below which a statistic of them is not estimated."""
     predicted_indirect_sigma: float = tuned(0.1, "share")
     """1 σ of the predicted indirect light, as a share of it, that differs from light to light: what measurements are
     weighed by. Of metal, whose neighbours' mirror images are not predicted, a share of what mirrors the lamp."""
-    predicted_highlight_sigma: float = tuned(0.2, "share")
-    """1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
+    predicted_light_sigma: float = tuned(0.2, "share")
+    """1 σ of light that is predicted beside diffuse reflection, as a share of it: of a highlight, once the lobe is
+    known, and of a pixel's indirect light under all lights alike."""
     misfit_factor: float = tuned(0.25, "1")
     """B of a pixel's variance (1 + B m max(χ² − s, 0)) σ₀², σ₀² of the posterior, m the number of lights, χ² the
     whitened residuals' squares over their degrees of freedom, s the stated noise's share of them:

@@ -46,7 +46,9 @@ REASONS: dict[str, str] = {
         photometry.REDUNDANT prior_forecast.ALBEDO""",
     "defaults of what a capture may state itself": """
         image_set.POSITION_SIGMA_M image_set.INTENSITY_SIGMA image_set.FULL_WELL_E image_set.READ_NOISE_E""",
-    "of settings": "error_variance.WEIGHTS pixel_noise.MIN_RESIDUAL_SHARE distant.DIRECTION_SIGMA_RAD",
+    "of settings": """
+        error_variance.WEIGHTS error_variance.MAX_SQUARE translucency.WALL_WEIGHT pixel_noise.MIN_RESIDUAL_SHARE
+        distant.DIRECTION_SIGMA_RAD""",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
         photometry.LOBE_SAMPLES distant.SAMPLE_ROWS
@@ -85,6 +87,7 @@ REASONS: dict[str, str] = {
         model_alternatives.METAL_START model_alternatives.REFINEMENTS model_alternatives.REFINED_DEG""",
     "grids of what may be chosen": """
         exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS
+        self_calibration.SIGMA_FACTORS
         translucency.LENGTHS_PX translucency.TESTED_PX light_tests.TURNS_DEG model_alternatives.SECOND_STARTS""",
     "pictures": """
         explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE explain.SHOWN_RANGE""",
@@ -104,7 +107,6 @@ STRAYS = (
     "integration.HALF_CONFIDENCE_SIGMA",
     "model_alternatives.SCALED_WORSE",
     "model_alternatives.LEAST_OUTWARDNESS",
-    "model_alternatives.AXES_BETTER",
     "model_alternatives.MIN_SWAP_IMAGES",
     "model_alternatives.SWAP_SHARE",
 )

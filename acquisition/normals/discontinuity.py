@@ -46,8 +46,6 @@ class DiscontinuitySettings:
     occluding_contour_cosine: float = tuned(0.8, "cosine")
     """Cosine to the viewing ray below which a surface may be near its occluding contour. With 1 errors are 2–3 % larger
     on two of two machined parts (design seeds 45 and 62) and those of six other families as they are."""
-    least_share: float = tuned(0.5, "share")
-    """Share of the shadows that have to contradict it."""
 
 
 SETTINGS = DiscontinuitySettings()
@@ -116,7 +114,7 @@ def discontinuous_depth(
 ) -> tuple[Float32Array, Float32Array] | None:  # fmt: skip
     """Normal integration with shadow equations by `rounds` of IRLS: depth (N,) in m and continuity weight (N,), 0–1.
 
-    None where the shadows contradict `continuous_m` (N,), the depth from normals alone, too little. `normals` (3, N) in
+    None unless most shadows contradict `continuous_m` (N,), the depth from normals alone. `normals` (3, N) in
     the view frame, `confidence` (N,) 0–1; `start_m` (N,) gives the mean, the shadows' rays and, in a single round, the
     discontinuities known so far.
     """
@@ -129,7 +127,7 @@ def discontinuous_depth(
     tip, edge = number[equations.tip], number[equations.edge]
     smooth = np.log(continuous_m)
     contradiction = np.abs(smooth[edge] - smooth[tip] - equations.step) > SETTINGS.border_px * slopes.pitch
-    if np.count_nonzero(contradiction) < max(photometry.SETTINGS.min_sample, SETTINGS.least_share * len(contradiction)):
+    if np.count_nonzero(contradiction) < max(photometry.SETTINGS.min_sample, len(contradiction) / 2):
         return None
     ray = photometry.ray_directions(pixels.ray)
     cosine = -np.sum(normals * ray, axis=0) / np.sqrt(np.sum(ray * ray, axis=0))

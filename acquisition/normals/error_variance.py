@@ -68,13 +68,14 @@ class ErrorVarianceSettings:
     detail_share: float = tuned(0.38, "share")
     """L: 1 σ of the normal as a share of λ, the angle to the mean of its neighbours' normals, in images that may be
     blurred."""
-    max_square: float = tuned(100.0, "σ²")
-    """Largest mean square of a pixel's residuals that counts."""
 
 
 SETTINGS = ErrorVarianceSettings()
 
 MIN_LIGHTS = photometry.PIXEL_UNKNOWNS + 1
+
+MAX_SQUARE = photometry.SETTINGS.significant_deviations**2
+"""Largest mean square of a pixel's residuals that counts, σ²: robust weights have rejected what is above."""
 
 CREASE, DETAIL = 2, 3
 """Numbers of some of the `components`."""
@@ -155,7 +156,7 @@ def misfit(residual: Float32Array, lights: np.ndarray, stated_share: Float32Arra
 def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, Float32Array]:
     """Sum of squared whitened residuals and degrees of freedom (h, w) of each pixel; 0 with fewer than MIN_LIGHTS."""
     freedom = np.where(lights >= MIN_LIGHTS, lights.astype(np.float32) - photometry.PIXEL_UNKNOWNS, 0)
-    squares = np.where(freedom > 0, np.minimum(residual**2, SETTINGS.max_square) * lights, 0)
+    squares = np.where(freedom > 0, np.minimum(residual**2, MAX_SQUARE) * lights, 0)
     return squares.astype(np.float32), freedom.astype(np.float32)
 
 

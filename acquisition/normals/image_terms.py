@@ -128,7 +128,7 @@ def evaluate(
         mirrored = terms.lobe_factor * (strength if response is None else strength * response)
         lobe = mirrored * gloss.lobe
         nondiffuse = nondiffuse + lobe
-        highlight_sigma = np.float32(photometry.SETTINGS.predicted_highlight_sigma) * lobe
+        highlight_sigma = np.float32(photometry.SETTINGS.predicted_light_sigma) * lobe
         value = value + lobe
         if terms.strength == 0:
             value = value + albedo * diffuse * gloss.layer

@@ -41,8 +41,6 @@ class InterreflectionSettings:
     detection_quantile: float = tuned(0.75, "quantile")
     """Quantile of measured / predicted in shadows, weighted by the prediction, that is compared. An upper quartile,
     because a shape that is still wrong predicts light where none falls as well."""
-    common_mode_sigma: float = tuned(0.2, "share")
-    """1 σ of the factor by which a pixel's predicted indirect light is wrong under all lights alike."""
     direct_ratio: float = tuned(2.0, "ratio")
     """Value over the indirect light that a pixel of median albedo would reflect, above which it can be direct light.
     On 19 Lambertian captures of design seeds 0, 1, 20, 21, 60 and 63, some of them dark-and-bright, hardly lit are 65 %
@@ -157,13 +155,13 @@ def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Arr
 
 
 def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
-    """Error propagation of `common_mode_sigma`: variance (N,) in rad² of the normals, both tangential directions.
+    """Error propagation of `predicted_light_sigma`: variance (N,) in rad² of the normals, both tangential directions.
 
     A pixel's indirect light (F, N) is wrong by one factor under all lights: a hidden surface is missing from each.
     """
     right = np.einsum("fn,fn,fan->na", estimate.weights, indirect, estimate.light, optimize=True).astype(np.float64)
     moved = pixel_solve.normal_perturbation(estimate, right[:, :, None])
-    return (SETTINGS.common_mode_sigma**2 * np.sum(moved * moved, axis=(1, 2))).astype(np.float32)
+    return (photometry.SETTINGS.predicted_light_sigma**2 * np.sum(moved * moved, axis=(1, 2))).astype(np.float32)
 
 
 def _shadow_ratio(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:

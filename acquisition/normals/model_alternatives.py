@@ -29,11 +29,10 @@ from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.surface_diffusion import SurfaceGraph
 from acquisition.normals.term_tests import TermScore, TermScores
 
-LEAST_OUTWARDNESS, AXES_BETTER = -0.125, 0.8
+LEAST_OUTWARDNESS = -0.125
 """Outwardness below which the opposite axes are tried: −0.03 and more of sound captures of 16 objects (design seeds 60
-and 62), −0.2 of one hollow sheet (43); and misfit after over before, up to which other axes are accepted: 0.2–0.7 of
-mirrored ones. A dish whose visible rim slopes inwards points outwards
-when it is taken for a dome, but near light and shadows do not fit that."""
+and 62), −0.2 of one hollow sheet (43). A dish whose visible rim slopes inwards points outwards when it is taken for a
+dome, but near light and shadows do not fit that."""
 
 SCALED_WORSE = 1.05
 """Misfit of images with scaled intensities over that before, up to which they are accepted: the descent before has put
@@ -63,16 +62,11 @@ class AlternativeSettings:
     alone, since where a pixel is lit, a residual does not know of blur."""
     min_translation_px: float = tuned(0.4, "px")
     """Translation of images from which a registration is tried."""
-    registered_better: float = tuned(0.9, "misfit ratio")
-    """Misfit of registered images over that before, up to which it is accepted."""
     bad_image_ratio: float = tuned(3.0, "misfit ratio")
     """Misfit of an image over the median of the others from which it is left out on trial."""
     max_log_intensity: float = tuned(0.1, "1")
     """Logarithm of an image's intensity against the others' from which the image is scaled before the next descent: the
     prior of a few per cent would leave a part of a large error."""
-    held_shift_better: float = tuned(0.8, "misfit ratio")
-    """Misfit with the object held where it is stated to be, over that before, below which that is kept: on a strongly
-    curved sheet close to the camera the shift drifted by 70 mm, and the misfit rose from 1.3 to 2.5."""
 
 
 SETTINGS = AlternativeSettings()
@@ -111,13 +105,13 @@ def other_axes(present: Solution) -> list[Alternative]:
         return [_relit(problem, f"{REFINED} {again}", found.unmirrored, 1.0, sound_enough=True, silent=True)]
     turned = replace(problem, corrected=(*problem.corrected, TURNED))
     alternatives = [
-        _relit(turned, AXES, sign * axes, 1.0 if sure else AXES_BETTER, sound_enough=sure)
+        _relit(turned, AXES, sign * axes, 1.0 if sure else model_trial.SETTINGS.better, sound_enough=sure)
         for axes, sure in ((one, found.sure and one is found.best) for one in found.turned)
         for sign in (1, -1)
     ]
     if found.sure and found.turned:
         return [*alternatives, *_others(present)]
-    trials, most = (found.quarter, -found.quarter), AXES_BETTER
+    trials, most = (found.quarter, -found.quarter), model_trial.SETTINGS.better
     if np.array_equal(found.quarter, light_tests.STATED_AXES):
         trials = trials[1:]
         outwards = light_tests.outwardness(normals, light_tests.outline(coarse))
@@ -338,7 +332,7 @@ def moved_object(present: Solution) -> list[Alternative]:
     message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
     spacing = 1 if problem.masked.channel is None else mosaic.CELL
     registered = problem.reread(changed_images.translated(problem.masked.images, moves, spacing))
-    return [Alternative("moved object", message, registered, SETTINGS.registered_better, distance)]
+    return [Alternative("moved object", message, registered, model_trial.SETTINGS.better, distance)]
 
 
 def bad_image(present: Solution) -> list[Alternative]:
@@ -374,12 +368,13 @@ def other_intensities(present: Solution) -> list[Alternative]:
 
 
 def held_shift(present: Solution) -> list[Alternative]:
-    """The object held where it was stated to be, where its shift may have run away."""
+    """The object held where it was stated to be, where its shift may have run away: on a strongly curved sheet close to
+    the camera it drifted by 70 mm, and the misfit rose from 1.3 to 2.5."""
     if not present.poor:
         return []
     held = replace(present.problem, shift_sigma_m=0.0)
     return [
-        Alternative("shift", "the object is held at its stated place", held, SETTINGS.held_shift_better, silent=True)
+        Alternative("shift", "the object is held at its stated place", held, model_trial.SETTINGS.better, silent=True)
     ]
 
 

@@ -22,8 +22,6 @@ from acquisition.normals.self_calibration import Priors
 class SelectionSettings:
     """Tuned numbers of the selection of a model."""
 
-    max_selections: int = tuned(3, "models")
-    """Faults that are put right one after another."""
     min_sound_probability: float = tuned(0.01, "probability")
     """Probability of the misfit below which a result is named as badly fitting."""
 
@@ -37,10 +35,7 @@ def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
     present = solve(problem)
     findings: list[ModelFinding] = []
     no_better: set[str] = set()
-    while len(findings) < SETTINGS.max_selections:
-        accepted = _best_trial(present, no_better)
-        if accepted is None:
-            break
+    while (accepted := _best_trial(present, no_better)) is not None:
         alternative, present = accepted
         if not alternative.silent:
             findings.append(alternative.finding(present.state.shared.terms))

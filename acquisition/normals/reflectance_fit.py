@@ -33,8 +33,6 @@ class ReflectanceFitSettings:
     asymmetric, because highlights reach further down than shadows reach up."""
     min_spread: float = tuned(3e-3, "of the median")
     """Least spread of the residuals, as a share of the median of the pixel's values."""
-    min_start_separation_rad: float = tuned(0.1, "rad")
-    """Least angle (rad) between a pixel's normal and a neighbour's that is worth another fit."""
 
 
 SETTINGS = ReflectanceFitSettings()
@@ -141,7 +139,7 @@ def refit_from_neighbours(
         neighbours = _neighbour_numbers(pixel_numbers, width, reach)
         loss = np.where(neighbours >= 0, fits.loss[neighbours], np.inf)
         best = np.take_along_axis(neighbours, np.argmin(loss, axis=0)[None], axis=0)[0]
-        alike = np.einsum("nc,nc->n", fits.normals[best], fits.normals) > np.cos(SETTINGS.min_start_separation_rad)
+        alike = np.einsum("nc,nc->n", fits.normals[best], fits.normals) > np.cos(SETTINGS.start_ring_rad)
         tried = np.flatnonzero((np.min(loss, axis=0) < fits.loss) & ~alike)
         if len(tried) == 0:
             continue

@@ -37,17 +37,14 @@ class Classified(NamedTuple):
 class RobustSettings:
     """Tuned numbers of the second start."""
 
-    second_start_from: float = tuned(3.0, "σ")
-    """Rms of a pixel's whitened residuals from which it is solved from a second start; a lower one costs time."""
     highlight_ratio: float = tuned(1.5, "ratio")
-    """Ratio of the brightest measurement to what the others predict from which the second solution may be kept. Set on
+    """Ratio of the brightest y/|s| to the next from which it may be a highlight, and of the brightest measurement to
+    what the others predict from which the second solution may be kept. Set on
     three matt and three glossy design scenes: without it one with steps has 6 % more error, at 2.5 the glossy ones lose
     half of the gain."""
     highlight_share: float = tuned(0.25, "of the images")
     """Share of the images, the brightest, that a pixel is also solved without under many lights: of a hundred, a
     highlight is in a dozen or more."""
-    peak_ratio: float = tuned(1.2, "ratio")
-    """Ratio of the brightest y/|s| to the next from which it may be a highlight; a lower one costs time."""
 
 
 SETTINGS = RobustSettings()
@@ -162,8 +159,8 @@ def solve(
         lost_to_shadow = left + np.count_nonzero(removed, axis=0) > count
         doubtful = np.flatnonzero(
             (left >= photometry.REDUNDANT - 1)
-            & (lost_to_shadow | (first.residual > SETTINGS.second_start_from))
-            & (classified.peak > SETTINGS.peak_ratio * others.peak)
+            & (lost_to_shadow | (first.residual > photometry.SETTINGS.outlying_deviations))
+            & (classified.peak > SETTINGS.highlight_ratio * others.peak)
         )
         if len(doubtful):
             _keep_better(first, problem, scale, others, removed, doubtful)

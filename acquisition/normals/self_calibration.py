@@ -34,11 +34,12 @@ class SelfCalibrationSettings:
     """Pixels whose model errors are correlated, errors of lamp positions included, which all pixels of an image share.
     With 10 the object's shift is wrong by up to 8 mm where few lights determine it, with 30 discontinuities calibrate
     worse."""
-    max_sigma_scale: float = tuned(4.0, "1")
-    """Largest factor of the stated σ of intensities in `evidence_maximised_sigma`."""
 
 
 SETTINGS = SelfCalibrationSettings()
+
+SIGMA_FACTORS = np.geomspace(1, 4, 21)
+"""Factors of the stated σ of intensities that `evidence_maximised_sigma` compares."""
 
 STRONG_EVIDENCE = 3.0
 """Log Bayes factor from which evidence counts as strong (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995)."""
@@ -220,12 +221,11 @@ def evidence_maximised_sigma(matrix: FloatArray, right: FloatArray, others: Floa
     marginal = right[:count] - across @ np.linalg.solve(last, right[count:])
     precision, axes = np.linalg.eigh((schur + schur.T) / 2)
     precision = np.maximum(precision, 0)
-    times = np.geomspace(1, SETTINGS.max_sigma_scale, 21)
-    variance = (times[:, None] * stated) ** 2
+    variance = (SIGMA_FACTORS[:, None] * stated) ** 2
     gained = (axes.T @ marginal) ** 2 / (precision + 1 / variance) - np.log1p(precision * variance)
     evidence = np.sum(gained, axis=1) / 2
     best = int(np.argmax(evidence))
-    return stated * float(times[best]) if evidence[best] > evidence[0] + STRONG_EVIDENCE else stated
+    return stated * float(SIGMA_FACTORS[best]) if evidence[best] > evidence[0] + STRONG_EVIDENCE else stated
 
 
 def _precision(sigma: FloatArray) -> FloatArray:

@@ -15,22 +15,10 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import SolveSettings
-from acquisition.models.tuned import tuned
 from acquisition.normals import image_terms, microfacet
 from acquisition.normals.estimate import Estimate
 from acquisition.normals.image_terms import ImageTerms, TermValues
 from acquisition.photometry import Noise
-
-
-@dataclass(frozen=True)
-class TermSolveSettings:
-    """Tuned numbers of the solve with terms."""
-
-    unused_deviations: float = tuned(3.0, "σ")
-    """Deviation that a measurement in shadow counts with."""
-
-
-SETTINGS = TermSolveSettings()
 
 ROUNDS = 3
 """Solves of a pixel, each with the terms' derivatives at the one before. Gloss ends alike after three, four and six."""
@@ -108,11 +96,12 @@ def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) ->
 
 
 def _robust_cost(problem: TermProblem, estimate: Estimate) -> Float32Array:
-    """Sum (N,) over images of Cauchy's loss of the residuals; what counts as shadow costs `unused_deviations`."""
+    """Sum (N,) over images of Cauchy's loss of the residuals; what counts as shadow costs as an
+    outlier."""
     strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
     residual = problem.values - np.einsum("fcn,cn->fn", estimate.light, estimate.g) - estimate.term_value
     variance = problem.noise.variance(np.maximum(problem.values, 0), strength) + estimate.highlight_variance
-    square = np.where(estimate.usable, residual**2 / variance, SETTINGS.unused_deviations**2)
+    square = np.where(estimate.usable, residual**2 / variance, photometry.SETTINGS.outlying_deviations**2)
     return np.sum(np.where(problem.clipped, 0, np.log1p(square / photometry.CAUCHY_SCALE**2)), axis=0).astype(
         np.float32
     )

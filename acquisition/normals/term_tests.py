@@ -79,7 +79,7 @@ def scores(
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
     equations = self_calibration.normal_equations(
         replace(estimate, terms=present), by_depth, values, scene.lamps, shared, priors,
-        photometry.SETTINGS.offset_sigma_m, columns,
+        photometry.SETTINGS.depth_sigma_m, columns,
     )  # fmt: skip
     if equations is None:
         return None

@@ -21,7 +21,7 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.tuned import tuned
-from acquisition.normals import surface_diffusion
+from acquisition.normals import discontinuity, interreflection_kernels, surface_diffusion
 from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 from acquisition.normals.surface_diffusion import SurfaceGraph
@@ -31,30 +31,26 @@ from acquisition.normals.surface_diffusion import SurfaceGraph
 class TranslucencySettings:
     """Tuned numbers of the test for light in shadows."""
 
-    min_significance: float = tuned(5.0, "σ")
-    """Significance of light in shadows from which images are sharpened on trial."""
     min_coefficient: float = tuned(0.3, "share")
-    """The same as a share of what a mean free path of one pixel of the coarse grid makes. 0.5–2.5 of translucent
-    objects, 0.2 of a mean free path of half a pixel, 0.1 of gloss on a smooth solid."""
-    lit_share: float = tuned(0.5, "share")
-    """Share of the predicted direct light above which a pixel counts as lit."""
+    """Light in shadows, as a share of what a mean free path of one pixel of the coarse grid makes, from which images
+    are sharpened on trial if it is significant. 0.5–2.5 of translucent objects, 0.2 of a mean free path of half a
+    pixel, 0.1 of gloss on a smooth solid."""
     near_px: int = tuned(6, "px")
     """Distance from lit pixels up to which dark ones take part; twice the standard deviation of the Gaussian of local
     means, and of the brightness of the lit pixels around."""
     min_dark_share: float = tuned(0.3, "share")
     """Share of dark pixels among 5 × 5 below which a pixel's local mean rests on too few."""
-    min_weight: float = tuned(0.1, "1")
-    """Weight of the surface's graph below which two pixels count as divided by a depth step."""
     min_cover: float = tuned(0.07, "share")
     """Share of the object's pixels that have to be dark in some image. Light that the walls of one recess send into
     their shadow falls off from its edge as well: shadows in a turned recess of 4–5 % of the object, alike in all
     images, gave a coefficient of 1.4 (Lambertian design seed 6); translucent objects that were recognised had 9 % and
     more."""
-    neighbours_alike: float = tuned(2.0, "1")
-    """Factor of the standard error for residuals that neighbours share."""
 
 
 SETTINGS = TranslucencySettings()
+
+WALL_WEIGHT = 1 / (1 + interreflection_kernels.SETTINGS.wall_slope**2)
+"""Weight of the surface's graph below which two pixels are divided by a wall."""
 
 KIND = "translucent surface"
 """Kind of the finding that light spreads below the surface, or that images are out of focus."""
@@ -129,7 +125,7 @@ def leak(pixels: Pixels, values: Float32Array, shading: Float32Array, over: Surf
         return None
     observed = np.concatenate([_relative(one, one.image) for one in shadows])
     coefficient, error = _regressed(shadows, observed, over, TESTED_PX, cell)
-    if coefficient < SETTINGS.min_significance * error:
+    if coefficient < photometry.SETTINGS.significant_deviations * error:
         return Leak(coefficient, error, 0.0)
     coefficients = [_regressed(shadows, observed, over, length, cell)[0] for length in LENGTHS_PX]
     return Leak(coefficient, error, _length_at_one(np.array(coefficients)))
@@ -145,11 +141,11 @@ def shading(
 
 def albedo_and_lit(values: Float32Array, shading: Float32Array) -> tuple[Float32Array, BoolArray]:
     """Albedo (N,) from the images in which a pixel is lit, 0 where they are too few, and which these are (F, N)."""
-    lit = (shading > 0) & (values > SETTINGS.lit_share * np.max(values, axis=0))
+    lit = (shading > 0) & (values > discontinuity.SETTINGS.lit_from * np.max(values, axis=0))
     albedo = np.zeros(values.shape[1], np.float32)
     for _ in range(ALBEDO_ROUNDS):
         albedo = np.sum(lit * values * shading, axis=0) / np.maximum(np.sum(lit * shading**2, axis=0), 1e-9)
-        lit = (shading > 0) & (values > SETTINGS.lit_share * albedo * shading)
+        lit = (shading > 0) & (values > discontinuity.SETTINGS.lit_from * albedo * shading)
     known = (np.count_nonzero(lit, axis=0) >= MIN_LIGHTS) & (albedo > 0)
     return np.where(known, albedo, 0).astype(np.float32), lit & known
 
@@ -171,8 +167,8 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
     albedo, lit = albedo_and_lit(values, shading)
     known = pixels.image((albedo > 0).astype(np.uint8))
     steps = np.zeros(pixels.shape, np.uint8)
-    steps[:, :-1] |= over.across < SETTINGS.min_weight
-    steps[:-1] |= over.down < SETTINGS.min_weight
+    steps[:, :-1] |= over.across < WALL_WEIGHT
+    steps[:-1] |= over.down < WALL_WEIGHT
     core = (cv2.erode(known, np.ones((5, 5), np.uint8), borderValue=0) > 0) & ~_dilated(steps & known, 3)
     out: list[_Shadow] = []
     for irradiance, image_lit in zip(values / np.where(albedo > 0, albedo, np.inf), lit, strict=True):
@@ -210,7 +206,7 @@ def _regressed(
         slope = float(np.sum(weight * rows * observed)) / information
         left = observed - slope * rows
         scale = max(float(np.median(np.abs(left))) / GAUSSIAN_MEDIAN_DEVIATION, 1e-9)
-        error = SETTINGS.neighbours_alike * scale / np.sqrt(information)
+        error = scale / np.sqrt(information)
         weight = 1 / (1 + (left / (photometry.CAUCHY_SCALE * scale)) ** 2)
     score, information = (np.bincount(cell, weight * rows * one) for one in (observed, rows))
     inside = information > 0

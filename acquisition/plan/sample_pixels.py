@@ -33,7 +33,7 @@ def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
 
 def samples(
     normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray,
-    offset_sigma_m: float = photometry.SETTINGS.offset_sigma_m, observations: Observations | None = None,
+    offset_sigma_m: float = photometry.SETTINGS.depth_sigma_m, observations: Observations | None = None,
 ) -> Samples:  # fmt: skip
     """Sample pixels of a normal map, by numbers in its `information`, with a prior of their depth offsets in m.
 

@@ -116,7 +116,7 @@ def oracle(scene: Scene, solved: NormalMap, first: Capture) -> NormalMap:
     samples = replace(sample_pixels.samples(blank, known, np.arange(len(rows))), margin=np.zeros(len(rows)))
     design = PlannedImages(visibility.surface(blank, known), known, Exposure()).candidates(samples, lights)
     row = design.row.astype(float) * lit[:, rows, columns][:, None]
-    row[:, 3] /= photometry.SETTINGS.offset_sigma_m
+    row[:, 3] /= photometry.SETTINGS.depth_sigma_m
     information = np.einsum("kap,kbp->pab", row, row)
     return replace(blank, information=FisherInformation(rows, columns, information))
 

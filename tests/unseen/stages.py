@@ -20,11 +20,9 @@ from acquisition.normals import (
     integrability,
     integration,
     model_alternatives,
-    model_selection,
     pixel_solve,
     residual_noise,
     self_calibration,
-    translucency,
 )
 from acquisition.normals.model_trial import Alternative
 from acquisition.normals.pixel_solve import Estimate
@@ -126,6 +124,9 @@ def _posterior_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> t
     return posterior_deg, 0.0
 
 
+OPAQUE = tuple(one for one in model_alternatives.ALTERNATIVES if one is not model_alternatives.translucent_surface)
+"""All alternatives but that of light below the surface."""
+
 NO_DISCONTINUITY = Patch(discontinuity, "discontinuous_depth", _no_discontinuity)
 
 STAGES = (
@@ -192,7 +193,7 @@ STAGES = (
     Stage(
         "model selection",
         "The plain model is kept, whatever tests demand; what they find is still named, and in σ.",
-        (_setting(model_selection, max_selections=0),),
+        (Patch(model_alternatives, "ALTERNATIVES", ()),),
     ),
     Stage(
         "gloss",
@@ -206,8 +207,8 @@ STAGES = (
     ),
     Stage(
         "translucent surfaces",
-        "Light in cast shadows is never significant, so that images are not sharpened.",
-        (_setting(translucency, min_significance=math.inf),),
+        "Images are not sharpened, whatever light is in cast shadows; σ follows detail all the same.",
+        (Patch(model_alternatives, "ALTERNATIVES", OPAQUE),),
     ),
     Stage(
         "variance components of σ",

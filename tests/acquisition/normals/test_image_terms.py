@@ -121,7 +121,7 @@ def stepped_terms(
         estimate = solved(made, values, present.terms)
         by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, made.ray_direction, made.lamp)
         step = self_calibration.gauss_newton_step(
-            estimate, by_depth, values, made.lamp, present, priors, photometry.SETTINGS.offset_sigma_m
+            estimate, by_depth, values, made.lamp, present, priors, photometry.SETTINGS.depth_sigma_m
         )
         present = replace(present, terms=image_terms.stepped(present.terms, step.terms))
     return present.terms
@@ -241,7 +241,7 @@ def test_gauss_newton_step_estimates_terms_from_zero() -> None:
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, made.ray_direction, made.lamp)
     step = self_calibration.gauss_newton_step(
         estimate, by_depth, values, made.lamp, present, Priors(0.01, 0.001, 0.03, ImageTerms(0.3, 0.0)),
-        photometry.SETTINGS.offset_sigma_m,
+        photometry.SETTINGS.depth_sigma_m,
     )  # fmt: skip
     assert step.terms.roughness == pytest.approx(0.2, abs=0.1)
     assert step.terms.ambient == pytest.approx(0.0, abs=1e-6)

@@ -78,7 +78,7 @@ def test_normal_variance_scale_error_equals_finite_perturbation() -> None:
     right = solved(made.values)
     wrong = solved((made.values + np.float32(0.1) * indirect).astype(np.float32))
     turned = np.arccos(np.clip(np.sum(right.normals * wrong.normals, axis=0), -1, 1))
-    said = 0.1 / interreflection.SETTINGS.common_mode_sigma * np.sqrt(interreflection.normal_variance(right, indirect))
+    said = 0.1 / photometry.SETTINGS.predicted_light_sigma * np.sqrt(interreflection.normal_variance(right, indirect))
     assert np.median(turned) > 1e-3
     assert np.median(turned / said) == pytest.approx(1, abs=0.1)
     assert np.all(interreflection.normal_variance(right, np.zeros_like(indirect)) == 0)

@@ -61,7 +61,7 @@ def test_solve_second_start_never_has_more_loss(monkeypatch: pytest.MonkeyPatch)
     values, _ = with_highlight(made, 5.0)
     values += np.random.default_rng(4).normal(0, 0.05 * DARK, values.shape).astype(np.float32)
     both = solved(made, values, made.scene)
-    never = replace(robust_solve.SETTINGS, second_start_from=np.inf)
+    never = replace(robust_solve.SETTINGS, highlight_ratio=np.inf)
     monkeypatch.setattr(robust_solve, "SETTINGS", never)
     one = solved(made, values, made.scene)
     scale = made.scene.cauchy_scale
@@ -83,7 +83,7 @@ def test_solve_without_highlight_is_that_of_one_start(monkeypatch: pytest.Monkey
     made = measured(albedo=DARK)
     values, _ = with_highlight(made, 1.0)
     both = solved(made, values, made.scene)
-    monkeypatch.setattr(robust_solve, "SETTINGS", replace(robust_solve.SETTINGS, second_start_from=np.inf))
+    monkeypatch.setattr(robust_solve, "SETTINGS", replace(robust_solve.SETTINGS, highlight_ratio=np.inf))
     assert np.array_equal(both.g, solved(made, values, made.scene).g)
 
 

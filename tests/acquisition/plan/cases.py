@@ -131,7 +131,7 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
     design = design_rows(samples, lights, blank, known)
     flags[:, rows, columns] = np.where(design.visible, LIT, 0)
     row = design.row.astype(float)
-    row[:, 3] /= photometry.SETTINGS.offset_sigma_m
+    row[:, 3] /= photometry.SETTINGS.depth_sigma_m
     return made(np.einsum("kap,kbp->pab", row, row), flags)
 
 

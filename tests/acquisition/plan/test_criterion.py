@@ -122,7 +122,7 @@ def test_candidates_rows_are_whitened_light_vectors_and_depth_slopes(cushion: sc
     )
     lobe = strength * np.sum((position - x) ** 2, axis=0)
     slope = albedo * np.sum(n * (farther - nearer), axis=0) * lobe / (2 * e * cushion.depth[rows, columns])
-    expected = slope * photometry.SETTINGS.offset_sigma_m / deviation
+    expected = slope * photometry.SETTINGS.depth_sigma_m / deviation
     np.testing.assert_allclose(row[3, lit], expected[lit], rtol=0.02, atol=0.02 * np.abs(expected).max())
 
 
