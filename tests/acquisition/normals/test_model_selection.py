@@ -449,3 +449,19 @@ def test_accepted_linearised_values_do_not_fit_worse_as_a_share_of_the_values(
 
     assert [verdict(share, -0.1) for share in (0.9, 1.45)] == [True, False]
     assert [verdict(share, -0.5) for share in (1.45, 2.1, 2.3)] == [True, True, False]
+
+
+def test_seems_coded_where_roughness_gains_more_is_false(
+    cushion: scenes.Scene, images: Images, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A rough surface is bright near the terminator, as coded values are: two of eight very rough objects were solved
+    as coded, 5.9° and 7.0° off, in place of 3.5° and 4.5°."""
+    tried = recorded_trials(monkeypatch)
+    solved(cushion, coded(images))
+    _, before, _ = next(one for one in tried if one[0].coding == 2.2)
+    assert before.seems_coded
+    assert before.scores is not None
+    exponent, scores = before.scores.exponent, before.scores
+    for gain, step, seems in ((2.0, 0.4, False), (2.0, -0.4, True), (0.5, 0.4, True)):
+        rough = TermScore(gain=gain * exponent.gain, step=step)
+        assert replace(before, scores=replace(scores, roughness=rough)).seems_coded == seems
