@@ -33,8 +33,7 @@ REASONS: dict[str, str] = {
     "counts of unknowns, marks and definitions": """
         light_tests.NEAR
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
-        reflectance_fit.LAMBERT_PARAMS
-        reflectance_kernels.BASIS_SIZE reflectance_kernels.DIFFUSE_PARAMS
+        reflectance_kernels.BASIS_SIZE
         goodness_of_fit.GRID baselines.FAR_DEG
         reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M
         distant.BRIGHT_ALBEDO reflectance_solve.HIGHLIGHT_SHARE
@@ -52,7 +51,7 @@ REASONS: dict[str, str] = {
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
         photometry.LOBE_SAMPLES distant.SAMPLE_ROWS
-        silhouette.SAMPLE_ROWS reflectance_fit.CHUNK light_tests.REGIONS
+        silhouette.SAMPLE_ROWS light_tests.REGIONS
         reflectance_solve.SAMPLE_PIXELS error_variance.STRIP_ROWS
         error_variance.NEIGHBOUR_ROWS final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS
         integrability.OVERLAP_ROWS integration.STRIP_ROWS interreflection.AZIMUTHS
@@ -68,8 +67,7 @@ REASONS: dict[str, str] = {
         visibility.MAP_SIZE translucency.GRID photon_transfer.BINS
         resampling.EXTRAPOLATION_PX""",
     "steps and tolerances of numerical methods": """
-        photometry.UNDISTORTION_ROUNDS reflectance_fit.DIFFERENCE_STEP
-        reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
+        photometry.UNDISTORTION_ROUNDS reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
         photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE
         residual_noise.ROUNDS alternation.EXTRA_ROUNDS alternation.CONVERGED_DEG
         alternation.INITIAL_DISCONTINUITY_ROUNDS alternation.MAX_SHIFT_STEP_M final_solve.PRELIMINARY_ITERATIONS
@@ -82,13 +80,13 @@ REASONS: dict[str, str] = {
         registration.ROUNDS
         translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS term_solve.ROUNDS
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
-        reflectance_fit.FINAL_STEP
         image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP model_alternatives.GLOSS_START
         model_alternatives.METAL_START model_alternatives.REFINEMENTS model_alternatives.REFINED_DEG""",
     "grids of what may be chosen": """
         exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS
         self_calibration.SIGMA_FACTORS
-        translucency.LENGTHS_PX translucency.TESTED_PX light_tests.TURNS_DEG model_alternatives.SECOND_STARTS""",
+        translucency.LENGTHS_PX translucency.TESTED_PX light_tests.TURNS_DEG
+        reflectance_fit.DIFFUSE_FORMS model_alternatives.SECOND_STARTS""",
     "pictures": """
         explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE explain.SHOWN_RANGE""",
 }
@@ -96,12 +94,6 @@ REASONS: dict[str, str] = {
 
 STRAYS = (
     "colour_channels.MIN_SHARE",
-    "reflectance_fit.DIFFUSE_PARAMS_SIGMA",
-    "reflectance_fit.COARSE_PARAMS",
-    "reflectance_fit.LOWER_BOUNDS",
-    "reflectance_fit.UPPER_BOUNDS",
-    "reflectance_fit.INITIAL_STEP",
-    "reflectance_fit.NEIGHBOUR_DISTANCES_PX",
     "reflectance_kernels.GGX_ROUGHNESS",
     "reflectance_solve.MIN_VARIANCE_RAD2",
     "integration.HALF_CONFIDENCE_SIGMA",
@@ -114,7 +106,7 @@ STRAYS = (
 
 INLINE = {
     "alternation": 1, "cast_shadows": 2, "discontinuity": 1,
-    "distant": 2, "reflectance_fit": 6, "reflectance_kernels": 14, "exposure_plan": 2,
+    "distant": 2, "reflectance_fit": 2, "reflectance_kernels": 14, "exposure_plan": 2,
     "grey_tile": 1, "image_terms": 4,
     "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "photometry": 1,
     "photon_transfer": 3, "pixel_solve": 1, "planned_images": 2, "planner": 2, "prior_forecast": 1,

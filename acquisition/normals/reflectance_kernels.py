@@ -7,7 +7,7 @@ normal the model is linear in non-negative strengths, and only the two tangentia
 search: variable projection (Golub & Pereyra 1973, Kaufman 1975) with Levenberg–Marquardt.
 
 The falloff of the diffuse term with n·l cannot be fitted in each pixel, since it is not separable from a tilt of the
-normal there. Its three parameters are therefore shared by the whole object, see `reflectance_fit`.
+normal there. Its form is therefore that of the whole object, see `reflectance_fit`.
 """
 
 import numba
@@ -21,9 +21,6 @@ GGX_ROUGHNESS = np.array([0.08, 0.16, 0.32, 0.6])
 BASIS_SIZE = 1 + len(GGX_ROUGHNESS)
 """Number of basis functions: the diffuse term and the lobes."""
 
-DIFFUSE_PARAMS = 3
-"""Number of the diffuse term's parameters κ, ω, γ, see `basis`."""
-
 DIFFERENCE_STEP = 1e-4
 """Change of the normal (rad) for difference quotients."""
 
@@ -35,18 +32,18 @@ DIFFERENCE_STEP = 1e-4
 def basis(
     normal: FloatArray,  # (3,)
     light: FloatArray,  # (6, F) direction, then half vector
-    diffuse_params: FloatArray,  # (DIFFUSE_PARAMS,)
+    diffuse_form: FloatArray,  # (2,) κ and ω
     roughness: FloatArray,  # (K − 1,)
     out: FloatArray,  # (K, F)
 ) -> None:
     """Evaluates the diffuse term and the GGX lobes at a normal under each light, all of about unit height.
 
-    The diffuse term is x^γ (1 − κ (1 − x/2)⁵) + ω x s/max(x, n·v), x = n·l, diffuse_params = (κ, ω, γ): κ = 1 is the
-    diffuse light that leaves a smooth dielectric (Ashikhmin & Shirley 2000), ω the flattening by rough relief (Oren &
-    Nayar 1994, in Fujii's form). Lobes are GGX with Smith's shadowing (Walter et al. 2007).
+    The diffuse term is x (1 − κ (1 − x/2)⁵) + ω x s/max(x, n·v), x = n·l: κ = 1 is the diffuse light that leaves a
+    smooth dielectric (Ashikhmin & Shirley 2000), ω the flattening by rough relief (Oren & Nayar 1994, in Fujii's form).
+    Lobes are GGX with Smith's shadowing (Walter et al. 2007).
     """
     one = 1.0
-    kappa, omega, gamma = diffuse_params[0], diffuse_params[1], diffuse_params[2]
+    kappa, omega = diffuse_form[0], diffuse_form[1]
     nv = max(normal[2], 0.02)
     for f in range(light.shape[1]):
         x = normal[0] * light[0, f] + normal[1] * light[1, f] + normal[2] * light[2, f]
@@ -56,8 +53,7 @@ def basis(
         fall = one - 0.5 * x
         fall2 = fall * fall
         s = light[2, f] - x * normal[2]
-        diffuse = x if gamma == one else x**gamma
-        diffuse *= one - kappa * fall2 * fall2 * fall
+        diffuse = x * (one - kappa * fall2 * fall2 * fall)
         diffuse += omega * x * max(s, 0.0) / max(x, nv)
         out[0, f] = inside * diffuse
         h2 = h * h
@@ -147,7 +143,7 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     values: Float32Array,  # (N, F), of about unit height
     weights: Float32Array,  # (N, F) weights of the measurements; 0: not used
     light: FloatArray,  # (6, F)
-    diffuse_params: FloatArray,  # (DIFFUSE_PARAMS,)
+    diffuse_form: FloatArray,  # (2,) κ and ω
     roughness: FloatArray,  # (K − 1,)
     scalars: FloatArray,  # Cauchy scale in units of the residuals' spread, least spread, iterations, ring in rad
     start: Float32Array,  # (N, 3) normals
@@ -186,7 +182,7 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     for i in range(3):
         n[i] = start[p, i]
         best[i] = n[i]
-    basis(n, light, diffuse_params, roughness, model)
+    basis(n, light, diffuse_form, roughness, model)
     loss = non_negative_least_squares(y, w, model, matrix, right, c)
     if ring > 0:
         _tangents(n, tangent)
@@ -194,7 +190,7 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
             radius = ring * (1 + turn // 8)
             angle = 2 * np.pi * (turn + 0.5 * (turn // 8)) / 8
             _perturbed(n, tangent, radius * np.cos(angle), radius * np.sin(angle), trial)
-            basis(trial, light, diffuse_params, roughness, model)
+            basis(trial, light, diffuse_form, roughness, model)
             trial_c[:] = c
             trial_loss = non_negative_least_squares(y, w, model, matrix, right, trial_c)
             if trial_loss < loss:
@@ -206,7 +202,7 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     for stage in range(2):
         squared = 1e30  # scale² of the Cauchy weights
         if stage == 1:
-            basis(n, light, diffuse_params, roughness, model)
+            basis(n, light, diffuse_form, roughness, model)
             for f in range(size):
                 r = y[f]
                 for k in range(count):
@@ -218,7 +214,7 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
         damping = 1e-3
         loss = 1e30
         for _ in range(iterations):
-            basis(n, light, diffuse_params, roughness, model)
+            basis(n, light, diffuse_form, roughness, model)
             if stage == 1:
                 for f in range(size):
                     r = y[f]
@@ -239,7 +235,7 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
             _tangents(n, tangent)
             for t in range(2):
                 _perturbed(n, tangent, DIFFERENCE_STEP * (1 - t), DIFFERENCE_STEP * t, trial)
-                basis(trial, light, diffuse_params, roughness, trial_model)
+                basis(trial, light, diffuse_form, roughness, trial_model)
                 for f in range(size):
                     total = 0.0
                     for k in range(count):
@@ -302,7 +298,7 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                     first *= 0.3 / length
                     second *= 0.3 / length
                 _perturbed(n, tangent, first, second, trial)
-                basis(trial, light, diffuse_params, roughness, trial_model)
+                basis(trial, light, diffuse_form, roughness, trial_model)
                 trial_c[:] = c
                 non_negative_least_squares(y, w, trial_model, matrix, right, trial_c)
                 trial_loss = 0.0
@@ -342,7 +338,7 @@ def fit(
     values: Float32Array,  # (N, F), of about unit height
     weights: Float32Array,  # (N, F) weights of the measurements; 0: not used
     light: FloatArray,  # (6, F)
-    diffuse_params: FloatArray,  # (DIFFUSE_PARAMS,)
+    diffuse_form: FloatArray,  # (2,) κ and ω
     roughness: FloatArray,  # (K − 1,)
     scalars: FloatArray,  # Cauchy scale in units of the residuals' spread, least spread, iterations, ring in rad
     start: Float32Array,  # (N, 3) normals
@@ -352,7 +348,7 @@ def fit(
 ) -> None:
     """Fits all pixels in parallel: least squares from the best of a ring of starts, then Cauchy-weighted IRLS."""
     for p in numba.prange(values.shape[0]):
-        _fit_pixel(values, weights, light, diffuse_params, roughness, scalars, start, normals, strengths, statistics, p)
+        _fit_pixel(values, weights, light, diffuse_form, roughness, scalars, start, normals, strengths, statistics, p)
 
 
 @numba.njit(
@@ -361,12 +357,12 @@ def fit(
     error_model="numpy",
 )
 def basis_of_normals(
-    normals: FloatArray, light: FloatArray, diffuse_params: FloatArray, roughness: FloatArray, out: Float32Array
+    normals: FloatArray, light: FloatArray, diffuse_form: FloatArray, roughness: FloatArray, out: Float32Array
 ) -> None:
     """Evaluates `basis` at normals (N, 3), into (N, K, F)."""
     basis_values = np.empty((out.shape[1], out.shape[2]))
     for p in range(len(normals)):
-        basis(normals[p], light, diffuse_params, roughness, basis_values)
+        basis(normals[p], light, diffuse_form, roughness, basis_values)
         out[p] = basis_values
 
 

@@ -33,7 +33,9 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
     table = reflectance_fit.light_table(directions)
     window = (images.rows, images.columns)
     mask = before.mask[window]
-    diffuse_params = reflectance_fit.estimate_diffuse_params(*_sample(images, mask), directions)
+    normals = before.normals[window]
+    values, clipped, lines, columns = _sample(images, mask)
+    form = reflectance_fit.best_diffuse_form(values, clipped, table, normals[lines, columns])
     maps = {name: getattr(before, name).copy() for name in ("normals", "albedo", "sigma_deg", "residual")}
     flags = memory_mapped.zeros(before.flags.shape)
     for rows in row_blocks(len(mask)):
@@ -41,16 +43,11 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
         if len(chosen) == 0:
             continue
         values, clipped = _measurements(images, rows, chosen)
-        begin = reflectance_fit.initial_normals(values, clipped, directions)
-        fits = reflectance_fit.fit(values, clipped, table, diffuse_params, begin)
-        fits = reflectance_fit.refit_from_neighbours(
-            fits, values, clipped, table, diffuse_params, chosen, mask.shape[1]
-        )
-        shared = reflectance_fit.diffuse_params_variance(fits, values, clipped, table, diffuse_params)
+        fits = reflectance_fit.fit_from_both(values, clipped, directions, form, normals[rows].reshape(-1, 3)[chosen])
         # Ambiguity between lobes and diffuse term, and penumbrae, show in deviations from the neighbours, if anywhere.
         # Noise shows there as well as in the residuals, so that the larger of the two holds both.
         apart = reflectance_fit.neighbour_deviation(fits.normals, chosen, mask.shape[1])
-        variance = np.maximum(fits.variance, apart**2) + shared + MIN_VARIANCE_RAD2
+        variance = np.maximum(fits.variance, apart**2) + MIN_VARIANCE_RAD2
         strength = np.sum(fits.strengths, axis=1)
         found = {
             "normals": fits.normals,
@@ -62,17 +59,15 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
         inside = mask[rows]
         for name, part in found.items():
             maps[name][window][rows][inside] = part
-        diffuse = reflectance_fit.diffuse(fits.normals, table, diffuse_params) * fits.strengths[:, :1]
+        diffuse = reflectance_fit.diffuse(fits.normals, table, form) * fits.strengths[:, :1]
         classified = _flags(values, clipped, diffuse, fits, directions)
         for image, one in zip(flags, classified, strict=True):
             image[window][rows][inside] = one
         memory_mapped.release(flags)
-    names = ("kappa", "omega", "gamma")
-    form = dict(zip(names, diffuse_params.tolist(), strict=True))
     why = "no reflectance of the whole object fits: each pixel has lobes of its own"
     return replace(
         before, **maps, flags=flags, intensity_factors=np.ones(len(directions)),
-        notes=before.notes | {"why": why, "matt_form": form},
+        notes=before.notes | {"why": why, "diffuse_form": {"kappa": float(form[0]), "omega": float(form[1])}},
     )  # fmt: skip
 
 
@@ -84,17 +79,19 @@ def _measurements(images: Images, rows: slice, chosen: np.ndarray) -> tuple[Floa
     return np.ascontiguousarray(values, np.float32), np.ascontiguousarray(clipped)
 
 
-def _sample(images: Images, mask: BoolArray) -> tuple[Float32Array, BoolArray]:
-    """Values and clipped measurements (K, F) of about SAMPLE_PIXELS pixels from evenly spread rows."""
+def _sample(images: Images, mask: BoolArray) -> tuple[Float32Array, BoolArray, np.ndarray, np.ndarray]:
+    """Values and clipped measurements (K, F) of about SAMPLE_PIXELS pixels from evenly spread rows, and the rows (K,)
+    and columns (K,) of these."""
     lines = np.flatnonzero(np.any(mask, axis=1))
     lines = lines[np.linspace(0, len(lines) - 1, min(len(lines), 48)).astype(int)]
     rng = np.random.default_rng(0)
     share = -(-SAMPLE_PIXELS // len(lines))
+    columns = [np.sort(rng.permutation(np.flatnonzero(mask[line]))[:share]) for line in lines]
     parts = [
-        _measurements(images, slice(line, line + 1), np.sort(rng.permutation(np.flatnonzero(mask[line]))[:share]))
-        for line in lines.tolist()
+        _measurements(images, slice(line, line + 1), some) for line, some in zip(lines.tolist(), columns, strict=True)
     ]
-    return np.concatenate([values for values, _ in parts]), np.concatenate([clipped for _, clipped in parts])
+    values, clipped = (np.concatenate(both) for both in zip(*parts, strict=True))
+    return values, clipped, np.repeat(lines, [len(some) for some in columns]), np.concatenate(columns)
 
 
 def _flags(

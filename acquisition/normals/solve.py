@@ -128,7 +128,7 @@ def solve_stack(
         mask = silhouette.segment(pyramid.albedo_bound(masked, rough, lamps, calibration), inside)
         masked = replace(masked, mask=mask)
     count = int(np.count_nonzero(masked.mask))
-    if count < photometry.SETTINGS.min_sample:
+    if count == 0:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
     factor = alternation.coarse_factor(count, 1 if channel is None else mosaic.CELL)
     table = None if place.table_depth_m is None else place.table_depth_m[rows, columns]
