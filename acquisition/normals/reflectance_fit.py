@@ -3,11 +3,10 @@
 In one pixel, the diffuse falloff with the angle of incidence and a tilt of the normal are not separable, but all pixels
 of an object share one falloff at different normals. So of a few forms, Lambert's law, a smooth dielectric's and a rough
 relief's, that one is taken at which a sample of pixels, each with its own best normal and strengths, has the least
-loss. Between them nothing is searched: of 18 rendered scenes the forms so chosen have a mean error of {MEAN}, a free
-fit of three parameters 1.70° (`python -m tests.acquisition.normals.distant.measure_scenes gloss`).
+loss (decision 35).
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,9 +27,6 @@ class ReflectanceFitSettings:
     """Weights are 1/(y + noise_floor), y in units of the pixel's median: between constant and proportional noise."""
     start_ring_rad: float = tuned(0.12, "rad")
     """Radius (rad) of the ring of starts round the initial normal."""
-    position_thresholds: tuple[float, float] = tuned((0.25, 0.7), "rank")
-    """Ranks, as shares of the lights, between which measurements count at the second start (Shi et al., TPAMI 2014);
-    asymmetric, because highlights reach further down than shadows reach up."""
     min_spread: float = tuned(3e-3, "of the median")
     """Least spread of the residuals, as a share of the median of the pixel's values."""
 
@@ -81,29 +77,6 @@ def fit(
     return ReflectanceFits(
         normals, strengths * typical.astype(np.float32), statistics[:, 2], statistics[:, 1], statistics[:, 0]
     )
-
-
-def thresholded_normals(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> Float32Array:
-    """Least squares over the position thresholds: normals (N, 3) of values (N, F) (Shi et al., TPAMI 2014)."""
-    low, high = (int(rank * len(directions)) for rank in SETTINGS.position_thresholds)
-    ordered = np.sort(values, axis=1)
-    middle = ((values >= ordered[:, low, None]) & (values < ordered[:, high, None]) & ~clipped).astype(np.float64)
-    matrix = np.einsum("nf,fa,fb->nab", middle, directions, directions, optimize=True) + 1e-6 * np.eye(3)
-    scaled = np.linalg.solve(matrix, ((middle * values) @ directions)[..., None])[..., 0]
-    scaled[:, 2] = np.maximum(scaled[:, 2], photometry.SETTINGS.min_view_cosine * np.linalg.norm(scaled, axis=1) + 1e-9)
-    return (scaled / np.linalg.norm(scaled, axis=1, keepdims=True)).astype(np.float32)
-
-
-def fit_from_both(
-    values: Float32Array, clipped: BoolArray, directions: FloatArray, diffuse_form: FloatArray, initial: Float32Array
-) -> ReflectanceFits:
-    """`fit` under unit `directions` (F, 3) from initial normals (N, 3), which a model of the whole object gave, and
-    from `thresholded_normals`, which know of none: each pixel's fit of less loss."""
-    starts = (initial, thresholded_normals(values, clipped, directions))
-    one, other = (fit(values, clipped, light_table(directions), diffuse_form, start) for start in starts)
-    better = one.loss <= other.loss
-    parts = ((getattr(one, field.name), getattr(other, field.name)) for field in fields(ReflectanceFits))
-    return ReflectanceFits(*(np.where(better[:, None] if a.ndim == 2 else better, a, b) for a, b in parts))
 
 
 def best_diffuse_form(values: Float32Array, clipped: BoolArray, table: FloatArray, initial: Float32Array) -> FloatArray:

@@ -20,8 +20,9 @@ HIGHLIGHT_SHARE = 0.1
 SAMPLE_PIXELS = 400
 """Pixels that the shared diffuse parameters are fitted to."""
 
-MIN_VARIANCE_RAD2 = np.float32(np.radians(0.15) ** 2)
-"""Least variance (rad², both tangential directions): the errors of the lights' directions and intensities, 0.15°."""
+MIN_VARIANCE_RAD2 = np.float32(np.radians(0.25) ** 2)
+"""Least variance (rad², both tangential directions): the errors of the lights' directions and intensities, and of a
+diffuse term that is none of the forms, 0.25°."""
 
 UNKNOWN_VARIANCE_RAD2 = np.float32(np.radians(60.0) ** 2)
 """Upper bound of the variance (rad²): 60°."""
@@ -43,7 +44,7 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
         if len(chosen) == 0:
             continue
         values, clipped = _measurements(images, rows, chosen)
-        fits = reflectance_fit.fit_from_both(values, clipped, directions, form, normals[rows].reshape(-1, 3)[chosen])
+        fits = reflectance_fit.fit(values, clipped, table, form, normals[rows].reshape(-1, 3)[chosen])
         # Ambiguity between lobes and diffuse term, and penumbrae, show in deviations from the neighbours, if anywhere.
         # Noise shows there as well as in the residuals, so that the larger of the two holds both.
         apart = reflectance_fit.neighbour_deviation(fits.normals, chosen, mask.shape[1])
