@@ -57,7 +57,7 @@ REASONS: dict[str, str] = {
         integrability.OVERLAP_ROWS integration.STRIP_ROWS interreflection.AZIMUTHS
         interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
         photon_transfer.INITIAL_SAMPLE pixel_noise.MAX_PRODUCTS
-        pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS poisson._STRIP
+        pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS
         pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS
         sensor_estimate.MAX_PIXELS photon_transfer.STRIPS images.BYTES_PER_EXTRA
         images.MAX_HELD_BYTES images.BLOCK_ROWS surface_diffusion.NODES
