@@ -14,6 +14,7 @@ import numba
 import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
+from acquisition.normals import pixel_solve_kernels
 
 GGX_ROUGHNESS = np.array([0.08, 0.16, 0.32, 0.6])
 """GGX roughness α of the lobes."""
@@ -108,6 +109,26 @@ def non_negative_least_squares(
     return error
 
 
+@numba.njit(
+    "void(float64[::1], float64[:,::1], float64[::1], float64[::1])", cache=True, fastmath=True, error_model="numpy"
+)
+def _residuals(values: FloatArray, basis_values: FloatArray, strengths: FloatArray, out: FloatArray) -> None:
+    """Values (F,) less those of the basis (K, F) with strengths (K,), into `out` (F,)."""
+    out[:] = values
+    for k in range(len(strengths)):
+        for f in range(len(values)):
+            out[f] -= strengths[k] * basis_values[k, f]
+
+
+@numba.njit("float64(float64[::1], float64[::1], float64)", cache=True, fastmath=True, error_model="numpy")
+def _cauchy_loss(residual: FloatArray, weights: FloatArray, squared: float) -> float:
+    """Sum of Cauchy's loss s ln(1 + w r²/s) for a squared scale s."""
+    loss = 0.0
+    for f in range(len(residual)):
+        loss += squared * np.log1p(residual[f] * residual[f] * weights[f] / squared)
+    return loss
+
+
 @numba.njit("void(float64[::1], float64[:,::1])", cache=True, error_model="numpy")
 def _tangents(normal: FloatArray, out: FloatArray) -> None:
     """Two orthogonal unit tangents of a unit normal, as rows of `out` (2, 3)."""
@@ -165,8 +186,7 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     slope = np.empty((2, size))
     matrix = np.empty((count, count))
     right = np.empty(count)
-    cross = np.empty((2, count))
-    solved = np.empty((2, count))
+    columns = np.empty((count, 2))
     c = np.zeros(count)
     trial_c = np.zeros(count)
     n = np.empty(3)
@@ -200,38 +220,23 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     spread = least
     variance = 1.0
     for stage in range(2):
-        squared = 1e30  # scale² of the Cauchy weights
+        squared = 1e30  # scale² of the Cauchy weights: least squares at first
         if stage == 1:
             basis(n, light, diffuse_form, roughness, model)
-            for f in range(size):
-                r = y[f]
-                for k in range(count):
-                    r -= c[k] * model[k, f]
-                residual[f] = abs(r) * np.sqrt(base[f])
-            ordered = np.sort(residual)
+            _residuals(y, model, c, residual)
+            ordered = np.sort(np.abs(residual) * np.sqrt(base))
             spread = max(1.4826 * ordered[size - used + used // 2], least)
             squared = (cauchy * spread) ** 2
         damping = 1e-3
         loss = 1e30
         for _ in range(iterations):
             basis(n, light, diffuse_form, roughness, model)
-            if stage == 1:
-                for f in range(size):
-                    r = y[f]
-                    for k in range(count):
-                        r -= c[k] * model[k, f]
-                    w[f] = base[f] / (1 + r * r * base[f] / squared)
-            non_negative_least_squares(y, w, model, matrix, right, c)
-            loss = 0.0
+            _residuals(y, model, c, residual)
             for f in range(size):
-                r = y[f]
-                for k in range(count):
-                    r -= c[k] * model[k, f]
-                residual[f] = r
-                if stage == 1:
-                    loss += squared * np.log(1 + r * r * base[f] / squared)
-                else:
-                    loss += base[f] * r * r
+                w[f] = base[f] / (1 + residual[f] * residual[f] * base[f] / squared)
+            non_negative_least_squares(y, w, model, matrix, right, c)
+            _residuals(y, model, c, residual)
+            loss = _cauchy_loss(residual, base, squared)
             _tangents(n, tangent)
             for t in range(2):
                 _perturbed(n, tangent, DIFFERENCE_STEP * (1 - t), DIFFERENCE_STEP * t, trial)
@@ -247,26 +252,13 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                     total = 0.0
                     for f in range(size):
                         total += w[f] * model[k, f] * slope[t, f]
-                    cross[t, k] = total if c[k] > 0 else 0.0
-                    solved[t, k] = 0.0
+                    columns[k, t] = total if c[k] > 0 else 0.0
                 for j in range(count):
                     if c[k] <= 0 or c[j] <= 0:
                         matrix[k, j] = 1.0 if k == j else 0.0
                 matrix[k, k] *= 1 + 1e-9
-            for k in range(count):  # Cholesky, in place
-                for j in range(k):
-                    matrix[k, k] -= matrix[k, j] * matrix[k, j]
-                matrix[k, k] = np.sqrt(max(matrix[k, k], 1e-12))
-                for i in range(k + 1, count):
-                    for j in range(k):
-                        matrix[i, k] -= matrix[i, j] * matrix[k, j]
-                    matrix[i, k] /= matrix[k, k]
-            for t in range(2):
-                for k in range(count):
-                    total = cross[t, k]
-                    for j in range(k):
-                        total -= matrix[k, j] * solved[t, j]
-                    solved[t, k] = total / matrix[k, k]
+            pixel_solve_kernels.cholesky(matrix)
+            pixel_solve_kernels.forward_substitution(matrix, columns)
             a = 0.0
             b = 0.0
             d = 0.0
@@ -279,9 +271,9 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                 g0 += w[f] * slope[0, f] * residual[f]
                 g1 += w[f] * slope[1, f] * residual[f]
             for k in range(count):
-                a -= solved[0, k] * solved[0, k]
-                b -= solved[0, k] * solved[1, k]
-                d -= solved[1, k] * solved[1, k]
+                a -= columns[k, 0] * columns[k, 0]
+                b -= columns[k, 0] * columns[k, 1]
+                d -= columns[k, 1] * columns[k, 1]
             a = max(a, 1e-9)
             d = max(d, 1e-9)
             variance = (a + d) / max(a * d - b * b, 1e-6 * a * d)
@@ -301,15 +293,8 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                 basis(trial, light, diffuse_form, roughness, trial_model)
                 trial_c[:] = c
                 non_negative_least_squares(y, w, trial_model, matrix, right, trial_c)
-                trial_loss = 0.0
-                for f in range(size):
-                    r = y[f]
-                    for k in range(count):
-                        r -= trial_c[k] * trial_model[k, f]
-                    if stage == 1:
-                        trial_loss += squared * np.log(1 + r * r * base[f] / squared)
-                    else:
-                        trial_loss += base[f] * r * r
+                _residuals(y, trial_model, trial_c, residual)
+                trial_loss = _cauchy_loss(residual, base, squared)
                 if trial_loss < loss:
                     accepted = True
                     loss = trial_loss
@@ -366,4 +351,14 @@ def basis_of_normals(
         out[p] = basis_values
 
 
-KERNELS = (basis, non_negative_least_squares, _tangents, _perturbed, _fit_pixel, fit, basis_of_normals)
+KERNELS = (
+    basis,
+    non_negative_least_squares,
+    _residuals,
+    _cauchy_loss,
+    _tangents,
+    _perturbed,
+    _fit_pixel,
+    fit,
+    basis_of_normals,
+)
