@@ -38,8 +38,6 @@ class TranslucencySettings:
     near_px: int = tuned(6, "px")
     """Distance from lit pixels up to which dark ones take part; twice the standard deviation of the Gaussian of local
     means, and of the brightness of the lit pixels around."""
-    min_dark_share: float = tuned(0.3, "share")
-    """Share of dark pixels among 5 × 5 below which a pixel's local mean rests on too few."""
     min_cover: float = tuned(0.07, "share")
     """Share of the object's pixels that have to be dark in some image. Light that the walls of one recess send into
     their shadow falls off from its edge as well: shadows in a turned recess of 4–5 % of the object, alike in all
@@ -174,7 +172,6 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
     for irradiance, image_lit in zip(values / np.where(albedo > 0, albedo, np.inf), lit, strict=True):
         bright = pixels.image(image_lit.astype(np.uint8))
         dark = core & ~_dilated(bright, 3) & _dilated(bright, 2 * SETTINGS.near_px + 1)
-        dark &= cv2.boxFilter(dark.astype(np.float32), -1, (5, 5)) > SETTINGS.min_dark_share
         if np.count_nonzero(dark) < photometry.SETTINGS.min_sample:
             continue
         image = pixels.image(irradiance.astype(np.float32))

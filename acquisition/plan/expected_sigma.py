@@ -20,19 +20,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA, NormalMap
-from acquisition.models.tuned import tuned
 from acquisition.plan.criterion import Candidates, Posterior
-
-
-@dataclass(frozen=True)
-class ExpectedSigmaSettings:
-    """Tuned numbers of the forecast of σ."""
-
-    max_misfit: float = tuned(10.0, "1")
-    """Greatest misfit that counts: what fits worse still is down-weighted by the solver's robust weights."""
-
-
-SETTINGS = ExpectedSigmaSettings()
 
 
 @dataclass(frozen=True)
@@ -49,7 +37,7 @@ class ExpectedSigma:
     def of(cls, normal_map: NormalMap, calibration_rad: float = 0.0) -> "ExpectedSigma":
         """Misfit and findings of the images so far; a misfit of 1, that of a model that holds, where none is stated."""
         return cls(
-            misfit=float(np.clip(normal_map.noise.get("misfit", 1.0), 1.0, SETTINGS.max_misfit)),
+            misfit=max(normal_map.noise.get("misfit", 1.0), 1.0),
             structure_deg=normal_map.noise.get("structure_deg", 0.0),
             capture_deg=photometry.capture_sigma_deg(normal_map.findings),
             calibration_rad=calibration_rad,

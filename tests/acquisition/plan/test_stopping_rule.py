@@ -12,7 +12,7 @@ from acquisition.models.light_plan import ForecastPoint, LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.plan import expected_sigma, stopping_rule
+from acquisition.plan import stopping_rule
 from tests.acquisition import scenes
 
 TRUE = scenes.scene(scenes.bumps, scenes.calibration(72))
@@ -94,7 +94,7 @@ def test_plan_to_target_negligible_gain_concludes(known: tuple[NormalMap, Observ
 def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, Observations]) -> None:
     normal_map, _ = known
     # Errors of a badly fitting model, which images share, leave a negligible gain for many lights.
-    rough = replace(normal_map, noise=normal_map.noise | {"misfit": expected_sigma.SETTINGS.max_misfit})
+    rough = replace(normal_map, noise=normal_map.noise | {"misfit": 10.0})
     order = Recipe(target_sigma_deg=0.1, max_lights=40)
     chosen = planned(rough, known[1], order)
     least = min(point.sigma_deg for point in chosen.forecast)
