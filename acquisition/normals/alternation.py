@@ -27,7 +27,7 @@ from acquisition.normals import (
 from acquisition.normals.discontinuity import ShadowImages
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.interreflection import Surface
-from acquisition.normals.pixel_solve import Estimate, Pixels, PixelSolveOptions, Scene
+from acquisition.normals.pixel_solve import Estimate, Pixels, Scene
 from acquisition.normals.pyramid import PyramidLevel
 from acquisition.normals.self_calibration import Priors, SharedParameters
 from acquisition.photometry import Noise
@@ -158,8 +158,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
         measured = divide_intensity(coarse.values, shared.log_intensity)
         values = measured - radiance
-        options = PixelSolveOptions(scene.settings.shadow_threshold, cauchy_scale=scene.cauchy_scale)
-        estimate = pixel_solve.solve(coarse, values, depth, present, options)
+        estimate = pixel_solve.solve(coarse, values, depth, present)
         previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
         received = indirect.irradiance if indirect is not None and indirect.significant else None
         typical = _typical_albedo(estimate, shared.terms)
@@ -310,13 +309,12 @@ def _self_calibrate(
         return before, noise
     calibrate = not hold and len(nominal.lamps) >= photometry.REDUNDANT
     priors, present = stated if calibrate else replace(stated, intensity=0.0, position_m=0.0), before
-    options = PixelSolveOptions(nominal.settings.shadow_threshold, nominal.cauchy_scale)
     for turn in range(4):
         lamps = present.lamps(nominal.lamps)
         divided = divide_intensity(values, present.log_intensity - before.log_intensity)
         estimate = pixel_solve.solve(
             sample.pixels, divided, sample.depth_m + np.float32(present.shift_m - before.shift_m),
-            replace(nominal, lamps=lamps, noise=noise, terms=nominal.terms and present.terms), options,
+            replace(nominal, lamps=lamps, noise=noise, terms=nominal.terms and present.terms),
         )  # fmt: skip
         if turn in (0, 3):
             noise = residual_noise.estimate(

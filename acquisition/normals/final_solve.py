@@ -31,7 +31,7 @@ from acquisition.normals import (
     term_solve,
 )
 from acquisition.normals.alternation import AlternationResult
-from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, PixelSolveOptions, Scene
+from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 
 
@@ -337,8 +337,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     lighting = Lighting.at(pixels, state.depth_m, scene)
 
     def once(values: Float32Array, extra: Float32Array | None, iterations: int) -> Estimate:
-        options = PixelSolveOptions(scene.settings.shadow_threshold, scene.cauchy_scale, iterations)
-        return pixel_solve.solve_lit(pixels, values, lighting, scene, options, extra_variance=extra)
+        return pixel_solve.solve_lit(pixels, values, lighting, scene, iterations=iterations, extra_variance=extra)
 
     values, extra, indirect, irradiance = measured, None, None, state.indirect_irradiance
     estimate = once(values, None, pixel_solve.IRLS_ITERATIONS if irradiance is None else PRELIMINARY_ITERATIONS)

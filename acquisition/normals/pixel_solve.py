@@ -70,19 +70,6 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class PixelSolveOptions:
-    """How one solve weighs measurements.
-
-    `shadow_threshold`: share of the pixel's peak y/|s| below which a measurement is shadow. `cauchy_scale`: of the
-    robust weights, in σ; none: not robust.
-    """
-
-    shadow_threshold: float
-    cauchy_scale: float | None = photometry.CAUCHY_SCALE
-    iterations: int = IRLS_ITERATIONS
-
-
-@dataclass(frozen=True)
 class Pixels:
     """Measurements at N object pixels of an (h, w) window; `index` (N,) are their flat indices in it, row by row."""
 
@@ -197,8 +184,8 @@ def solve(
     values: Float32Array,
     depth_m: Float32Array,
     scene: Scene,
-    options: PixelSolveOptions,
     *,
+    iterations: int = IRLS_ITERATIONS,
     extra_variance: Float32Array | None = None,
 ) -> Estimate:
     """Iteratively reweighted least squares (Cauchy weights) of g at each of N pixels at depth (N,).
@@ -207,7 +194,7 @@ def solve(
     (F, N) is added to the noise model's and the pixels' own.
     """
     lighting = Lighting.at(pixels, depth_m, scene)
-    return solve_lit(pixels, values, lighting, scene, options, extra_variance=extra_variance)
+    return solve_lit(pixels, values, lighting, scene, iterations=iterations, extra_variance=extra_variance)
 
 
 def solve_lit(
@@ -215,20 +202,20 @@ def solve_lit(
     values: Float32Array,
     lighting: Lighting,
     scene: Scene,
-    options: PixelSolveOptions,
     *,
+    iterations: int = IRLS_ITERATIONS,
     extra_variance: Float32Array | None = None,
 ) -> Estimate:
     """`solve` in a known `lighting`, which serves for all solves at one depth."""
     light = lighting.light
     if scene.terms is None:
-        return _solve(pixels, values, lighting, light, scene, options, extra_variance)
+        return _solve(pixels, values, lighting, light, scene, iterations, extra_variance)
 
     def once(terms: TermValues) -> Estimate:
         extra = extra_variance
         if scene.terms is not None and scene.terms.specular:
             extra = terms.highlight_variance if extra is None else extra + terms.highlight_variance
-        return _solve(pixels, values, lighting, light + terms.by_g, scene, options, extra, terms)
+        return _solve(pixels, values, lighting, light + terms.by_g, scene, iterations, extra, terms)
 
     response = scene.response(pixels.channel)
     return term_solve.solve(
@@ -238,7 +225,7 @@ def solve_lit(
 
 def _solve(
     pixels: Pixels, values: Float32Array, lighting: Lighting, bent: Float32Array, scene: Scene,
-    options: PixelSolveOptions, extra_variance: Float32Array | None, terms: TermValues | None = None,
+    iterations: int, extra_variance: Float32Array | None, terms: TermValues | None = None,
 ) -> Estimate:  # fmt: skip
     """One solve with given design rows `bent` (F, 3, N), s + ∂h/∂g; `terms` are subtracted from the values where
     measurements are classified."""
@@ -247,7 +234,7 @@ def _solve(
 
     def classify(clipped: BoolArray) -> Classified:
         without = replace(pixels, clipped=clipped)
-        return classify_measurements(without, lambertian, lighting.light, options.shadow_threshold)
+        return classify_measurements(without, lambertian, lighting.light, scene.settings.shadow_threshold)
 
     classified = classify(pixels.clipped)
     typical = float(np.median(classified.peak)) if scene.median_albedo is None else scene.median_albedo
@@ -255,7 +242,7 @@ def _solve(
     problem = PixelProblem(
         values=values, by_g=bent, light=lighting.light, point=lighting.point, view=lighting.view, extra=extra,
         terms=terms, response=scene.response(pixels.channel), noise=scene.noise,
-        least_albedo=max(0.2 * typical, 1e-6), cauchy_scale=options.cauchy_scale, iterations=options.iterations,
+        least_albedo=max(0.2 * typical, 1e-6), cauchy_scale=scene.cauchy_scale, iterations=iterations,
     )  # fmt: skip
     return robust_solve.solve(problem, pixels.clipped, classified, classify)
 

@@ -17,7 +17,7 @@ import numpy as np
 from acquisition import mosaic, photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.normals import alternation, changed_images, pixel_solve, resampling
-from acquisition.normals.pixel_solve import Pixels, PixelSolveOptions, Scene
+from acquisition.normals.pixel_solve import Pixels, Scene
 
 ROUNDS = 8
 """Alternations of solve and registration: the first solution is of the unregistered images. With four of them
@@ -43,10 +43,7 @@ def translations(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intens
         moved = np.stack(
             [pixels.take(changed_images.shifted(one, -shift)) for one, shift in zip(stack, total, strict=True)]
         )
-        estimate = pixel_solve.solve(
-            pixels, moved.astype(np.float32), depth_m, scene,
-            PixelSolveOptions(scene.settings.shadow_threshold, cauchy_scale=scene.cauchy_scale),
-        )  # fmt: skip
+        estimate = pixel_solve.solve(pixels, moved.astype(np.float32), depth_m, scene)
         predicted = np.einsum("fcn,cn->fn", estimate.light, estimate.g) + estimate.term_value
         step = np.array(
             [

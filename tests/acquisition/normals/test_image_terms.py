@@ -9,7 +9,7 @@ import pytest
 from acquisition import photometry
 from acquisition.normals import image_terms, pixel_solve, self_calibration, term_tests
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
-from acquisition.normals.pixel_solve import Estimate, PixelSolveOptions, Scene
+from acquisition.normals.pixel_solve import Estimate, Scene
 from acquisition.normals.self_calibration import Priors, SharedParameters
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
@@ -182,7 +182,7 @@ def test_stepped_keeps_terms_within_ranges() -> None:
 
 def solved(made: MeasuredPixels, values: np.ndarray, terms: ImageTerms | None) -> Estimate:
     scene = Scene(made.lamp, made.calibration, made.noise, terms=terms)
-    return pixel_solve.solve(made.pixels, values.astype(np.float32), made.depth_m, scene, PixelSolveOptions(0.08))
+    return pixel_solve.solve(made.pixels, values.astype(np.float32), made.depth_m, scene)
 
 
 def mean_error_deg(made: MeasuredPixels, estimate: Estimate) -> float:

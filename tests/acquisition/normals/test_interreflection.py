@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition import photometry
+from acquisition.models.result import SolveSettings
 from acquisition.normals import interreflection, pixel_solve
 from tests.acquisition.normals import shared_scene
 
@@ -71,7 +72,10 @@ def test_normal_variance_scale_error_equals_finite_perturbation() -> None:
 
     def solved(values: np.ndarray) -> pixel_solve.Estimate:
         return pixel_solve.solve(
-            made.pixels, values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.0, cauchy_scale=None)
+            made.pixels,
+            values,
+            made.depth_m,
+            dataclasses.replace(made.scene, settings=SolveSettings(shadow_threshold=0, robust=False)),
         )
 
     indirect = (0.05 * np.linspace(0.5, 1.5, len(made.values))[:, None] * np.ones_like(made.values)).astype(np.float32)
@@ -87,9 +91,7 @@ def test_normal_variance_scale_error_equals_finite_perturbation() -> None:
 def test_prediction_scale_dark_shadows_is_zero_half_filled_is_one() -> None:
     """The prediction is accepted when a quarter of it is measured in attached shadows."""
     made = shared_scene.measured(size=60, largest_slant=1.3)
-    solution = pixel_solve.solve(
-        made.pixels, made.values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.05)
-    )
+    solution = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene)
     light = photometry.light_vectors(
         photometry.points(made.pixels.ray, made.depth_m), made.lamp, made.calibration
     )  # fmt: skip
@@ -117,9 +119,7 @@ def test_received_irradiance_tilted_pixel_equals_view_factor_of_plane() -> None:
     made = shared_scene.measured(size=60)
     slant = 0.5
     normals = np.tile(np.array([[np.sin(slant)], [0.0], [np.cos(slant)]], np.float32), (1, made.depth_m.size))
-    solution = pixel_solve.solve(
-        made.pixels, made.values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.05)
-    )
+    solution = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene)
     bright = np.ones_like(made.values)
 
     def light(every: int) -> np.ndarray:

@@ -13,7 +13,6 @@ from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import changed_images, colour_albedo, image_terms, pixel_solve
 from acquisition.normals.image_terms import ImageTerms
 from acquisition.normals.images import Images
-from acquisition.normals.pixel_solve import PixelSolveOptions
 from acquisition.plan import baselines
 from tests.acquisition import scenes
 from tests.acquisition.normals.shared_scene import measured
@@ -145,7 +144,6 @@ def test_highlights_of_a_mosaic_have_the_lamps_colour() -> None:
     known = made.calibration.model_copy(update={"colour": _calibration("rggb").colour})
     solution = pixel_solve.solve(
         replace(made.pixels, channel=channel), made.values, made.depth_m, replace(made.scene, calibration=known),
-        PixelSolveOptions(0.15),
     )  # fmt: skip
     assert solution.response is not None
     np.testing.assert_allclose(solution.response, WHITE[channel], rtol=1e-6)

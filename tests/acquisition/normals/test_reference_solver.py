@@ -5,7 +5,7 @@ import pytest
 
 from acquisition.normals import pixel_solve
 from acquisition.normals.estimate import Estimate
-from acquisition.normals.pixel_solve import Pixels, PixelSolveOptions
+from acquisition.normals.pixel_solve import Pixels
 from tests.acquisition.normals.reference_solver import NoiseModel, Pixel, PixelEnergy
 from tests.acquisition.normals.shared_scene import DEPTH_M, MeasuredPixels, measured
 
@@ -32,7 +32,7 @@ def drawn(count: int, outliers: float) -> tuple[MeasuredPixels, Pixels]:
 
 def solved(made: MeasuredPixels, pixels: Pixels) -> Estimate:
     depth = np.full(len(pixels.index), DEPTH_M, np.float32)
-    return pixel_solve.solve(pixels, pixels.values, depth, made.scene, PixelSolveOptions(THRESHOLD))
+    return pixel_solve.solve(pixels, pixels.values, depth, made.scene)
 
 
 def energies(made: MeasuredPixels, pixels: Pixels, estimate: Estimate) -> list[PixelEnergy]:

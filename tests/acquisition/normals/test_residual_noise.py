@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acquisition.models.result import SolveSettings
 from acquisition.normals import pixel_solve, residual_noise, self_calibration
-from acquisition.normals.pixel_solve import Estimate, PixelSolveOptions
+from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
 from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
 
@@ -17,7 +18,6 @@ def solved(made: MeasuredPixels, values: np.ndarray, assumed: Noise) -> Estimate
         values,
         made.depth_m,
         replace(made.scene, noise=assumed),
-        PixelSolveOptions(0.08),
     )
 
 
@@ -72,16 +72,14 @@ def test_normal_variance_lamp_errors_equals_monte_carlo() -> None:
             made.pixels,
             (made.values * factors).astype(np.float32),
             made.depth_m,
-            replace(made.scene, lamps=lamp, noise=quiet),
-            PixelSolveOptions(0.08, cauchy_scale=None),
+            replace(made.scene, lamps=lamp, noise=quiet, settings=SolveSettings(robust=False)),
         )
         moved.append(np.sum((solution.normals - made.normals) ** 2, axis=0))
     exact = pixel_solve.solve(
         made.pixels,
         made.values,
         made.depth_m,
-        replace(made.scene, noise=quiet),
-        PixelSolveOptions(0.08, cauchy_scale=None),
+        replace(made.scene, noise=quiet, settings=SolveSettings(robust=False)),
     )
     predicted = self_calibration.normal_variance(exact, made.lamp, covariance)
     assert np.median(np.mean(moved, axis=0) / predicted) == pytest.approx(1, abs=0.25)

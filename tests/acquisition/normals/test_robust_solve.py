@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.normals import pixel_solve, robust_solve
-from acquisition.normals.pixel_solve import Estimate, PixelSolveOptions, Scene
+from acquisition.normals.pixel_solve import Estimate, Scene
 from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
 
 DARK = 0.03
@@ -26,8 +26,7 @@ def with_highlight(made: MeasuredPixels, times: float, share: float = 0.3) -> tu
 
 
 def solved(made: MeasuredPixels, values: np.ndarray, scene: Scene) -> Estimate:
-    options = PixelSolveOptions(THRESHOLD, cauchy_scale=scene.cauchy_scale)
-    return pixel_solve.solve(made.pixels, values, made.depth_m, scene, options)
+    return pixel_solve.solve(made.pixels, values, made.depth_m, scene)
 
 
 def error_deg(estimate: Estimate, made: MeasuredPixels) -> np.ndarray:

@@ -11,7 +11,7 @@ from acquisition.models.result import SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.normals import alternation, image_terms, pixel_solve, self_calibration
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms, TermValues
-from acquisition.normals.pixel_solve import Estimate, PixelSolveOptions
+from acquisition.normals.pixel_solve import Estimate
 from acquisition.normals.self_calibration import Priors, SharedParameters
 from tests.acquisition import scenes
 from tests.acquisition.normals.shared_scene import measured
@@ -68,7 +68,7 @@ def test_step_flat_glossy_surface_recovers_intensities() -> None:
     for _ in range(10):
         divided = alternation.divide_intensity(images, present.log_intensity)
         scene = replace(made.scene, terms=present.terms)
-        solution = pixel_solve.solve(made.pixels, divided, made.depth_m, scene, PixelSolveOptions(0.08))
+        solution = pixel_solve.solve(made.pixels, divided, made.depth_m, scene)
         change = pixel_solve.depth_derivative(solution.light, solution.point, made.ray_direction, made.lamp)
         step = self_calibration.gauss_newton_step(solution, change, divided, made.lamp, present, priors, 0.003)
         present = replace(
@@ -84,7 +84,7 @@ def test_step_eliminated_pixels_equals_dense_solution() -> None:
     """The step with each pixel's unknowns eliminated equals the dense solution of the full system."""
     made, rng, offset_sigma, shift_sigma = measured(size=9), np.random.default_rng(2), 0.003, 0.03
     values = (made.values * (1 + rng.normal(0, 0.001, made.values.shape))).astype(np.float32)
-    solution = pixel_solve.solve(made.pixels, values, made.depth_m, made.scene, PixelSolveOptions(0.08))
+    solution = pixel_solve.solve(made.pixels, values, made.depth_m, made.scene)
     change = pixel_solve.depth_derivative(solution.light, solution.point, made.ray_direction, made.lamp)
     start, aside, shift = rng.normal(0, 0.001, 8), rng.normal(0, 0.001, (8, 3)), 0.002
     present = SharedParameters(start, aside, shift, np.zeros((32, 32)))
@@ -183,7 +183,7 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
 
 def test_position_derivative_equals_finite_difference() -> None:
     made, by = measured(size=9), 1e-4
-    solution = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, PixelSolveOptions(0.08))
+    solution = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene)
     derivative = self_calibration.position_derivative(solution, made.lamp)
     for axis in range(3):
         value = []
@@ -209,9 +209,7 @@ def test_step_displaced_lamps_recovers_offsets_with_true_sigma() -> None:
         for _ in range(4):
             displaced = present.lamps(lamp)
             values = alternation.divide_intensity(images, present.log_intensity)
-            solution = pixel_solve.solve(
-                made.pixels, values, made.depth_m, replace(made.scene, lamps=displaced), PixelSolveOptions(0.08)
-            )
+            solution = pixel_solve.solve(made.pixels, values, made.depth_m, replace(made.scene, lamps=displaced))
             change = pixel_solve.depth_derivative(solution.light, solution.point, made.ray_direction, displaced)
             step = self_calibration.gauss_newton_step(
                 solution, change, values, displaced, present, Priors(STATED, 0.001, 0.0), 0.003
