@@ -58,8 +58,9 @@ class SharedSettings:
     """Cosine between normal and viewing ray, of 87°, below which slopes, lobes and normals are those at it."""
     significant_deviations: float = tuned(5.0, "σ")
     """Deviation from what is expected, in σ, that is no noise among millions of pixels: of an object from its
-    background, and of a highlight from the diffuse prediction. Silhouettes of 432 simulated objects before tables have
-    a mean overlap (IoU) of 0.964 with it and 0.963 with 6 (scratch evaluation, November 2026)."""
+    background, of a highlight from the diffuse prediction, and of light in cast shadows from none. Silhouettes of 432
+    simulated objects before tables have a mean overlap (IoU) of 0.964 with it and 0.963 with 6 (scratch evaluation,
+    November 2026)."""
     outlying_deviations: float = tuned(3.0, "σ")
     """Deviation, in σ, from which a pixel's measurements count as outlying: residuals whose rms is as large ask for a
     second start, which costs time, and a measurement in shadow costs a solution with gloss as much."""

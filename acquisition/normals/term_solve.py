@@ -96,8 +96,7 @@ def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) ->
 
 
 def _robust_cost(problem: TermProblem, estimate: Estimate) -> Float32Array:
-    """Sum (N,) over images of Cauchy's loss of the residuals; what counts as shadow costs as an
-    outlier."""
+    """Sum (N,) over images of Cauchy's loss of the residuals; what counts as shadow costs as an outlier."""
     strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
     residual = problem.values - np.einsum("fcn,cn->fn", estimate.light, estimate.g) - estimate.term_value
     variance = problem.noise.variance(np.maximum(problem.values, 0), strength) + estimate.highlight_variance

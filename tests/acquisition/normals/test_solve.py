@@ -281,6 +281,16 @@ def test_solve_empty_region_is_refused(observations: Observations, cushion: scen
     refused(observations, cushion.calibration, region=np.zeros_like(cushion.mask))
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (3, 5), (1, 40), (40, 1)])
+def test_solve_object_of_hardly_a_pixel_is_refused(
+    shape: tuple[int, int], observations: Observations, cushion: scenes.Scene
+) -> None:
+    """Too few pixels, or a single row or column of them, of which nothing can be integrated."""
+    silhouette = np.zeros_like(cushion.mask)
+    silhouette[20 : 20 + shape[0], 20 : 20 + shape[1]] = True
+    assert "no object" in refused(observations, cushion.calibration, silhouette=silhouette).detail
+
+
 def test_solve_region_of_other_size_is_refused(observations: Observations, cushion: scenes.Scene) -> None:
     refused(observations, cushion.calibration, region=np.ones((10, 10), np.bool_))
 

@@ -59,8 +59,8 @@ def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float,
 def test_of_normal_map_reads_misfit_and_findings() -> None:
     true = scenes.scene(scenes.sphere, scenes.calibration(48))
     known = cases.known_map(true, pilot.pattern(Recipe(), scenes.Dome(refused=0)))
-    stated = [ExpectedSigma.of(replace(known, noise={"misfit": misfit})).misfit for misfit in (0.2, 3.0)]
-    assert stated == [1.0, 3.0]
+    stated = [ExpectedSigma.of(replace(known, noise={"misfit": misfit})).misfit for misfit in (0.2, 3.0, 90.0)]
+    assert stated == [1.0, 3.0, 90.0]
     assert ExpectedSigma.of(known) == ExpectedSigma()
     assert ExpectedSigma.of(replace(known, noise={"structure_deg": 1.5})).structure_deg == 1.5
     corrected, left = (ModelFinding(kind="lamps", message="-", corrected=one) for one in (True, False))
