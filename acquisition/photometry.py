@@ -62,10 +62,11 @@ class SharedSettings:
     simulated objects before tables have a mean overlap (IoU) of 0.964 with it and 0.963 with 6 (scratch evaluation,
     November 2026)."""
     outlying_deviations: float = tuned(3.0, "σ")
-    """Deviation, in σ, from which a pixel's measurements count as outlying: residuals whose rms is as large ask for a
-    second start, which costs time, and a measurement in shadow costs a solution with gloss as much."""
+    """Deviation, in σ, from which something counts as outlying: residuals of a pixel, whose rms then asks for a second
+    start, which costs time, a measurement in shadow, which costs a solution with gloss as much, an image's misfit
+    against the others', which is then left out on trial, and the gain of turned lamps."""
     min_sample: int = tuned(50, "measurements")
-    """Pixels or measurements below which a statistic of them is not estimated."""
+    """Pixels or measurements below which a statistic of them is not estimated, and an object is not solved."""
     predicted_indirect_sigma: float = tuned(0.1, "share")
     """1 σ of the predicted indirect light, as a share of it, that differs from light to light: what measurements are
     weighed by. Of metal, whose neighbours' mirror images are not predicted, a share of what mirrors the lamp."""
@@ -77,8 +78,8 @@ class SharedSettings:
     whitened residuals' squares over their degrees of freedom, s the stated noise's share of them:
     `acquisition.normals.error_variance` says where it comes from."""
     unchecked_sigma_deg: float = tuned(8.0, "deg")
-    """E, degrees: 1 σ of a normal that nothing has checked: fewer than four lights are usable, or the surface is metal,
-    of which a pixel has little but its highlights, or something is wrong with the capture that could not be put right.
+    """E, degrees: 1 σ of a normal that nothing has checked: fewer than four lights are usable, or something is wrong
+    with the capture that could not be put right; half of it of metal, of which a pixel has little but its highlights.
     Of 118 captures with a fault or metal left in (design seeds 70–73, eight lights, no model selection) P(e < σ) is
     0.62 with 5°, 0.70 with 8° and 0.78 with 12°, P(e < 2σ) 0.86, 0.92 and 0.96, and the largest rms e/σ 2.5, 2.1 and
     1.7; the likeliest for few lights is 9° (scratch evaluations, November 2026)."""
@@ -159,9 +160,12 @@ def bounded_variance(variance_deg2: FloatArray) -> FloatArray:
 
 
 def capture_sigma_deg(findings: Sequence[ModelFinding]) -> float:
-    """1 σ, degrees, of all normals of a capture by what was found of it: uncorrected findings, or metal."""
-    unchecked = any(not finding.corrected or finding.kind == METAL for finding in findings)
-    return SETTINGS.unchecked_sigma_deg if unchecked else 0.0
+    """1 σ, degrees, of all normals of a capture by what was found of it: E of uncorrected findings, half of E of a
+    metal that fits (decision 70)."""
+    if any(not finding.corrected for finding in findings):
+        return SETTINGS.unchecked_sigma_deg
+    metal = any(finding.kind == METAL for finding in findings)
+    return SETTINGS.unchecked_sigma_deg / 2 if metal else 0.0
 
 
 def rays(calibration: Calibration, rows: slice, columns: slice) -> Float32Array:

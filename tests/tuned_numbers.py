@@ -25,7 +25,7 @@ REASONS: dict[str, str] = {
         residual_noise.GAUSSIAN_MEDIAN_DEVIATION self_calibration.STRONG_EVIDENCE pixel_solve_kernels.CAUCHY_MEAN_WEIGHT
         surface_diffusion.MAX_EIGENVALUE
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
-        light_tests.STATED_AXES light_tests.SIDES light_tests.QUARTER_AXES light_tests.TURN_SIGNIFICANCE
+        light_tests.STATED_AXES light_tests.SIDES light_tests.QUARTER_AXES
         error_variance.FOUR_NEIGHBOURS
         error_variance.NOISE_DETAIL error_variance.CREASE error_variance.DETAIL
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
@@ -37,7 +37,7 @@ REASONS: dict[str, str] = {
         goodness_of_fit.GRID baselines.FAR_DEG
         reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M
         distant.BRIGHT_ALBEDO reflectance_solve.HIGHLIGHT_SHARE
-        equivalent_session.EXPOSURE error_variance.MIN_LIGHTS
+        equivalent_session.EXPOSURE
         surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE sensor_estimate.MAX_EXPOSURE_RATIO
         translucency.MIN_LIGHTS
         cast_shadows.HIDDEN images.BYTES_PER_VALUE criterion.MIN_LIGHTS
@@ -85,7 +85,7 @@ REASONS: dict[str, str] = {
     "grids of what may be chosen": """
         exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS
         self_calibration.SIGMA_FACTORS
-        translucency.LENGTHS_PX translucency.TESTED_PX light_tests.TURNS_DEG
+        translucency.LENGTHS_PX translucency.TESTED_PX light_tests.TURNS_DEG reflectance_kernels.GGX_ROUGHNESS
         reflectance_fit.DIFFUSE_FORMS model_alternatives.SECOND_STARTS""",
     "pictures": """
         explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE explain.SHOWN_RANGE""",
@@ -94,13 +94,10 @@ REASONS: dict[str, str] = {
 
 STRAYS = (
     "colour_channels.MIN_SHARE",
-    "reflectance_kernels.GGX_ROUGHNESS",
     "reflectance_solve.MIN_VARIANCE_RAD2",
     "integration.HALF_CONFIDENCE_SIGMA",
     "model_alternatives.SCALED_WORSE",
     "model_alternatives.LEAST_OUTWARDNESS",
-    "model_alternatives.MIN_SWAP_IMAGES",
-    "model_alternatives.SWAP_SHARE",
 )
 """Tuned numbers that are not in settings yet."""
 

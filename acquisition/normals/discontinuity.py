@@ -28,9 +28,9 @@ class DiscontinuitySettings:
     """Tuned numbers of the search for depth discontinuities."""
 
     shadow_below: float = tuned(0.35, "of the peak")
-    """Share of a pixel's largest value, or of its direct light where that is known, below which it is in shadow. Where
-    one lamp alone reaches a pixel, the next value is 0.03–0.17 of the largest (10–90 %), where three do, 0.75 and
-    more."""
+    """Share of a pixel's largest value, or of its direct light where that is known, below which it is in shadow; and of
+    the predicted indirect light, from which a shadow shows it. Where one lamp alone reaches a pixel, the next value is
+    0.03–0.17 of the largest (10–90 %), where three do, 0.75 and more."""
     lit_from: float = tuned(0.45, "of the peak")
     """Share of a pixel's largest normalised value above which it is lit. Level ground under a lamp at 63° slant has
     0.45 of its largest: it has to count as lit, or the shadows of the most slanted lamps, which give the most exact

@@ -27,7 +27,7 @@ follows λ: of 58 captures of opaque objects of which shadows tell, the likelies
 translucent, 0.35 (design seeds 65, 70, 71, 73 and 75; scratch evaluation, November 2026).
 
 E is that of a normal which nothing has checked (`photometry.SharedSettings.unchecked_sigma_deg`): fewer than four
-lights reach the pixel, or of the whole capture something remains wrong, or the surface is metal
+lights reach the pixel, or of the whole capture something remains wrong; half of it where the surface is metal
 (`photometry.capture_sigma_deg`).
 
 Left out are the weight of a depth discontinuity, which adds 0.003 to the mean log likelihood beside M; the turn by the
@@ -71,8 +71,6 @@ class ErrorVarianceSettings:
 
 
 SETTINGS = ErrorVarianceSettings()
-
-MIN_LIGHTS = photometry.PIXEL_UNKNOWNS + 1
 
 MAX_SQUARE = photometry.SETTINGS.significant_deviations**2
 """Largest mean square of a pixel's residuals that counts, σ²: robust weights have rejected what is above."""
@@ -143,7 +141,8 @@ def components(
     excess = np.maximum(_summed(unexplained) / np.maximum(_summed(freedom), 1), 0)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
     detail = np.zeros_like(base) if sharp else np.maximum(detail_deg2(normals, known) - NOISE_DETAIL * base, 0)
-    return np.stack([base, lights * excess * base, crease, detail, lights < MIN_LIGHTS]).astype(np.float32)
+    few = lights < photometry.OVERDETERMINED
+    return np.stack([base, lights * excess * base, crease, detail, few]).astype(np.float32)
 
 
 def misfit(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
@@ -154,8 +153,8 @@ def misfit(residual: Float32Array, lights: np.ndarray, stated_share: Float32Arra
 
 
 def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, Float32Array]:
-    """Sum of squared whitened residuals and degrees of freedom (h, w) of each pixel; 0 with fewer than MIN_LIGHTS."""
-    freedom = np.where(lights >= MIN_LIGHTS, lights.astype(np.float32) - photometry.PIXEL_UNKNOWNS, 0)
+    """Sum of squared whitened residuals and degrees of freedom (h, w) of each pixel; 0 with fewer than four lights."""
+    freedom = np.where(lights >= photometry.OVERDETERMINED, lights.astype(np.float32) - photometry.PIXEL_UNKNOWNS, 0)
     squares = np.where(freedom > 0, np.minimum(residual**2, MAX_SQUARE) * lights, 0)
     return squares.astype(np.float32), freedom.astype(np.float32)
 

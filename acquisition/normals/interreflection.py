@@ -35,9 +35,6 @@ class InterreflectionSettings:
 
     background_depth_factor: float = tuned(2.0, "1")
     """Depth of the background, in multiples of the object's largest depth, where there is no table."""
-    detection_threshold: float = tuned(0.35, "1")
-    """Measured / predicted light in shadows from which indirect light is detected. Where there is only direct light,
-    shadows are black everywhere."""
     detection_quantile: float = tuned(0.75, "quantile")
     """Quantile of measured / predicted in shadows, weighted by the prediction, that is compared. An upper quartile,
     because a shape that is still wrong predicts light where none falls as well."""
@@ -148,10 +145,11 @@ def hardly_lit(received: Float32Array, values: Float32Array, median_albedo: floa
 def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
     """1 where shadows in measured `values` (F, N) show the predicted indirect light (F, N), else 0.
 
-    Shadows, weighted by the prediction, decide only whether there is indirect light: they understate its amount while
-    the shape is still wrong.
+    They do where they hold `shadow_below` of it: where there is only direct light, they are black everywhere. Shadows,
+    weighted by the prediction, decide only whether there is indirect light: they understate its amount while the shape
+    is still wrong.
     """
-    return float(_shadow_ratio(pixels, values, predicted, estimate) >= SETTINGS.detection_threshold)
+    return float(_shadow_ratio(pixels, values, predicted, estimate) >= discontinuity.SETTINGS.shadow_below)
 
 
 def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:

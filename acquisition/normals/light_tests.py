@@ -52,11 +52,6 @@ TURNS_DEG = np.arange(-90.0, 90.0, 6.0)
 """Angles by which axes are turned on trial, quarter turns among them; between them the circulation's parabola tells. So
 half a step is the least turn that is told from none: of sound captures it is up to 2°."""
 
-TURN_SIGNIFICANCE = 3.0
-"""Significance, σ, from which a turn explains the normals better than quarter turns do. 0–2.0 of sound captures, and of
-planes with white or blurred noise; 4–13 of lamps turned by 10°, but for machined parts (1.6), whose flat faces hardly
-tell (design seeds 60, 62 and 63, ten lights by two rings)."""
-
 NEAR = 0.1
 """Width of an object over the distance of its lamps, above which light from near tells hollow from raised: 0.2–0.7 in a
 cell, 0.001 where lamps are stated as directions."""
@@ -170,10 +165,15 @@ class _Trial:
         return float(np.sum(self.circulation))
 
     def better(self, other: "_Trial") -> bool:
-        """Whether they have significantly less circulation than the other: the sum of what regions gain, in σ."""
+        """Whether they have significantly less circulation than the other: the sum of what regions gain, in σ.
+
+        0–2.0 where a turn is compared with quarter turns of sound captures, or of planes with white or blurred noise;
+        4–13 of lamps turned by 10°, but for machined parts (1.6), whose flat faces hardly tell (design seeds 60, 62 and
+        63, ten lights by two rings).
+        """
         gained = other.circulation - self.circulation
         sigma = float(np.sqrt(len(gained)) * np.std(gained, ddof=1))
-        return float(np.sum(gained)) > TURN_SIGNIFICANCE * max(sigma, 1e-12)
+        return float(np.sum(gained)) > photometry.SETTINGS.outlying_deviations * max(sigma, 1e-12)
 
 
 def _regions(known: BoolArray) -> np.ndarray:

@@ -39,10 +39,6 @@ SCALED_WORSE = 1.05
 """Misfit of images with scaled intensities over that before, up to which they are accepted: the descent before has put
 most of the factors right already, so that noise decides which of the two fits better."""
 
-MIN_SWAP_IMAGES, SWAP_SHARE = 5, 0.5
-"""Images from which lamps are tested for a swap, four being explained by any; and least-squares residual after over
-before an exchange of two lamps, below which they count as swapped."""
-
 
 @dataclass(frozen=True)
 class AlternativeSettings:
@@ -65,8 +61,6 @@ class AlternativeSettings:
     alone, since where a pixel is lit, a residual does not know of blur."""
     min_translation_px: float = tuned(0.4, "px")
     """Translation of images from which a registration is tried."""
-    bad_image_ratio: float = tuned(3.0, "misfit ratio")
-    """Misfit of an image over the median of the others from which it is left out on trial."""
     max_log_intensity: float = tuned(0.1, "1")
     """Logarithm of an image's intensity against the others' from which the image is scaled before the next descent: the
     prior of a few per cent would leave a part of a large error."""
@@ -156,9 +150,9 @@ def _axes_sentence(axes: FloatArray) -> str:
 
 
 def swapped_lamps(present: Solution) -> list[Alternative]:
-    """Two lamps exchanged, where least squares fits much better then."""
+    """Two lamps exchanged, where least squares fits much better then; four images are explained by any lamps."""
     problem, nominal = present.problem, present.problem.nominal
-    if not present.poor or len(nominal.lamps) < MIN_SWAP_IMAGES:
+    if not present.poor or len(nominal.lamps) < photometry.REDUNDANT:
         return []
     swap = min(
         (
@@ -167,7 +161,7 @@ def swapped_lamps(present: Solution) -> list[Alternative]:
         ),
         key=lambda one: one.residual_share,
     )
-    if swap.residual_share >= SWAP_SHARE:
+    if swap.residual_share >= model_trial.SETTINGS.better_at_least:
         return []
     order = np.arange(len(nominal.lamps))
     order[[swap.first, swap.second]] = swap.second, swap.first
@@ -353,7 +347,8 @@ def _worst_image(fit: Fit) -> int | None:
     if np.count_nonzero(np.isfinite(fit.images)) <= photometry.OVERDETERMINED:
         return None
     worst = int(np.nanargmax(fit.images))
-    return worst if fit.images[worst] > SETTINGS.bad_image_ratio * np.nanmedian(np.delete(fit.images, worst)) else None
+    usual = float(np.nanmedian(np.delete(fit.images, worst)))
+    return worst if fit.images[worst] > photometry.SETTINGS.outlying_deviations * usual else None
 
 
 def other_intensities(present: Solution) -> list[Alternative]:

@@ -43,8 +43,9 @@ class TrialSettings:
     promises up to 46 %, and misfits fall to 0.21–0.84; an offset that a sheet's interreflection resembled left 0.85
     (design seeds 20–23, 30, 31, 40 and 41; `python -m tests.unseen table FILE --trials`)."""
     better_at_least: float = tuned(0.5, "misfit ratio")
-    """Misfit of a second start over that before, up to which it is accepted. A fall by a hundredth once accepted
-    ambient light on a gear, whose error rose from 3.9° to 8.3°."""
+    """Misfit of a second start over that before, up to which it is accepted, and residual of least squares after over
+    before two lamps are exchanged, below which that is tried. A fall by a hundredth once accepted ambient light on a
+    gear, whose error rose from 3.9° to 8.3°."""
     coded_exponent: float = tuned(0.25, "exponent")
     """Size of ε, the exponent's score (`TermScores`): values are tried as coded where it is below −0.25, and were coded
     where less than 0.25 of it is left once they are linearised: −0.05 to 0.23 of nine Lambertian captures of coded

@@ -83,11 +83,6 @@ class Leak:
     length_px: float
 
     @property
-    def significance(self) -> float:
-        """Coefficient over its standard error."""
-        return self.coefficient / max(self.standard_error, 1e-9)
-
-    @property
     def excluded(self) -> bool:
         """Whether, two standard errors on, it is less than a blur would make that images are sharpened for."""
         return self.coefficient + 2 * self.standard_error < SETTINGS.min_coefficient

@@ -74,7 +74,7 @@ def test_leak_of_sharp_shadows_is_insignificant() -> None:
     for seed in range(4):
         leak = leak_of(0, seed)
         assert leak is not None
-        assert abs(leak.significance) < 4
+        assert abs(leak.coefficient) < 4 * leak.standard_error
         assert leak.length_px == 0
         assert leak.excluded
 
@@ -83,7 +83,7 @@ def test_leak_of_sharp_shadows_is_insignificant() -> None:
 def test_leak_of_blurred_shadows_gives_the_mean_free_path(length_px: float) -> None:
     leak = leak_of(length_px)
     assert leak is not None
-    assert leak.significance > 10
+    assert leak.coefficient > 10 * leak.standard_error
     assert leak.sought
     assert not leak.excluded
     assert leak.length_px == pytest.approx(length_px, rel=0.2)

@@ -68,7 +68,7 @@ def test_of_normal_map_reads_misfit_and_findings() -> None:
     settings = photometry.SETTINGS
     for findings, added in (
         ((corrected,), 0.0),
-        ((corrected, metal), settings.unchecked_sigma_deg),
+        ((corrected, metal), settings.unchecked_sigma_deg / 2),
         ((metal, left), settings.unchecked_sigma_deg),
     ):
         assert ExpectedSigma.of(replace(known, findings=findings)).capture_deg == added
