@@ -33,8 +33,6 @@ AZIMUTHS, WALL_AZIMUTHS = 24, 12
 class InterreflectionSettings:
     """Tuned numbers of the indirect light."""
 
-    background_depth_factor: float = tuned(2.0, "1")
-    """Depth of the background, in multiples of the object's largest depth, where there is no table."""
     detection_quantile: float = tuned(0.75, "quantile")
     """Quantile of measured / predicted in shadows, weighted by the prediction, that is compared. An upper quartile,
     because a shape that is still wrong predicts light where none falls as well."""
@@ -93,8 +91,8 @@ def received_irradiance(
     ray = np.where(inside, pixels.image(pixels.ray), np.stack(rays_around)).astype(np.float32)
     direction = photometry.ray_directions(ray)
     table = surface.table
-    background_m = SETTINGS.background_depth_factor * float(np.max(surface.depth_m))
-    depth = np.full(pixels.shape, background_m) if table is None else table.depth_m
+    # Without a table a black plane touches the object from behind.
+    depth = np.full(pixels.shape, np.max(surface.depth_m)) if table is None else table.depth_m
     bright = np.float32(0) if table is None else table.values
     depth = np.where(inside, pixels.image(surface.depth_m), depth)
     point = np.ascontiguousarray((direction * depth).transpose(1, 2, 0), np.float32)

@@ -22,22 +22,14 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import SolveSettings
-from acquisition.models.tuned import tuned
 from acquisition.normals.pixel_solve import Pixels
 
 MAX_SWAP_PIXELS = 400
 """Pixels of the swap test; with F lights it solves F (F − 1) / 2 times as many systems of three."""
 
 
-@dataclass(frozen=True)
-class LightTestSettings:
-    """Tuned numbers of the tests of lamps and axes."""
-
-    rim_px: int = tuned(3, "px")
-    """Width of the rim along the silhouette whose normals count, in pixels of the coarse grid."""
-
-
-SETTINGS = LightTestSettings()
+RIM_PX = 2
+"""Width of the rim along the silhouette whose normals count, in pixels of the coarse grid; with 3 nothing changes."""
 
 STATED_AXES = np.eye(2)
 """Axes as stated: rows of the 2 × 2 matrix that the lamps' x and y are multiplied by."""
@@ -71,13 +63,11 @@ class Outline:
 def outline(pixels: Pixels) -> Outline:
     """The rim of the object's silhouette and its outward directions."""
     inside = pixels.image(np.ones(len(pixels.index), np.float32))
-    padded = cv2.copyMakeBorder(
-        inside, SETTINGS.rim_px, SETTINGS.rim_px, SETTINGS.rim_px, SETTINGS.rim_px, cv2.BORDER_CONSTANT, value=0
-    )
-    core = cv2.erode(padded, np.ones((2 * SETTINGS.rim_px + 1, 2 * SETTINGS.rim_px + 1), np.uint8))
-    smooth = cv2.GaussianBlur(padded, (0, 0), SETTINGS.rim_px)
+    padded = cv2.copyMakeBorder(inside, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_CONSTANT, value=0)
+    core = cv2.erode(padded, np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), np.uint8))
+    smooth = cv2.GaussianBlur(padded, (0, 0), RIM_PX)
     slope = np.stack([-cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)])
-    window = (slice(SETTINGS.rim_px, -SETTINGS.rim_px), slice(SETTINGS.rim_px, -SETTINGS.rim_px))
+    window = (slice(RIM_PX, -RIM_PX), slice(RIM_PX, -RIM_PX))
     length = np.linalg.norm(slope, axis=0)[window]
     rim = (inside > 0) & (core[window] == 0) & (length > 0.1)
     numbers = np.flatnonzero(pixels.take(rim))

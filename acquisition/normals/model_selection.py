@@ -6,27 +6,15 @@ is tried, by another descent from its own start, and only a trial that fits the 
 stays wrong is said in a finding that is not corrected, and raises σ (`error_variance`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from acquisition.models.base import Float32Array
 from acquisition.models.result import ModelFinding
-from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, final_solve, goodness_of_fit, model_alternatives, term_tests
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.self_calibration import Priors
-
-
-@dataclass(frozen=True)
-class SelectionSettings:
-    """Tuned numbers of the selection of a model."""
-
-    min_sound_probability: float = tuned(0.01, "probability")
-    """Probability of the misfit below which a result is named as badly fitting."""
-
-
-SETTINGS = SelectionSettings()
 
 
 def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
@@ -92,7 +80,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
                 corrected=False,
             )
         )
-    elif fit.redundant and fit.probability < SETTINGS.min_sound_probability:
+    elif solution.badly_fitting:
         findings.append(
             ModelFinding(
                 kind="misfit",

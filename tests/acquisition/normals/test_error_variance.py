@@ -105,9 +105,7 @@ def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None
     # A normal and the mean of four neighbours, one of which is 90° away, lie atan(1/3) apart.
     detail = np.degrees(np.arctan(1 / 3))
     raised = bounded(
-        1.0
-        + tuned.crease_share**2 * (crease**2 - tuned.min_crease_deg**2)
-        + tuned.detail_share**2 * (detail**2 - error_variance.NOISE_DETAIL)
+        1.0 + tuned.structure_share**2 * (crease**2 - tuned.min_crease_deg**2 + detail**2 - error_variance.NOISE_DETAIL)
     )
     assert result[row - 1 : row + 1, 1:-1] == pytest.approx(raised, rel=1e-4)
     assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(1.0), rel=1e-5)
@@ -175,7 +173,7 @@ def test_structure_of_one_crease_is_its_share_of_the_pixels_and_noise_makes_none
     assert flat == 0.0
     tuned, detail = error_variance.SETTINGS, np.degrees(np.arctan(1 / 3))
     turn = np.degrees(np.sin(np.radians(45))) ** 2 - tuned.min_crease_deg**2
-    each = np.sqrt(tuned.crease_share**2 * turn + tuned.detail_share**2 * (detail**2 - error_variance.NOISE_DETAIL))
+    each = tuned.structure_share * np.sqrt(turn + detail**2 - error_variance.NOISE_DETAIL)
     assert crease == pytest.approx(2 / SHAPE[0] * each, rel=0.01)
     noisy = bent(0) + np.random.default_rng(0).normal(0, np.radians(2.0) / np.sqrt(2), (*SHAPE, 3)) * [1, 1, 0]
     noisy = (noisy / np.linalg.norm(noisy, axis=-1, keepdims=True)).astype(np.float32)
@@ -183,4 +181,4 @@ def test_structure_of_one_crease_is_its_share_of_the_pixels_and_noise_makes_none
     found = error_variance.sigma_deg(
         np.full(SHAPE, 2.0, np.float32), residual, lights, share, noisy, sharp=False, capture_deg=0.0
     )
-    assert found[1] < 0.4 * tuned.detail_share * 2.0
+    assert found[1] < 0.4 * tuned.structure_share * 2.0
