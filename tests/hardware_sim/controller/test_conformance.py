@@ -98,8 +98,8 @@ def test_stopj_in_move_brakes_at_requested_deceleration(cell: Cell) -> None:
     braking = [sample for sample in samples if 0.0 < sample[7] < 0.999 * SPEED]
     assert braking[-1][0] - braking[0][0] == pytest.approx(SPEED / deceleration, abs=0.006)
     assert braking[-1][1] - braking[0][1] == pytest.approx(SPEED**2 / (2 * deceleration), abs=0.006)
-    for earlier, later in itertools.pairwise(braking):
-        assert (earlier[7] - later[7]) / 0.002 == pytest.approx(deceleration, rel=0.01)
+    for earlier, later in itertools.pairwise(braking):  # a reader that is late may miss a tick
+        assert (earlier[7] - later[7]) / (later[0] - earlier[0]) == pytest.approx(deceleration, rel=0.01)
     assert not cell.control.getAsyncOperationProgressEx().isAsyncOperationRunning()
 
 
