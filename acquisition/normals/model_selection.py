@@ -12,7 +12,7 @@ import numpy as np
 
 from acquisition.models.base import Float32Array
 from acquisition.models.result import ModelFinding
-from acquisition.normals import alternation, final_solve, goodness_of_fit, model_alternatives, term_tests
+from acquisition.normals import alternation, final_solve, goodness_of_fit, model_alternatives, model_trial, term_tests
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.self_calibration import Priors
 
@@ -80,7 +80,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
                 corrected=False,
             )
         )
-    elif solution.badly_fitting:
+    elif fit.redundant and fit.probability < model_trial.SETTINGS.min_sound_probability:
         findings.append(
             ModelFinding(
                 kind="misfit",
