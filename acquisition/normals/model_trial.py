@@ -13,7 +13,7 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
-from acquisition.normals import alternation, final_solve, residual_noise, surface_diffusion, translucency
+from acquisition.normals import alternation, final_solve, surface_diffusion, translucency
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
@@ -57,6 +57,8 @@ class TrialSettings:
     of two of eight objects, an offset and a move are not found (seed 62, ten lights)."""
     min_sound_probability: float = tuned(0.01, "probability")
     """Probability of the misfit below which a result is named as badly fitting."""
+    max_intensity: float = tuned(0.03, "share")
+    """Noise component of intensities that no sound capture reaches."""
 
 
 SETTINGS = TrialSettings()
@@ -121,12 +123,11 @@ class Solution:
 
     @property
     def at_end_of_range(self) -> bool:
-        """Whether the noise of intensities, or the object's place, is at the end of its range, where no sound capture's
-        is.
+        """Whether the noise of intensities, or the object's place, is beyond what any sound capture needs.
 
         Not that of directions: detail below a pixel raises it to its bound, whether lamps are where they should be or
         5 mm off."""
-        return self.scene.noise.intensity >= residual_noise.SETTINGS.bounds[1] or self.out_of_place
+        return self.scene.noise.intensity >= SETTINGS.max_intensity or self.out_of_place
 
     @property
     def unjudged(self) -> bool:
