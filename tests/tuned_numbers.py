@@ -31,7 +31,7 @@ REASONS: dict[str, str] = {
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENTS""",
     "counts of unknowns, marks and definitions": """
-        light_tests.NEAR
+        light_tests.NEAR light_tests.RIM_PX
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         reflectance_kernels.BASIS_SIZE
         goodness_of_fit.GRID baselines.FAR_DEG
@@ -46,7 +46,7 @@ REASONS: dict[str, str] = {
     "defaults of what a capture may state itself": """
         image_set.POSITION_SIGMA_M image_set.INTENSITY_SIGMA image_set.FULL_WELL_E image_set.READ_NOISE_E""",
     "of settings": """
-        error_variance.WEIGHTS error_variance.MAX_SQUARE translucency.WALL_WEIGHT pixel_noise.MIN_RESIDUAL_SHARE
+        translucency.WALL_WEIGHT
         distant.DIRECTION_SIGMA_RAD""",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS
@@ -227,8 +227,8 @@ def set_at_import() -> set[str]:
         bodies = {
             id(n)
             for function in ast.walk(tree)
-            if isinstance(function, ast.FunctionDef)
-            for part in function.body
+            if isinstance(function, ast.FunctionDef | ast.Lambda)
+            for part in (function.body if isinstance(function, ast.FunctionDef) else [function.body])
             for n in ast.walk(part)
         }
         for node in ast.walk(tree):

@@ -71,26 +71,11 @@ class ErrorVarianceSettings:
 
 SETTINGS = ErrorVarianceSettings()
 
-MAX_SQUARE = photometry.SETTINGS.significant_deviations**2
-"""Largest mean square of a pixel's residuals that counts, σ²: robust weights have rejected what is above."""
-
 CREASE, DETAIL = 2, 3
 """Numbers of some of the `components`."""
 
 NOISE_DETAIL = 5 / 4
 """λ² of noise alone over σ₀²: the variances of a normal and of the mean of four others add up."""
-
-WEIGHTS = np.array(
-    [
-        1.0,
-        photometry.SETTINGS.misfit_factor,
-        SETTINGS.structure_share**2,
-        SETTINGS.structure_share**2,
-        photometry.SETTINGS.unchecked_sigma_deg**2,
-    ],
-    np.float32,
-)
-"""1, B, M², L² and E² of `components`."""
 
 FOUR_NEIGHBOURS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], np.float32)
 
@@ -107,7 +92,7 @@ def sigma_deg(
 
     `capture_deg` is E of the whole capture.
     """
-    out = np.full_like(posterior_deg, np.nan)
+    out, weight = np.full_like(posterior_deg, np.nan), weights()
     total, count = 0.0, 0
     for start in range(0, len(out), STRIP_ROWS):
         stop = min(start + STRIP_ROWS, len(out))
@@ -115,12 +100,18 @@ def sigma_deg(
         maps = (posterior_deg, residual, lights, stated_share, normals)
         parts = components(*(one[first:last] for one in maps), sharp=sharp)[:, start - first : stop - first]
         known = np.isfinite(posterior_deg[start:stop])
-        by_images = np.asarray(np.tensordot(WEIGHTS, parts, 1) + capture_deg**2, np.float64)
+        by_images = np.asarray(np.tensordot(weight, parts, 1) + capture_deg**2, np.float64)
         variance = photometry.bounded_variance(by_images)
         out[start:stop] = np.where(known, np.sqrt(variance), np.nan)
-        structure = np.sqrt(WEIGHTS[CREASE] * parts[CREASE] + WEIGHTS[DETAIL] * parts[DETAIL])
+        structure = np.sqrt(weight[CREASE] * parts[CREASE] + weight[DETAIL] * parts[DETAIL])
         total, count = total + float(np.sum(structure, dtype=np.float64)), count + int(np.count_nonzero(known))
     return out, total / max(count, 1)
+
+
+def weights() -> Float32Array:
+    """1, B, M², L² and E² of `components`."""
+    shared, structure = photometry.SETTINGS, SETTINGS.structure_share**2
+    return np.array([1.0, shared.misfit_factor, structure, structure, shared.unchecked_sigma_deg**2], np.float32)
 
 
 def components(
@@ -152,9 +143,11 @@ def misfit(residual: Float32Array, lights: np.ndarray, stated_share: Float32Arra
 
 
 def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, Float32Array]:
-    """Sum of squared whitened residuals and degrees of freedom (h, w) of each pixel; 0 with fewer than four lights."""
+    """Sum of squared whitened residuals and degrees of freedom (h, w) of each pixel; 0 with fewer than four lights.
+    Robust weights have rejected what is above `significant_deviations`."""
+    most = photometry.SETTINGS.significant_deviations**2
     freedom = np.where(lights >= photometry.OVERDETERMINED, lights.astype(np.float32) - photometry.PIXEL_UNKNOWNS, 0)
-    squares = np.where(freedom > 0, np.minimum(residual**2, MAX_SQUARE) * lights, 0)
+    squares = np.where(freedom > 0, np.minimum(residual**2, most) * lights, 0)
     return squares.astype(np.float32), freedom.astype(np.float32)
 
 

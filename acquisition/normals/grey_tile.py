@@ -19,10 +19,6 @@ from acquisition.models.shot import Observations, Shot
 from acquisition.models.tuned import tuned
 from acquisition.normals import discontinuity, session_images, silhouette
 
-MODEL_SIGMA = photometry.SETTINGS.flat_field_sigma
-"""1 σ of the tile's value against that of the light model, as a fraction: the lamp is seen from the tile some 10° from
-where the object sees it, and the object sends the tile some light."""
-
 
 @dataclass(frozen=True)
 class GreyTileSettings:
@@ -91,7 +87,8 @@ def measure(observations: Observations, calibration: Calibration, tile: GreyTile
     level = np.maximum(level, 1e-6).astype(np.float64)
     noise = np.pi / 2 * (images.shot * level + images.floor) / (np.count_nonzero(inside) * level**2)  # of a median
     position = calibration.lamp_position_sigma_m * _log_gradient(tile, point, lamps)
-    sigma = np.sqrt(noise + position**2 + MODEL_SIGMA**2)
+    # The tile sees the lamp some 10° from where the object does, and the object sends it some light.
+    sigma = np.sqrt(noise + position**2 + photometry.SETTINGS.flat_field_sigma**2)
     log[~usable] = np.interp(_times(shots)[~usable], _times(shots)[usable], log[usable])
     sigma[~usable] = np.maximum(sigma[~usable], calibration.intensity_sigma)
     finding = None if np.all(usable) else _finding(saturated, ~saturated & ~usable)

@@ -4,7 +4,7 @@ Tests propose alternatives (`model_alternatives`) and a selection solves them (`
 here: the problem that a descent starts from, the solution with its fit, and an alternative with what makes it accepted.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,7 +76,7 @@ class Problem:
     start_m: Float32Array
     nominal: Scene
     term_sigma: ImageTerms = LAMBERTIAN
-    shift_sigma_m: float = alternation.SETTINGS.shift_sigma_m
+    shift_sigma_m: float = field(default_factory=lambda: alternation.SETTINGS.shift_sigma_m)
     corrected: tuple[str, ...] = ()
     factors: FloatArray | float = 1.0
     thorough: bool = True

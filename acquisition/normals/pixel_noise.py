@@ -20,9 +20,6 @@ from acquisition.normals.images import Images
 from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.pyramid import MaskedImages
 
-MIN_RESIDUAL_SHARE = 1 - residual_noise.SETTINGS.max_leverage
-"""Share of a measurement's variance that its residual has at least."""
-
 MAX_PRODUCTS = 2_000_000
 """Pixels used, times the square of the number of lights: more do not improve the estimate."""
 
@@ -72,11 +69,12 @@ def _differences(
     variance = np.where(usable, np.maximum(pixels.values, 0) * shot[:, None] + floor[:, None], 0)
     share = np.einsum("nfk,kn->fn", projection**2, variance, optimize=True) / np.maximum(variance, 1e-30)
 
+    least = 1 - residual_noise.SETTINGS.max_leverage
     number = photon_transfer.quads(pixels.image(np.arange(1, len(pixels.index) + 1))).reshape(4, -1)
     at = number[:, np.all(number > 0, axis=0)] - 1  # (4, K) the corners of squares that lie on the object
     lit = usable[:, at]
-    good = lit[:, 0] & np.all(lit == lit[:, :1], axis=(0, 1)) & (np.min(share[:, at], axis=1) > MIN_RESIDUAL_SHARE)
+    good = lit[:, 0] & np.all(lit == lit[:, :1], axis=(0, 1)) & (np.min(share[:, at], axis=1) > least)
     level, spread, bright = (np.mean(part[..., at], axis=-2) for part in (pixels.values, share, albedo))
     apart = photon_transfer.quad_differences(residual[:, at], axis=1)
-    apart = apart * bright / np.sqrt(np.maximum(spread, MIN_RESIDUAL_SHARE)) / shot[:, None]
+    apart = apart * bright / np.sqrt(np.maximum(spread, least)) / shot[:, None]
     return (level / shot[:, None])[good].astype(np.float32), apart[good].astype(np.float32)

@@ -14,7 +14,7 @@ wrong depth; what makes plans even is the wide prior of the depth offset
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numba
@@ -42,7 +42,7 @@ class Samples:
     lit: Float32Array  # (P,) images so far in which the pixel is lit
     indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
     margin: FloatArray  # (P,) by which cosine of incidence and slope of clearance exceed a shadow's threshold if lit
-    offset_sigma_m: float = photometry.SETTINGS.depth_sigma_m  # ζ = 1 is a depth offset of so much
+    offset_sigma_m: float = field(default_factory=lambda: photometry.SETTINGS.depth_sigma_m)  # of a depth offset ζ = 1
 
 
 @dataclass(frozen=True)

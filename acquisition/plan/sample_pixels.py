@@ -33,9 +33,10 @@ def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
 
 def samples(
     normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray,
-    offset_sigma_m: float = photometry.SETTINGS.depth_sigma_m, observations: Observations | None = None,
+    offset_sigma_m: float | None = None, observations: Observations | None = None,
 ) -> Samples:  # fmt: skip
-    """Sample pixels of a normal map, by numbers in its `information`, with a prior of their depth offsets in m.
+    """Sample pixels of a normal map, by numbers in its `information`, with a prior of their depth offsets in m; none:
+    `depth_sigma_m`.
 
     With `observations`, the images so far, their information is reweighted.
     """
@@ -43,6 +44,7 @@ def samples(
     ray = visibility.rays_at(calibration, rows, columns)
     depth = normal_map.depth[rows, columns]
     albedo = np.maximum(normal_map.albedo[rows, columns], 1e-3)
+    offset_sigma_m = photometry.SETTINGS.depth_sigma_m if offset_sigma_m is None else offset_sigma_m
     scale = np.array([1.0, 1.0, 1.0, offset_sigma_m])
     information = normal_map.information.matrices[chosen] * np.outer(scale, scale)
     sample = Samples(

@@ -98,7 +98,7 @@ def test_a_number_with_a_capture_to_be_solved_yet_has_no_figures() -> None:
 
 
 def test_what_modules_read_at_import_is_not_measured() -> None:
-    read = sensitivity.named("photometry.flat_field_sigma")
+    read = sensitivity.named("photometry.min_view_cosine")
     assert read[0].key in tuned_numbers.set_at_import()
     assert "import" in sensitivity.moved(lines(), read)["numbers"][read[0].key]["not measured"]
 

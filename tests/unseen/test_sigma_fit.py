@@ -61,7 +61,7 @@ def test_collect_one_scene_keeps_components_of_the_solve(tmp_path: Path) -> None
     plan = run.Plan(("blob",), (0,), (8,), ("two-rings",), 1, tmp_path)
     sigma_fit.collect(plan, tmp_path, jobs=1)
     (one,) = sigma_fit.read(tmp_path)
-    by_images = error_variance.WEIGHTS @ one.regressors(error_variance.SETTINGS.min_crease_deg)
+    by_images = error_variance.weights() @ one.regressors(error_variance.SETTINGS.min_crease_deg)
     variance = photometry.bounded_variance(by_images)
     assert len(one.error_deg) == sigma_fit.PIXELS
     assert one.sigma_deg == pytest.approx(np.sqrt(variance), rel=1e-3)

@@ -68,7 +68,7 @@ def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
     assert error_variance.misfit(residual, np.full((1, 3), 3, np.uint8), stated) == 1.0
     assert error_variance.misfit(0 * residual, lights, stated) == 1.0
     most = error_variance.misfit(residual * 100, np.full((1, 3), 6, np.uint8), np.ones((1, 3), np.float32))
-    assert most == pytest.approx(2 * error_variance.MAX_SQUARE)
+    assert most == pytest.approx(2 * photometry.SETTINGS.significant_deviations**2)
 
 
 @pytest.mark.parametrize(
