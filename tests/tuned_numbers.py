@@ -46,7 +46,6 @@ REASONS: dict[str, str] = {
     "defaults of what a capture may state itself": """
         image_set.POSITION_SIGMA_M image_set.INTENSITY_SIGMA image_set.FULL_WELL_E image_set.READ_NOISE_E""",
     "of settings": """
-        translucency.WALL_WEIGHT
         distant.DIRECTION_SIGMA_RAD""",
     "sizes of blocks and samples: more changes time and memory": """
         alternation.MAX_COARSE_PIXELS alternation.SAMPLE_PIXELS alternation.PROBE_PIXELS

@@ -42,8 +42,6 @@ SETTINGS = IntegrabilitySettings()
 ITERATIONS = 10
 """Iterations of conjugate gradients: noise is local, and after five of them errors fall by less than a hundredth."""
 
-CIRCULATION_LIMIT = SETTINGS.circulation_limit
-CURVATURE_SIGMA = SETTINGS.curvature_sigma
 LEAST_COSINE = photometry.SETTINGS.min_view_cosine
 
 
@@ -94,7 +92,7 @@ def _project_strip(normals: Float32Array, variance: Float32Array, ray: Float32Ar
     _slopes(normals, variance, rays, slope)
     shape = (height + 1, width + 1)  # a multiplier for each cell of 2 × 2 pixels, and zeros at the border
     circulation, slack, inverse = (np.zeros(shape, np.float32) for _ in range(3))
-    _circulations(slope, circulation, slack, inverse)
+    _circulations(slope, SETTINGS.circulation_limit, SETTINGS.curvature_sigma, circulation, slack, inverse)
     multiplier, change = np.zeros(shape, np.float32), np.empty((2, height, width), np.float32)
     direction, image = inverse * circulation, np.zeros(shape, np.float32)
     residual = circulation
@@ -150,11 +148,15 @@ def _slopes(normals: Float32Array, variance: Float32Array, rays: Float32Array, o
 
 
 @numba.njit(
-    "void(float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,::1])",
+    "void(float32[:,:,::1], float64, float64, float32[:,::1], float32[:,::1], float32[:,::1])",
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
-def _circulations(slope: Float32Array, total: Float32Array, slack: Float32Array, inverse: Float32Array) -> None:
-    """Circulation of the slopes round each cell, the variance of its constraint, and 1 / the total variance."""
+def _circulations(
+    slope: Float32Array, limit: float, curvature_sigma: float, total: Float32Array, slack: Float32Array,
+    inverse: Float32Array,
+) -> None:  # fmt: skip
+    """Circulation of the slopes round each cell, the variance of its constraint, and 1 / the total variance; `limit`
+    and `curvature_sigma` as in the settings."""
     height, width = slope.shape[1:]
     for i in numba.prange(height - 1):
         for j in range(width - 1):
@@ -170,8 +172,8 @@ def _circulations(slope: Float32Array, total: Float32Array, slack: Float32Array,
             noise += np.float32(2.0) * mixed
             noise *= np.float32(0.25)
             curvature = (p00 - p11) ** 2 + (p01 - p10) ** 2 + (q00 - q11) ** 2 + (q01 - q10) ** 2
-            known = noise + np.float32(CURVATURE_SIGMA**2) * curvature
-            variance = max(known, added * added / np.float32(CIRCULATION_LIMIT**2))
+            known = noise + np.float32(curvature_sigma**2) * curvature
+            variance = max(known, added * added / np.float32(limit**2))
             total[i + 1, j + 1] = added
             slack[i + 1, j + 1] = variance - noise
             inverse[i + 1, j + 1] = 1 / variance

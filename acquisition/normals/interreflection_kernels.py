@@ -8,33 +8,13 @@ receivers, so it is tabulated once.
 Kernels compile at import, into numba's cache.
 """
 
-from dataclasses import dataclass
-
 import numba
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array
-from acquisition.models.tuned import tuned
-
-
-@dataclass(frozen=True)
-class RadiosityKernelSettings:
-    """Tuned numbers of the kernels of indirect light."""
-
-    wall_slope: float = tuned(2.5, "slope")
-    """Rise over run between neighbouring cells from which there is a wall between them."""
-    beyond_image: float = tuned(0.5, "share")
-    """Radiosity of the table beyond the image, as a share of that at its border."""
-
-
-SETTINGS = RadiosityKernelSettings()
 
 LEVELS = 3
 """Parts of a wall's height that have a radiosity of their own."""
-
-
-WALL_SLOPE = SETTINGS.wall_slope
-BEYOND_IMAGE = SETTINGS.beyond_image
 
 
 @numba.njit("Tuple((float32[:,::1], int64[:,:,::1], float32[:,::1]))(int64, int64)", cache=True, error_model="numpy")
@@ -76,7 +56,7 @@ def _ray_march(azimuths: int, longest: int) -> tuple[Float32Array, np.ndarray, F
 
 @numba.njit(
     "void(float32[:,:,::1], float32[:,::1], float32[:,::1], int32[:,::1], float32[:,:,::1], int32[:,::1],"
-    " float32[:,:,::1], int64, float32[:,::1])",
+    " float32[:,:,::1], int64, float64, float64, float32[:,::1])",
     cache=True,
     parallel=True,
     fastmath=True,
@@ -91,11 +71,13 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     wall_number: np.ndarray,  # (h, w)
     wall_radiosity: Float32Array,  # (W, LEVELS, F)
     azimuths: int,
+    wall_slope: float,  # rise over run from which there is a wall
+    beyond_image: float,  # radiosity beyond the image over that at its border
     out: Float32Array,  # (K, F)
 ) -> None:
     """Irradiance of each receiver: cosine-weighted integral of the radiosity above its horizon in each azimuth."""
     height, width, count = radiosity.shape
-    zero, one, half, steep = np.float32(0), np.float32(1), np.float32(0.5), np.float32(WALL_SLOPE)
+    zero, one, half, steep = np.float32(0), np.float32(1), np.float32(0.5), np.float32(wall_slope)
     share_of_one, far = np.float32(2.0 / azimuths), np.float32(1e6)
     directions, cells, shares = _ray_march(azimuths, max(height, width))
     # Unsigned indices into flat arrays spare numba the check for negative ones.
@@ -181,17 +163,19 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                     lowest, below = slope, above
                 lx, ly, lz = x, y, z
             if lowest < 0:
-                weight = np.float32(BEYOND_IMAGE) * -below * share_of_one
+                weight = np.float32(beyond_image) * -below * share_of_one
                 for f in range(count):
                     out[i, f] += weight * radiosities[near, f]
 
 
 @numba.njit(
-    "Tuple((int32[:,::1], int32[:,::1], float32[:,::1], float32[::1]))(float32[:,:,::1], boolean[:,::1])",
+    "Tuple((int32[:,::1], int32[:,::1], float32[:,::1], float32[::1]))(float32[:,:,::1], boolean[:,::1], float64)",
     cache=True,
     error_model="numpy",
 )
-def find_walls(point: Float32Array, inside: BoolArray) -> tuple[np.ndarray, np.ndarray, Float32Array, Float32Array]:
+def find_walls(
+    point: Float32Array, inside: BoolArray, wall_slope: float
+) -> tuple[np.ndarray, np.ndarray, Float32Array, Float32Array]:
     """Detects walls at discontinuities: numbers (h, w), cells of the feet (W, 2), normals (W, 3), z of edges (W,)."""
     height, width = inside.shape
     number = np.full((height, width), -1, np.int32)
@@ -210,7 +194,7 @@ def find_walls(point: Float32Array, inside: BoolArray) -> tuple[np.ndarray, np.n
                     dx, dy = point[v + dv, u + du, 0] - x, point[v + dv, u + du, 1] - y
                     rise = point[v + dv, u + du, 2] - z
                     run = np.sqrt(dx * dx + dy * dy)
-                    if rise > WALL_SLOPE * run:
+                    if rise > wall_slope * run:
                         across -= dx / run * rise
                         up -= dy / run * rise
                         highest = max(highest, rise)

@@ -16,11 +16,6 @@ ATTACHED_COSINE = SolveSettings().shadow_threshold
 """Predicted cosine to the light below which a dark measurement is in attached shadow, or as dark as in one: the share
 of the peak below which the solver uses none."""
 
-HIGHLIGHT_DEVIATIONS = photometry.SETTINGS.significant_deviations
-"""Excess over the diffuse prediction, in σ, from which a measurement is flagged as highlight."""
-
-PREDICTED_INDIRECT_SIGMA = photometry.SETTINGS.predicted_indirect_sigma
-
 
 def classify(
     estimate: Estimate, measured: Float32Array, indirect: Float32Array, clipped: BoolArray, noise: Noise
@@ -30,7 +25,7 @@ def classify(
     `measured` (F, N) are values of nominal lamps. Predicted `indirect` light (F, N) is no highlight, nor is its
     uncertainty.
     """
-    flags = np.empty(measured.shape, np.uint8)
+    flags, shared = np.empty(measured.shape, np.uint8), photometry.SETTINGS
     _classify(
         estimate.light,
         estimate.g,
@@ -41,7 +36,8 @@ def classify(
         np.ascontiguousarray(clipped),
         np.sqrt(noise.shot).astype(np.float32),
         np.sqrt(noise.floor).astype(np.float32),
-        np.array([noise.intensity, noise.direction], np.float32),
+        np.array([noise.intensity, noise.direction, shared.predicted_indirect_sigma], np.float32),
+        shared.significant_deviations,
         flags,
     )
     return flags
@@ -49,7 +45,7 @@ def classify(
 
 @numba.njit(
     "void(float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,::1], float32[:,::1], boolean[:,::1],"
-    " boolean[:,::1], float32[::1], float32[::1], float32[::1], uint8[:,::1])",
+    " boolean[:,::1], float32[::1], float32[::1], float32[::1], float64, uint8[:,::1])",
     cache=True,
     parallel=True,
     error_model="numpy",
@@ -64,7 +60,8 @@ def _classify(
     clipped: BoolArray,  # (F, N)
     shot_sigma: Float32Array,  # (F,) 1 σ of y = 1
     floor_sigma: Float32Array,  # (F,)
-    shares: Float32Array,  # noise c of y, and σ_d of ρ|s|
+    shares: Float32Array,  # noise c of y, σ_d of ρ|s|, and of indirect light
+    highlight_deviations: float,  # σ above the prediction
     flags: np.ndarray,  # (F, N) uint8
 ) -> None:
     """Bit fields of all measurements, into `flags`."""
@@ -85,10 +82,10 @@ def _classify(
                     + floor_sigma[f]
                     + shares[0] * abs(predicted)
                     + shares[1] * strength
-                    + np.float32(PREDICTED_INDIRECT_SIGMA) * indirect[f, n]
+                    + shares[2] * indirect[f, n]
                 )
                 excess = measured[f, n] - indirect[f, n] - predicted
-                flags[f, n] = LIT + HIGHLIGHT if excess > np.float32(HIGHLIGHT_DEVIATIONS) * spread else LIT
+                flags[f, n] = LIT + HIGHLIGHT if excess > np.float32(highlight_deviations) * spread else LIT
 
 
 KERNELS = (_classify,)

@@ -21,7 +21,7 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.tuned import tuned
-from acquisition.normals import discontinuity, interreflection_kernels, surface_diffusion
+from acquisition.normals import discontinuity, interreflection, surface_diffusion
 from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 from acquisition.normals.surface_diffusion import SurfaceGraph
@@ -46,9 +46,6 @@ class TranslucencySettings:
 
 
 SETTINGS = TranslucencySettings()
-
-WALL_WEIGHT = 1 / (1 + interreflection_kernels.SETTINGS.wall_slope**2)
-"""Weight of the surface's graph below which two pixels are divided by a wall."""
 
 KIND = "translucent surface"
 """Kind of the finding that light spreads below the surface, or that images are out of focus."""
@@ -159,9 +156,9 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
     """The images that have enough dark pixels near lit ones, away from the silhouette and from depth steps."""
     albedo, lit = albedo_and_lit(values, shading)
     known = pixels.image((albedo > 0).astype(np.uint8))
-    steps = np.zeros(pixels.shape, np.uint8)
-    steps[:, :-1] |= over.across < WALL_WEIGHT
-    steps[:-1] |= over.down < WALL_WEIGHT
+    steps, at_wall = np.zeros(pixels.shape, np.uint8), 1 / (1 + interreflection.SETTINGS.wall_slope**2)
+    steps[:, :-1] |= over.across < at_wall
+    steps[:-1] |= over.down < at_wall
     core = (cv2.erode(known, np.ones((5, 5), np.uint8), borderValue=0) > 0) & ~_dilated(steps & known, 3)
     out: list[_Shadow] = []
     for irradiance, image_lit in zip(values / np.where(albedo > 0, albedo, np.inf), lit, strict=True):
