@@ -43,8 +43,6 @@ class InterreflectionSettings:
     is 12°; with 1.4 it is 51, 94 and 0.2 %, with 3 75, 95 and 1.0 %."""
     wall_slope: float = tuned(2.5, "slope")
     """Rise over run between neighbouring cells from which there is a wall between them."""
-    beyond_image: float = tuned(0.5, "share")
-    """Radiosity of the table beyond the image, as a share of that at its border."""
 
 
 SETTINGS = InterreflectionSettings()
@@ -110,18 +108,9 @@ def received_irradiance(
     facing = np.ascontiguousarray(surface.normals[:, ::every].T)
     own = np.empty((len(chosen), len(values)), np.float32)
     interreflection_kernels.gather(
-        point,
-        point.reshape(-1, 3)[chosen],
-        facing,
-        cells,
-        radiosity,
-        walls.number,
-        wall_radiosity,
-        AZIMUTHS,
-        SETTINGS.wall_slope,
-        SETTINGS.beyond_image,
-        own,
-    )
+        point, point.reshape(-1, 3)[chosen], facing, cells, radiosity, walls.number, wall_radiosity, AZIMUTHS,
+        SETTINGS.wall_slope, own,
+    )  # fmt: skip
     out = np.zeros(values.shape, np.float32)
     out[:, ::every] = own.T
     return out
@@ -240,6 +229,6 @@ def _wall_radiosity(
     indirect = np.empty_like(direct)
     interreflection_kernels.gather(
         point, walls.point, walls.normal, walls.cell, radiosity, walls.number, direct.reshape(shape), WALL_AZIMUTHS,
-        SETTINGS.wall_slope, SETTINGS.beyond_image, indirect,
+        SETTINGS.wall_slope, indirect,
     )  # fmt: skip
     return (direct + walls.albedo[:, None] * indirect).astype(np.float32).reshape(shape)

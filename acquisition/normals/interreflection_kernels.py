@@ -56,7 +56,7 @@ def _ray_march(azimuths: int, longest: int) -> tuple[Float32Array, np.ndarray, F
 
 @numba.njit(
     "void(float32[:,:,::1], float32[:,::1], float32[:,::1], int32[:,::1], float32[:,:,::1], int32[:,::1],"
-    " float32[:,:,::1], int64, float64, float64, float32[:,::1])",
+    " float32[:,:,::1], int64, float64, float32[:,::1])",
     cache=True,
     parallel=True,
     fastmath=True,
@@ -72,7 +72,6 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     wall_radiosity: Float32Array,  # (W, LEVELS, F)
     azimuths: int,
     wall_slope: float,  # rise over run from which there is a wall
-    beyond_image: float,  # radiosity beyond the image over that at its border
     out: Float32Array,  # (K, F)
 ) -> None:
     """Irradiance of each receiver: cosine-weighted integral of the radiosity above its horizon in each azimuth."""
@@ -162,8 +161,8 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                             out[i, f] += weight * radiosities[near, f]
                     lowest, below = slope, above
                 lx, ly, lz = x, y, z
-            if lowest < 0:
-                weight = np.float32(beyond_image) * -below * share_of_one
+            if lowest < 0:  # the table goes on as bright as at the image's border
+                weight = -below * share_of_one
                 for f in range(count):
                     out[i, f] += weight * radiosities[near, f]
 
