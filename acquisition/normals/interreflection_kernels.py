@@ -74,7 +74,8 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     wall_slope: float,  # rise over run from which there is a wall
     out: Float32Array,  # (K, F)
 ) -> None:
-    """Irradiance of each receiver: cosine-weighted integral of the radiosity above its horizon in each azimuth."""
+    """Irradiance of each receiver: cosine-weighted integral of the radiosity above its horizon in each azimuth; nothing
+    comes from beyond the image."""
     height, width, count = radiosity.shape
     zero, one, half, steep = np.float32(0), np.float32(1), np.float32(0.5), np.float32(wall_slope)
     share_of_one, far = np.float32(2.0 / azimuths), np.float32(1e6)
@@ -161,10 +162,6 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                             out[i, f] += weight * radiosities[near, f]
                     lowest, below = slope, above
                 lx, ly, lz = x, y, z
-            if lowest < 0:  # the table goes on as bright as at the image's border
-                weight = -below * share_of_one
-                for f in range(count):
-                    out[i, f] += weight * radiosities[near, f]
 
 
 @numba.njit(
