@@ -66,7 +66,7 @@ class SharedSettings:
     start, which costs time, a measurement in shadow, which costs a solution with gloss as much, an image's misfit
     against the others', which is then left out on trial, and the gain of turned lamps."""
     min_sample: int = tuned(50, "measurements")
-    """Pixels or measurements below which a statistic of them is not estimated, and an object is not solved."""
+    """Pixels or measurements below which a statistic of them is not estimated."""
     predicted_indirect_sigma: float = tuned(0.1, "share")
     """1 σ of the predicted indirect light, as a share of it, that differs from light to light: what measurements are
     weighed by. Of metal, whose neighbours' mirror images are not predicted, a share of what mirrors the lamp."""

@@ -31,7 +31,7 @@ REASONS: dict[str, str] = {
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENTS""",
     "counts of unknowns, marks and definitions": """
-        light_tests.NEAR light_tests.RIM_PX
+        light_tests.NEAR
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         reflectance_kernels.BASIS_SIZE
         goodness_of_fit.GRID baselines.FAR_DEG
@@ -84,7 +84,7 @@ REASONS: dict[str, str] = {
     "grids of what may be chosen": """
         exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS
         self_calibration.SIGMA_FACTORS
-        translucency.LENGTHS_PX translucency.TESTED_PX light_tests.TURNS_DEG reflectance_kernels.GGX_ROUGHNESS
+        translucency.LENGTHS_PX translucency.TESTED_PX light_tests.TURNS_DEG
         reflectance_fit.DIFFUSE_FORMS model_alternatives.SECOND_STARTS""",
     "pictures": """
         explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE explain.SHOWN_RANGE""",
@@ -93,6 +93,7 @@ REASONS: dict[str, str] = {
 
 STRAYS = (
     "colour_channels.MIN_SHARE",
+    "reflectance_kernels.GGX_ROUGHNESS",
     "reflectance_solve.MIN_VARIANCE_RAD2",
     "integration.HALF_CONFIDENCE_SIGMA",
     "model_alternatives.SCALED_WORSE",

@@ -15,6 +15,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
+from acquisition.models.tuned import tuned
 from acquisition.normals import (
     alternation,
     colour_albedo,
@@ -33,6 +34,18 @@ from acquisition.normals.images import Images, refuse_few
 from acquisition.normals.model_trial import Problem
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages
+
+
+@dataclass(frozen=True)
+class SolveCheckSettings:
+    """Tuned numbers of the check of what is solved."""
+
+    min_pixels: int = tuned(16, "pixels")
+    """Object pixels below which nothing is solved. A mirror's cap of 32 pixels has a median error below 1.5°
+    (`test_solve_purely_specular_surface_recovers_normals`)."""
+
+
+SETTINGS = SolveCheckSettings()
 
 
 @dataclass(frozen=True)
@@ -128,8 +141,7 @@ def solve_stack(
         mask = silhouette.segment(pyramid.albedo_bound(masked, rough, lamps, calibration), inside)
         masked = replace(masked, mask=mask)
     count = int(np.count_nonzero(masked.mask))
-    few = count < photometry.SETTINGS.min_sample
-    if few or any(one.stop - one.start == 1 for one in silhouette.bounding_box(masked.mask)):
+    if count < SETTINGS.min_pixels or any(one.stop - one.start == 1 for one in silhouette.bounding_box(masked.mask)):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
     factor = alternation.coarse_factor(count, 1 if channel is None else mosaic.CELL)
     table = None if place.table_depth_m is None else place.table_depth_m[rows, columns]

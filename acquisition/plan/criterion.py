@@ -42,7 +42,7 @@ class Samples:
     lit: Float32Array  # (P,) images so far in which the pixel is lit
     indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
     margin: FloatArray  # (P,) by which cosine of incidence and slope of clearance exceed a shadow's threshold if lit
-    offset_sigma_m: float = field(default_factory=lambda: photometry.SETTINGS.depth_sigma_m)  # of a depth offset ζ = 1
+    offset_sigma_m: float = field(default_factory=lambda: photometry.SETTINGS.depth_sigma_m)  # depth offset of ζ = 1
 
 
 @dataclass(frozen=True)

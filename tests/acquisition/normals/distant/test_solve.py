@@ -127,7 +127,7 @@ def test_solve_glossy_surface_is_far_better_than_least_squares() -> None:
 
 
 def test_solve_purely_specular_surface_recovers_normals() -> None:
-    normals, mask = ball(20)
+    normals, mask = ball(14)
     mask = mask & (normals[..., 2] > np.cos(np.radians(30)))
     directions = lights()
     half = directions + np.array([0, 0, 1.0])
