@@ -125,9 +125,10 @@ def other_axes(present: Solution) -> list[Alternative]:
 
 
 def _others(present: Solution) -> list[Alternative]:
-    """What else a poor fit may be of which other axes fit better; gloss where it gains more than stray light."""
+    """What else a poor fit may be of which other axes fit better; gloss where it gains more than light from elsewhere."""
     scores = present.scores
-    gloss = _gloss(present) if scores is not None and scores.gloss.gain > scores.offset.gain else []
+    elsewhere = 0.0 if scores is None else max(scores.offset.gain, scores.ambient.gain)
+    gloss = _gloss(present) if scores is not None and scores.gloss.gain > elsewhere else []
     return [*gloss, *_metal(present), *_coded(present)] if present.poor else []
 
 
