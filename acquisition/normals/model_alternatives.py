@@ -127,9 +127,10 @@ def other_axes(present: Solution) -> list[Alternative]:
 def _others(present: Solution) -> list[Alternative]:
     """What else a poor fit may be of which other axes fit better; gloss where it gains more than light from elsewhere."""
     scores = present.scores
-    elsewhere = 0.0 if scores is None else max(scores.offset.gain, scores.ambient.gain)
-    gloss = _gloss(present) if scores is not None and scores.gloss.gain > elsewhere else []
-    return [*gloss, *_metal(present), *_coded(present)] if present.poor else []
+    if not present.poor or scores is None:
+        return []
+    gloss = _gloss(present) if scores.gloss.gain > max(scores.offset.gain, scores.ambient.gain) else []
+    return [*gloss, *_metal(present), *_coded(present), *_scored_terms(present)]
 
 
 def _relit(
@@ -244,19 +245,27 @@ def other_formation(present: Solution) -> list[Alternative]:
     problem = present.problem
     if problem.nominal.terms is not None:
         return _coded(present)
-    alternatives = [*_gloss(present), *_metal(present), *_coded(present)]
-    if present.scores is not None:
-        for name in ("roughness", "ambient", "offset"):
-            score: TermScore = getattr(present.scores, name)
-            if score.gain > model_trial.SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
-                alternatives.append(_with_term(problem, name, LAMBERTIAN, 1.0, score.step))
-        if _excess_subtracted(present.scores):
-            alternatives.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, present.scores.offset.step))
+    alternatives = [*_gloss(present), *_metal(present), *_coded(present), *_scored_terms(present)]
     if present.poor:
         for name, start in SECOND_STARTS:
             terms = replace(LAMBERTIAN, **{name: start})
             alternatives.append(_with_term(problem, name, terms, model_trial.SETTINGS.better_at_least))
     return alternatives
+
+
+def _scored_terms(present: Solution) -> list[Alternative]:
+    """Roughness, ambient and stray light that the score tests demand; none beside another term."""
+    problem, scores = present.problem, present.scores
+    if problem.nominal.terms is not None or scores is None:
+        return []
+    demanded: list[Alternative] = []
+    for name in ("roughness", "ambient", "offset"):
+        score: TermScore = getattr(scores, name)
+        if score.gain > model_trial.SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
+            demanded.append(_with_term(problem, name, LAMBERTIAN, 1.0, score.step))
+    if _excess_subtracted(scores):
+        demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
+    return demanded
 
 
 def _coded(present: Solution) -> list[Alternative]:
