@@ -39,8 +39,6 @@ class AlternationSettings:
 
     shift_sigma_m: float = tuned(0.03, "m")
     """1 σ of the object's mean depth as the caller gives it, m."""
-    max_shift_m: float = tuned(0.08, "m")
-    """Largest shift of the object along the rays, m."""
     min_indirect_share: float = tuned(0.012, "share")
     """Share of indirect light, at the 98th percentile of pixels, from which it is subtracted. Smooth shapes of albedo
     0.05 lose 0.003° where it is not; a groove as dark has twice as much."""
@@ -48,6 +46,11 @@ class AlternationSettings:
     """Albedo of metal below which no lamp counts as mirrored in a pixel. Of eleven captures of metal (design seeds 44
     and 62, eight lights by two rings) 74 % of such pixels err by more than 15° and 17 % of the others; with 0.2 81 and
     22 %, with 0.5 51 and 15 %, since surfaces of two albedos then lose half of their pixels."""
+
+    @property
+    def max_shift_m(self) -> float:
+        """Largest shift of the object along the rays, m."""
+        return photometry.SETTINGS.outlying_deviations * self.shift_sigma_m
 
 
 SETTINGS = AlternationSettings()

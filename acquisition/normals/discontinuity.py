@@ -35,9 +35,6 @@ class DiscontinuitySettings:
     """Share of a pixel's largest normalised value above which it is lit. Level ground under a lamp at 63° slant has
     0.45 of its largest: it has to count as lit, or the shadows of the most slanted lamps, which give the most exact
     depth equations, are lost."""
-    border_px: int = tuned(2, "px")
-    """Pixels within which a sharp shadow border passes from dark to lit, below which a shadow is too short for an
-    equation, and by which it has to contradict the depth: relief is full of short shadows that do not."""
     shadow_weight: float = tuned(0.03, "1")
     """Weight of a shadow's depth equation against a normal's slope, half a pixel against three degrees; and of the
     slope of a pair of neighbours between which it shows that the surface may be discontinuous."""
@@ -128,7 +125,7 @@ def discontinuous_depth(
     number[pixels.index] = np.arange(len(pixels.index))
     tip, edge = number[equations.tip], number[equations.edge]
     smooth = np.log(continuous_m)
-    contradiction = np.abs(smooth[edge] - smooth[tip] - equations.step) > SETTINGS.border_px * slopes.pitch
+    contradiction = np.abs(smooth[edge] - smooth[tip] - equations.step) > photometry.SETTINGS.edge_px * slopes.pitch
     if np.count_nonzero(contradiction) < max(photometry.SETTINGS.min_sample, len(contradiction) / 2):
         return None
     ray = photometry.ray_directions(pixels.ray)
@@ -144,7 +141,7 @@ def discontinuous_depth(
         robust = (
             np.ones_like(residual)
             if iteration == 0 and rounds > 1
-            else 1 / (1 + (residual / (2 * SETTINGS.border_px)) ** 2)
+            else 1 / (1 + (residual / (2 * photometry.SETTINGS.edge_px)) ** 2)
         )
         continuity = np.maximum(slopes.continuity_weight(solution) * prior, WEIGHT_FLOOR)
         solution = _solve(
@@ -250,8 +247,8 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
             target[1],
             SETTINGS.shadow_below,
             SETTINGS.lit_from,
-            SETTINGS.border_px,
-            SETTINGS.border_px,
+            photometry.SETTINGS.edge_px,
+            photometry.SETTINGS.edge_px,
         )
         if len(edge) == 0:
             continue

@@ -31,8 +31,6 @@ class IntegrabilitySettings:
 
     circulation_limit: float = tuned(2.5, "σ")
     """Circulation round a cell, in its 1 σ, beyond which it is not noise alone."""
-    unsure_deg: float = tuned(4.0, "deg")
-    """σ from which an error comes from too few lights, is shared by neighbours, and is not lowered."""
     curvature_sigma: float = tuned(0.05, "share")
     """1 σ of the circulation as a share of the slope differences within the cell: pixels are areas, not points."""
 
@@ -75,7 +73,8 @@ def project_integrable(
             continue
         left = _project_strip(strip, before, ray[:, start - first : below], pitch)[first:last]
         normals[start:stop] = strip[first:last]
-        removed = np.where(sigma_deg[start:stop] > SETTINGS.unsure_deg, 0, (1 - left) * before[first:last])
+        weakly_checked = sigma_deg[start:stop] > photometry.SETTINGS.weakly_checked_sigma_deg
+        removed = np.where(weakly_checked, 0, (1 - left) * before[first:last])
         sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - removed))
         variance[start:stop] -= removed
 

@@ -22,23 +22,11 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import SolveSettings
-from acquisition.models.tuned import tuned
 from acquisition.normals.pixel_solve import Pixels
 
 MAX_SWAP_PIXELS = 400
 """Pixels of the swap test; with F lights it solves F (F − 1) / 2 times as many systems of three."""
 
-
-@dataclass(frozen=True)
-class LightTestSettings:
-    """Tuned numbers of the tests of lamps and axes."""
-
-    rim_px: int = tuned(2, "px")
-    """Width of the rim along the silhouette whose normals count, in pixels of the coarse grid. With 3 27 captures of
-    design seeds 101–104 are solved alike."""
-
-
-SETTINGS = LightTestSettings()
 
 STATED_AXES = np.eye(2)
 """Axes as stated: rows of the 2 × 2 matrix that the lamps' x and y are multiplied by."""
@@ -71,7 +59,7 @@ class Outline:
 
 def outline(pixels: Pixels) -> Outline:
     """The rim of the object's silhouette and its outward directions."""
-    inside, width = pixels.image(np.ones(len(pixels.index), np.float32)), SETTINGS.rim_px
+    inside, width = pixels.image(np.ones(len(pixels.index), np.float32)), photometry.SETTINGS.edge_px
     padded = cv2.copyMakeBorder(inside, width, width, width, width, cv2.BORDER_CONSTANT, value=0)
     core = cv2.erode(padded, np.ones((2 * width + 1, 2 * width + 1), np.uint8))
     smooth = cv2.GaussianBlur(padded, (0, 0), width)

@@ -44,14 +44,12 @@ most of the factors right already, so that noise decides which of the two fits b
 class AlternativeSettings:
     """Tuned numbers of the choice between models."""
 
-    min_step: ImageTerms = tuned(ImageTerms(roughness=0.03, ambient=0.02, offset=0.005), "term")
-    """Values of the terms, by one step from zero, below which they are not tried: less changes no normal visibly."""
-    min_gloss_step: float = tuned(0.1, "share")
-    """Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried, and accepted
-    unless the images then fit worse. 0.11–1.3 of 84 of 95 glossy captures (α 0.12–0.5), 0.09 at most of 174 others
-    (design seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights by two rings), above it in three of 106 sound Lambertian and
-    translucent ones of seeds 45–129, all translucent. It tells gloss by itself, so that strong evidence is enough of a
-    gain: of a small glossy image, or one of a pilot, it is 3–8."""
+    min_step: ImageTerms = tuned(ImageTerms(roughness=0.03, ambient=0.02, offset=0.005, gloss=0.1), "term")
+    """Values of the terms, by one step from zero, below which they are not tried: less roughness and light changes no
+    normal visibly. Of gloss the value is the amount, of 1 that a dielectric has: 0.11–1.3 of 84 of 95 glossy captures
+    (α 0.12–0.5), 0.09 at most of 174 others (design seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights by two rings), above
+    it in three of 106 sound Lambertian and translucent ones of seeds 45–129, all translucent. It tells gloss by itself,
+    so that strong evidence is enough of a gain: of a small glossy image, or one of a pilot, it is 3–8."""
     term_sigma: ImageTerms = tuned(
         ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0, strength=1.0), "term"
     )
@@ -125,7 +123,7 @@ def other_axes(present: Solution) -> list[Alternative]:
 
 
 def _others(present: Solution) -> list[Alternative]:
-    """What else a poor fit may be of which other axes fit better; gloss where it gains more than light from elsewhere."""
+    """What else a poor fit may be than other axes; gloss where it gains more than ambient and stray light."""
     scores = present.scores
     if not present.poor or scores is None:
         return []
@@ -301,7 +299,7 @@ def _gloss(present: Solution) -> list[Alternative]:
     if present.problem.nominal.terms is not None or present.scores is None:
         return []
     score = present.scores.gloss
-    found = score.gain > self_calibration.STRONG_EVIDENCE and score.step > SETTINGS.min_gloss_step
+    found = score.gain > self_calibration.STRONG_EVIDENCE and score.step > SETTINGS.min_step.gloss
     if not found and not present.poor:
         return []
     most = 1.0 if found else model_trial.SETTINGS.better_at_least

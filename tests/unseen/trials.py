@@ -84,7 +84,7 @@ def score_table(lines: Sequence[Line], group: Callable[[Line], str], table: Call
     """Gains of the log likelihood by group and term, of captures where the step has an amount that would be tried:
     how many there are, the median gain, the greatest, and how many are demanded."""
     least = asdict(model_alternatives.SETTINGS.min_step) | {
-        "gloss": model_alternatives.SETTINGS.min_gloss_step,
+        "gloss": model_alternatives.SETTINGS.min_step.gloss,
         "exponent": model_trial.SETTINGS.coded_exponent,
     }
     gains: dict[tuple[str, str], list[float]] = defaultdict(list)
