@@ -40,7 +40,9 @@ class FinalSolveSettings:
     """Tuned numbers of the solve at full resolution."""
 
     max_indirect_share: float = tuned(0.3, "share")
-    """Share of indirect light in a pixel's images above which its σ is flagged as unreliable (`NormalMap.doubtful`)."""
+    """Share of indirect light in a pixel's images above which its σ is flagged as unreliable (`NormalMap.doubtful`). A
+    judgement: five path-traced objects of albedo 0.7 have 4–18 % on average (decision 22), and halving and doubling
+    change rms e/σ of what is not flagged by 0.2 % at most."""
 
 
 SETTINGS = FinalSolveSettings()

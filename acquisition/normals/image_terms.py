@@ -31,11 +31,12 @@ class ImageTermSettings:
     """Tuned numbers of the terms of the image."""
 
     max_rough_weight: float = tuned(0.53, "1")
-    """Largest b that an estimate may reach, that of a roughness of 0.68 rad: rougher surfaces than plaster and clay,
-    0.6 rad, are rare, and the formula was made for slopes like these."""
+    """Largest b that an estimate may reach, that of a roughness of 0.68 rad in the formula of Oren and Nayar (1994).
+    Rougher surfaces than plaster and clay, 0.6 rad, are rare, and the formula was made for slopes like these."""
     gloss_range: tuple[float, float] = tuned((0.05, 0.7), "α")
-    """Roughness α that an estimate of gloss may reach: below it highlights are smaller than the grid of lights
-    resolves, above it the lobe is as flat as the diffuse base."""
+    """Roughness α that an estimate of gloss may reach. Below it highlights are smaller than the grid of lights
+    resolves: half vectors within 3° of the normal, lamps within 6°. Above it the lobe is as flat as the diffuse base: a
+    dielectric's is 0.02 high there, with an exponent of 2 (`microfacet.blinn_phong`)."""
 
 
 SETTINGS = ImageTermSettings()

@@ -30,9 +30,11 @@ class IntegrabilitySettings:
     """Tuned numbers of the projection to integrable normals."""
 
     circulation_limit: float = tuned(2.5, "σ")
-    """Circulation round a cell, in its 1 σ, beyond which it is not noise alone."""
+    """Circulation round a cell, in its 1 σ, beyond which it is not noise alone. Of Gaussian circulations 1.2 % are
+    larger."""
     curvature_sigma: float = tuned(0.05, "share")
-    """1 σ of the circulation as a share of the slope differences within the cell: pixels are areas, not points."""
+    """1 σ of the circulation as a share of the slope differences within the cell: pixels are areas, not points. Against
+    0.03 errors of fine relief fall by 2–3 %, those of other objects rise by less than 1 % (November 2026)."""
 
 
 SETTINGS = IntegrabilitySettings()

@@ -42,7 +42,8 @@ class InterreflectionSettings:
     of the pixels that no lamp reaches, 95 % of those that one reaches, and 0.4 % of those of three or more, whose error
     is 12°; with 1.4 it is 51, 94 and 0.2 %, with 3 75, 95 and 1.0 %."""
     wall_slope: float = tuned(2.5, "slope")
-    """Rise over run between neighbouring cells from which there is a wall between them."""
+    """Rise over run between neighbouring cells from which there is a wall between them. A judgement: it is a slope of
+    68°, and with 51° and 79° errors change by 0.2 % at most."""
 
 
 SETTINGS = InterreflectionSettings()

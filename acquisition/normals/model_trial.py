@@ -35,7 +35,9 @@ class TrialSettings:
     and 16; the others err by 1.0–1.5 times as much as without it. A rough object of 32 pixels' width gains 6.2 (scratch
     evaluation, November 2026)."""
     min_step_share: float = tuned(0.5, "share")
-    """Estimate of a term over what one step promised, above which it is accepted."""
+    """Estimate of a term over what one step promised, above which it is accepted. Interreflection that is not predicted
+    promises ambient light, most of which the descent takes back; what falls short is accepted where the fit is
+    `better`. A judgement: halving and doubling change nothing on the two of eight design captures that read it."""
     better: float = tuned(0.88, "misfit ratio")
     """Misfit after over before, up to which what a test demands counts as better: other axes, registered images, the
     object in its stated place, a term. Mirrored axes leave 0.2–0.7. Interreflection that is not predicted scores as
@@ -48,17 +50,19 @@ class TrialSettings:
     gear, whose error rose from 3.9° to 8.3°."""
     coded_exponent: float = tuned(0.25, "exponent")
     """Size of ε, the exponent's score (`TermScores`): values are tried as coded where it is below −0.25, and were coded
-    where less than 0.25 of it is left once they are linearised: −0.05 to 0.23 of nine Lambertian captures of coded
-    values, 0.34–0.79 of 45 others, Lambertian, rough, glossy, with an offset or ambient light (design seeds 62 and 63,
-    ten lights by two rings, eight families)."""
+    where less than 0.25 of it is left once they are linearised. It is −0.05 to 0.23 then of nine Lambertian captures of
+    coded values, 0.34–0.79 of 45 others, Lambertian, rough, glossy, with an offset or ambient light (design seeds 62
+    and 63, ten lights by two rings, eight families)."""
     min_probability: float = tuned(0.05, "probability")
     """Probability of the misfit below which a solution counts as poor: then second starts, swaps and moves are tried.
     With 0.01 sound captures take a fifth less time and are solved alike (27 of design seeds 101–104), but swapped lamps
     of two of eight objects, an offset and a move are not found (seed 62, ten lights)."""
     min_sound_probability: float = tuned(0.01, "probability")
-    """Probability of the misfit below which a result is named as badly fitting."""
+    """Probability of the misfit below which a result is named as badly fitting. The usual level of 1 %: one sound
+    capture in a hundred is named, if misfits are distributed as `goodness_of_fit` says."""
     max_intensity: float = tuned(0.03, "share")
-    """Noise component of intensities that no sound capture reaches."""
+    """Noise component of intensities that no sound capture reaches. A judgement: three times the 1 % by which lamps are
+    known where nothing else is stated; halving and doubling change nothing on eight design captures."""
 
 
 SETTINGS = TrialSettings()

@@ -43,8 +43,9 @@ class RobustSettings:
     three matt and three glossy design scenes: without it one with steps has 6 % more error, at 2.5 the glossy ones lose
     half of the gain."""
     highlight_share: float = tuned(0.25, "of the images")
-    """Share of the images, the brightest, that a pixel is also solved without under many lights: of a hundred, a
-    highlight is in a dozen or more."""
+    """Share of the images, the brightest, that a pixel is also solved without under many lights. Of a hundred, a
+    highlight is in a dozen or more; of glossy objects under 96 lights least squares without the darkest and brightest
+    fifth errs by a third to a half less than with all (2026)."""
 
 
 SETTINGS = RobustSettings()

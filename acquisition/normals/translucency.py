@@ -37,7 +37,8 @@ class TranslucencySettings:
     pixel, 0.1 of gloss on a smooth solid."""
     near_px: int = tuned(6, "px")
     """Distance from lit pixels up to which dark ones take part; twice the standard deviation of the Gaussian of local
-    means, and of the brightness of the lit pixels around."""
+    means, and of the brightness of the lit pixels around. It is twice the longest mean free path that is compared
+    (2.8 px), of which 3 % of the irradiance within a straight edge is left there; of 1 px it is 0.04 %."""
     min_cover: float = tuned(0.07, "share")
     """Share of the object's pixels that have to be dark in some image. Light that the walls of one recess send into
     their shadow falls off from its edge as well: shadows in a turned recess of 4–5 % of the object, alike in all
