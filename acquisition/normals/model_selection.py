@@ -101,7 +101,6 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
     """
     tried = set(present.problem.corrected)
     for propose in model_alternatives.ALTERNATIVES:
-        accepted: list[tuple[float, Alternative, Solution]] = []
         alternatives = [
             alternative
             for alternative in propose(present)
@@ -109,19 +108,26 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
             and (alternative.demanded or alternative.kind not in no_better)
             and alternative.told_by(len(present.scene.lamps))
         ]
+        best: tuple[Alternative, Solution] | None = None
         for alternative in alternatives:
+            if best and best[0].decisive and not alternative.decisive and model_trial.decides(present, best[1]):
+                break
             corrected = (*alternative.problem.corrected, alternative.kind)
             trial = solve(replace(alternative.problem, corrected=corrected))
             if alternative.accepted(present, trial):
-                accepted.append((trial.fit.misfit * trial.fit.share / alternative.coding, alternative, trial))
-                if alternative.decides(present, trial):
-                    break
+                best = min(best or (alternative, trial), (alternative, trial), key=_residuals)
             elif not alternative.demanded and trial.fit.misfit >= present.fit.misfit:
                 no_better.add(alternative.kind)
-        if accepted:
-            return min(accepted, key=lambda one: one[0])[1:]
+        if best:
+            return best
         tried |= {alternative.kind for alternative in alternatives}
     return None
+
+
+def _residuals(accepted: tuple[Alternative, Solution]) -> float:
+    """Residuals of a trial in units of the noise, times those in units of the values, as if these were not coded."""
+    alternative, trial = accepted
+    return trial.fit.misfit * trial.fit.share / alternative.coding
 
 
 def _place(ray: Float32Array) -> np.ndarray:

@@ -120,10 +120,10 @@ class Solution:
 
     @property
     def out_of_place(self) -> bool:
-        """Whether the object is so far from where it was stated, within half a step of the largest shift, that it must
+        """Whether the object is so far from where it was stated, within a step of the largest shift, that it must
         have drifted there: on one rough machined part and on metal. The shift is 50 mm at most over 96 Lambertian
         captures of design seeds by two rings."""
-        return abs(self.moved_m) >= alternation.SETTINGS.max_shift_m - alternation.MAX_SHIFT_STEP_M / 2
+        return abs(self.moved_m) >= alternation.SETTINGS.max_shift_m - alternation.MAX_SHIFT_STEP_M
 
     @property
     def at_end_of_range(self) -> bool:
@@ -204,8 +204,8 @@ class Alternative:
     `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one
     step promised of the term that it estimates from zero. `silent`: it corrects the solver, not the capture.
     `sound_enough`: its fit need not be better than a sound one, because a test demands it that does not look at
-    residuals. `least_images`: fewer leave residuals that do not tell it from others. `decisive`: no other is tried
-    once it is accepted with half the misfit and half the relative residuals.
+    residuals. `least_images`: fewer leave residuals that do not tell it from others. `decisive`: once it is the
+    best so far and `decides`, only other decisive ones that follow are tried.
     """
 
     kind: str
@@ -260,16 +260,6 @@ class Alternative:
             share_at_most = self.coding if before.seems_coded else 1.0
         return after.share <= share_at_most * before_fit.share and after.probability > SETTINGS.min_probability
 
-    def decides(self, before: Solution, trial: Solution) -> bool:
-        """Whether an accepted trial is so much better that it need not be compared with others."""
-        better = SETTINGS.better_at_least
-        return (
-            self.decisive
-            and not trial.poor
-            and trial.fit.misfit <= better * before.fit.misfit
-            and trial.fit.share <= better * before.fit.share
-        )
-
     def finding(self, terms: ImageTerms) -> ModelFinding:
         """The finding of an accepted trial, with the amount that it has estimated."""
         message, value = self.message, self.value
@@ -285,3 +275,12 @@ class Alternative:
             value = terms.ambient + terms.offset
             message += f" ({value:.1%} of white)"
         return ModelFinding(kind=self.kind, message=message, corrected=True, value=value)
+
+
+def decides(before: Solution, trial: Solution) -> bool:
+    """Whether an accepted trial is so much better, with half the misfit and half the relative residuals, that it need
+    not be compared with others."""
+    half = SETTINGS.better_at_least
+    return (
+        not trial.poor and trial.fit.misfit <= half * before.fit.misfit and trial.fit.share <= half * before.fit.share
+    )
