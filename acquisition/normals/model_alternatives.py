@@ -360,8 +360,8 @@ def bad_image(present: Solution) -> list[Alternative]:
     """One image left out that fits far worse than the others; in a poor fit the worst, where the others fit far better
     without it.
 
-    Of 22 poor captures without a fault (design seeds 100–113, every reflectance) it leaves 0.85 of the misfit and more
-    in 17, and a poor fit in four others; of seven with a flash in one image 0.26–0.6 in six.
+    Of 26 poor captures without a fault (design seeds 100–113, every reflectance) it leaves 0.85 of the misfit and more
+    in 20, more than half or a poor fit in the others; of ten with a flash in one image 0.26–0.6 in seven.
     """
     problem, worst = present.problem, _worst_image(present.fit)
     if worst is None or not (worst.outlying or present.poor):
