@@ -96,21 +96,25 @@ def other_axes(present: Solution) -> list[Alternative]:
     where the circulation is significant, because highlights alone fit a surface under other axes as well.
     """
     problem, coarse, normals = present.problem, present.problem.level.coarse, present.state.normals
-    found = light_tests.integrable_axes(coarse, normals)
+    found, scored = light_tests.integrable_axes(coarse, normals), _scored_axes(present)
     if photometry.METAL in problem.corrected and not (present.badly_fitting or found.sure):
         return []
     if TURNED in problem.corrected:
         # The normals of turned lamps are not turned by quite as much, since light from near fits others worse.
         again = sum(kind.startswith(REFINED) for kind in problem.corrected) + 1
-        if again > REFINEMENTS or abs(light_tests.turn_deg(found.unmirrored)) < REFINED_DEG:
+        axes = scored if scored is not None else found.unmirrored
+        if again > REFINEMENTS or abs(light_tests.turn_deg(axes)) < REFINED_DEG:
             return []
-        return [_relit(problem, f"{REFINED} {again}", found.unmirrored, 1.0, sound_enough=True, silent=True)]
+        return [_relit(problem, f"{REFINED} {again}", axes, 1.0, sound_enough=True, silent=True)]
     turned = replace(problem, corrected=(*problem.corrected, TURNED))
     alternatives = [
         _relit(turned, AXES, sign * axes, 1.0 if sure else model_trial.SETTINGS.better, sound_enough=sure)
         for axes, sure in ((one, found.sure and one is found.best) for one in found.turned)
         for sign in (1, -1)
     ]
+    if scored is not None and abs(light_tests.turn_deg(scored)) > LEAST_TURN_DEG:
+        alternatives.append(_relit(turned, AXES, scored, 1.0, sound_enough=True))
+        return [*_decisive(alternatives), *_others(present)]
     if found.sure and found.turned:
         return [*_decisive(alternatives), *_others(present)]
     trials, most = (found.quarter, -found.quarter), model_trial.SETTINGS.better
@@ -127,6 +131,13 @@ def other_axes(present: Solution) -> list[Alternative]:
             return alternatives
     alternatives += [_relit(problem, AXES, axes, most) for axes in trials]
     return [*(_decisive(alternatives) if found.sure else alternatives), *_others(present)]
+
+
+def _scored_axes(present: Solution) -> FloatArray | None:
+    """The lamps' axes (2, 2) turned as the score of a turn says; none: there is no evidence of one."""
+    if present.scores is None or present.scores.turn.gain <= self_calibration.STRONG_EVIDENCE:
+        return None
+    return light_tests.turned_by(float(np.degrees(present.scores.turn.step)))
 
 
 def _decisive(alternatives: Sequence[Alternative]) -> list[Alternative]:
@@ -232,6 +243,9 @@ CODED = "coded values"
 
 AXES, TURNED, REFINED = "axes of the lamps", "turned lamps", "angle of turned lamps"
 """Kind of the finding, and marks of a problem whose lamps were turned by an angle, and turned once more."""
+
+LEAST_TURN_DEG = 3.0
+"""Turn of the lamps, degrees, below which a score of one is not followed: stated axes are as exact."""
 
 REFINEMENTS, REFINED_DEG = 2, 0.5
 """Times that such an angle is measured again, a fifth of it being left each time, and what is left, degrees, that ends
