@@ -154,7 +154,7 @@ def _others(present: Solution) -> list[Alternative]:
     most_gained = scores is not None and scores.gloss.gain > max(scores.offset.gain, scores.ambient.gain)
     gloss = _gloss(present) if most_gained else []
     scored = [] if present.unjudged else _scored_terms(present)
-    return [*gloss, *scored, *bad_image(present), *_metal(present), *_coded(present)]
+    return [*gloss, *scored, *bad_image(present), *moved_object(present), *_metal(present), *_coded(present)]
 
 
 def _relit(
