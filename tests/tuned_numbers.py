@@ -70,7 +70,7 @@ REASONS: dict[str, str] = {
         photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE
         residual_noise.ROUNDS alternation.EXTRA_ROUNDS alternation.CONVERGED_DEG
         alternation.INITIAL_DISCONTINUITY_ROUNDS alternation.MAX_SHIFT_STEP_M final_solve.PRELIMINARY_ITERATIONS
-        term_tests.LEAST_SIGNAL
+        term_tests.LEAST_SIGNAL term_tests.LEAST_INFORMATION term_tests.TURN_DIFFERENCE_DEG
         interreflection_kernels.LEVELS surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS discontinuity.WEIGHT_FLOOR
         discontinuity.LEAST_START_WEIGHT integration.BILATERAL_ROUNDS
         integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS pixel_solve.IRLS_ITERATIONS

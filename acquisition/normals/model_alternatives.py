@@ -112,7 +112,7 @@ def other_axes(present: Solution) -> list[Alternative]:
         for axes, sure in ((one, found.sure and one is found.best) for one in found.turned)
         for sign in (1, -1)
     ]
-    if scored is not None and abs(light_tests.turn_deg(scored)) > LEAST_TURN_DEG:
+    if scored is not None and abs(light_tests.turn_deg(scored)) > REFINED_DEG:
         alternatives.append(_relit(turned, AXES, scored, 1.0, sound_enough=True))
         return [*_decisive(alternatives), *_others(present)]
     if found.sure and found.turned:
@@ -243,9 +243,6 @@ CODED = "coded values"
 
 AXES, TURNED, REFINED = "axes of the lamps", "turned lamps", "angle of turned lamps"
 """Kind of the finding, and marks of a problem whose lamps were turned by an angle, and turned once more."""
-
-LEAST_TURN_DEG = 3.0
-"""Turn of the lamps, degrees, below which a score of one is not followed: stated axes are as exact."""
 
 REFINEMENTS, REFINED_DEG = 2, 0.5
 """Times that such an angle is measured again, a fifth of it being left each time, and what is left, degrees, that ends
