@@ -13,7 +13,7 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
-from acquisition.normals import alternation, final_solve, surface_diffusion, translucency
+from acquisition.normals import alternation, final_solve, residual_noise, surface_diffusion, translucency
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
@@ -34,10 +34,6 @@ class TrialSettings:
     more than 8 in three. Of 18 with ambient light of 10 % and of 18 with stray light of 3 % it gains more than 6 in 15
     and 16; the others err by 1.0–1.5 times as much as without it. A rough object of 32 pixels' width gains 6.2 (scratch
     evaluation, November 2026)."""
-    min_step_share: float = tuned(0.5, "share")
-    """Estimate of a term over what one step promised, above which it is accepted. Interreflection that is not predicted
-    promises ambient light, most of which the descent takes back; what falls short is accepted where the fit is
-    `better`. A judgement: halving and doubling change nothing on the two of eight design captures that read it."""
     better: float = tuned(0.88, "misfit ratio")
     """Misfit after over before, up to which what a test demands counts as better: other axes, registered images, the
     object in its stated place, a term. Mirrored axes leave 0.2–0.7. Interreflection that is not predicted scores as
@@ -60,9 +56,6 @@ class TrialSettings:
     min_sound_probability: float = tuned(0.01, "probability")
     """Probability of the misfit below which a result is named as badly fitting. The usual level of 1 %: one sound
     capture in a hundred is named, if misfits are distributed as `goodness_of_fit` says."""
-    max_intensity: float = tuned(0.03, "share")
-    """Noise component of intensities that no sound capture reaches. A judgement: three times the 1 % by which lamps are
-    known where nothing else is stated; halving and doubling change nothing on eight design captures."""
 
 
 SETTINGS = TrialSettings()
@@ -131,7 +124,7 @@ class Solution:
 
         Not that of directions: detail below a pixel raises it to its bound, whether lamps are where they should be or
         5 mm off."""
-        return self.scene.noise.intensity >= SETTINGS.max_intensity or self.out_of_place
+        return self.scene.noise.intensity >= residual_noise.SETTINGS.bounds[1] or self.out_of_place
 
     @property
     def unjudged(self) -> bool:
@@ -201,8 +194,8 @@ class Solution:
 class Alternative:
     """Another model: kind, sentence and amount for its finding, the problem to solve, and when its fit is accepted.
 
-    `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one
-    step promised of the term that it estimates from zero. `silent`: it corrects the solver, not the capture.
+    `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one step promised of the term that it
+    estimates from zero, of which half is found, or the fit is `better`. `silent`: it corrects the solver, not the capture.
     `sound_enough`: its fit need not be better than a sound one, because a test demands it that does not look at
     residuals. `least_images`: fewer leave residuals that do not tell it from others. `decisive`: once it is the
     best so far and `decides`, only other decisive ones that follow are tried.
@@ -247,9 +240,7 @@ class Alternative:
             return False
         if self.step != 0:
             estimated = terms.roughness + terms.ambient + terms.offset
-            return (
-                estimated / self.step > SETTINGS.min_step_share or after.misfit <= SETTINGS.better * before_fit.misfit
-            )
+            return estimated / self.step > 0.5 or after.misfit <= SETTINGS.better * before_fit.misfit
         if self.worse_at_most > SETTINGS.better_at_least:
             return True
         share_at_most = self.worse_at_most
