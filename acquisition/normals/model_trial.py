@@ -194,11 +194,11 @@ class Solution:
 class Alternative:
     """Another model: kind, sentence and amount for its finding, the problem to solve, and when its fit is accepted.
 
-    `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one step promised of the term that it
-    estimates from zero, of which half is found, or the fit is `better`. `silent`: it corrects the solver, not the capture.
-    `sound_enough`: its fit need not be better than a sound one, because a test demands it that does not look at
-    residuals. `least_images`: fewer leave residuals that do not tell it from others. `decisive`: once it is the
-    best so far and `decides`, only other decisive ones that follow are tried.
+    `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one
+    step promised of the term that it estimates from zero, of which half is found, or the fit is `better`. `silent`: it
+    corrects the solver, not the capture. `sound_enough`: its fit need not be better than a sound one, because a test
+    demands it that does not look at residuals. `least_images`: fewer leave residuals that do not tell it from others.
+    `decisive`: once it is the best so far and `decides`, only other decisive ones that follow are tried.
     """
 
     kind: str
