@@ -16,7 +16,6 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import FisherInformation, NormalMap
-from acquisition.models.tuned import tuned
 from acquisition.normals import (
     alternation,
     error_variance,
@@ -33,19 +32,6 @@ from acquisition.normals import (
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
-
-
-@dataclass(frozen=True)
-class FinalSolveSettings:
-    """Tuned numbers of the solve at full resolution."""
-
-    max_indirect_share: float = tuned(0.3, "share")
-    """Share of indirect light in a pixel's images above which its σ is flagged as unreliable (`NormalMap.doubtful`). A
-    judgement: five path-traced objects of albedo 0.7 have 4–18 % on average (decision 22), and halving and doubling
-    change rms e/σ of what is not flagged by 0.2 % at most."""
-
-
-SETTINGS = FinalSolveSettings()
 
 PRELIMINARY_ITERATIONS = 3
 """Iterations of a solve whose albedo and normals only serve to subtract light."""
@@ -301,7 +287,8 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "sigma_deg": np.where(solved, sigma, np.nan),
         "mask": solved,
         "silhouette": np.ones_like(solved),
-        "doubtful": solved & ((used < 3) | (share > SETTINGS.max_indirect_share) | solution.hardly_lit),
+        # More light from other surfaces than from the lamps: what is predicted of it decides.
+        "doubtful": solved & ((used < 3) | (share > 0.5) | solution.hardly_lit),
         "variance": solution.variance,
         "start": local.depth_m,
         "continuity_weight": local.continuity_weight,

@@ -29,9 +29,6 @@ from acquisition.models.tuned import tuned
 class IntegrabilitySettings:
     """Tuned numbers of the projection to integrable normals."""
 
-    circulation_limit: float = tuned(2.5, "σ")
-    """Circulation round a cell, in its 1 σ, beyond which it is not noise alone. Of Gaussian circulations 1.2 % are
-    larger."""
     curvature_sigma: float = tuned(0.05, "share")
     """1 σ of the circulation as a share of the slope differences within the cell: pixels are areas, not points. Against
     0.03 errors of fine relief fall by 2–3 %, those of other objects rise by less than 1 % (November 2026)."""
@@ -93,7 +90,7 @@ def _project_strip(normals: Float32Array, variance: Float32Array, ray: Float32Ar
     _slopes(normals, variance, rays, slope)
     shape = (height + 1, width + 1)  # a multiplier for each cell of 2 × 2 pixels, and zeros at the border
     circulation, slack, inverse = (np.zeros(shape, np.float32) for _ in range(3))
-    _circulations(slope, SETTINGS.circulation_limit, SETTINGS.curvature_sigma, circulation, slack, inverse)
+    _circulations(slope, photometry.CAUCHY_SCALE, SETTINGS.curvature_sigma, circulation, slack, inverse)
     multiplier, change = np.zeros(shape, np.float32), np.empty((2, height, width), np.float32)
     direction, image = inverse * circulation, np.zeros(shape, np.float32)
     residual = circulation

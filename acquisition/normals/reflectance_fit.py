@@ -30,8 +30,6 @@ class ReflectanceFitSettings:
     """Radius (rad) of the ring of starts round the initial normal. With it lobes that start from the normals of the
     model before, 8° off on lacquer, end 0.2–1.1° off on balls and vases of lacquer and satin, but 4.7° off on a figure
     of bronze, of which that model is far off (96 lights, decision 35)."""
-    min_spread: float = tuned(3e-3, "of the median")
-    """Least spread of the residuals, as a share of the median of the pixel's values."""
 
 
 SETTINGS = ReflectanceFitSettings()
@@ -74,7 +72,7 @@ def fit(
     statistics = np.empty((count, 3), np.float32)
     reflectance_kernels.fit(
         y, weights, table, diffuse_form, reflectance_kernels.GGX_ROUGHNESS,
-        np.array([photometry.CAUCHY_SCALE, SETTINGS.min_spread, iterations, SETTINGS.start_ring_rad]),
+        np.array([photometry.CAUCHY_SCALE, photometry.SETTINGS.flat_field_sigma, iterations, SETTINGS.start_ring_rad]),
         np.ascontiguousarray(initial, dtype=np.float32), normals, strengths, statistics,
     )  # fmt: skip
     return ReflectanceFits(
