@@ -61,8 +61,7 @@ class NormalMap:
 
     `sigma_deg`: √ of the variance summed over both tangential directions, so that the angular error is Rayleigh with
     mean 0.886 σ, median 0.833 σ, P(e < σ) = 0.632. Where `doubtful` is true σ is unreliable: fewer than three lights,
-    hardly any lamp that reaches the pixel, or a larger share of `indirect` light (from other surfaces) than its
-    prediction is accurate for.
+    hardly any lamp that reaches the pixel, or more `indirect` light, from other surfaces, than light from the lamps.
     """
 
     normals: Float32Array  # (H, W, 3) view frame
