@@ -102,9 +102,12 @@ def other_axes(present: Solution) -> list[Alternative]:
     if TURNED in problem.corrected:
         # The normals of turned lamps are not turned by quite as much, since light from near fits others worse.
         again = sum(kind.startswith(REFINED) for kind in problem.corrected) + 1
-        axes = scored if scored is not None else found.unmirrored
-        if again > REFINEMENTS or abs(light_tests.turn_deg(axes)) < REFINED_DEG:
+        left_deg = light_tests.turn_deg(found.unmirrored)
+        if SCORED in problem.corrected and present.scores is not None:  # by likelihood alone: evidence is there already
+            left_deg = float(np.degrees(present.scores.turn.step))
+        if again > REFINEMENTS or abs(left_deg) < REFINED_DEG:
             return []
+        axes = light_tests.turned_by(left_deg)
         return [_relit(problem, f"{REFINED} {again}", axes, 1.0, sound_enough=True, silent=True)]
     turned = replace(problem, corrected=(*problem.corrected, TURNED))
     alternatives = [
@@ -113,7 +116,7 @@ def other_axes(present: Solution) -> list[Alternative]:
         for sign in (1, -1)
     ]
     if scored is not None and abs(light_tests.turn_deg(scored)) > REFINED_DEG:
-        alternatives.append(_relit(turned, AXES, scored, 1.0, sound_enough=True))
+        alternatives.append(_relit(replace(turned, corrected=(*turned.corrected, SCORED)), AXES, scored, 1.0))
         return [*_decisive(alternatives), *_others(present)]
     if found.sure and found.turned:
         return [*_decisive(alternatives), *_others(present)]
@@ -134,10 +137,15 @@ def other_axes(present: Solution) -> list[Alternative]:
 
 
 def _scored_axes(present: Solution) -> FloatArray | None:
-    """The lamps' axes (2, 2) turned as the score of a turn says; none: there is no evidence of one."""
-    if present.scores is None or present.scores.turn.gain <= self_calibration.STRONG_EVIDENCE:
+    """The lamps' axes (2, 2) turned as the score of a turn says; none: there is no strong evidence of one, or another
+    term gains more."""
+    scores = present.scores
+    if scores is None or scores.turn.gain <= self_calibration.STRONG_EVIDENCE:
         return None
-    return light_tests.turned_by(float(np.degrees(present.scores.turn.step)))
+    others = (scores.roughness, scores.ambient, scores.offset, scores.gloss)
+    if any(other.gain > scores.turn.gain for other in others if other.step > 0):
+        return None
+    return light_tests.turned_by(float(np.degrees(scores.turn.step)))
 
 
 def _decisive(alternatives: Sequence[Alternative]) -> list[Alternative]:
@@ -241,8 +249,9 @@ def _full_surface(present: Solution) -> tuple[SurfaceGraph, Float32Array]:
 CODED = "coded values"
 """Kind of the finding of values that are not linear."""
 
-AXES, TURNED, REFINED = "axes of the lamps", "turned lamps", "angle of turned lamps"
-"""Kind of the finding, and marks of a problem whose lamps were turned by an angle, and turned once more."""
+AXES, TURNED, SCORED, REFINED = "axes of the lamps", "turned lamps", "scored turn", "angle of turned lamps"
+"""Kind of the finding, and marks of a problem whose lamps were turned by an angle, by that of a score, and turned once
+more."""
 
 REFINEMENTS, REFINED_DEG = 2, 0.5
 """Times that such an angle is measured again, a fifth of it being left each time, and what is left, degrees, that ends

@@ -16,7 +16,7 @@ from tests.unseen.captures import capture
 from tests.unseen.plan_sensitivity import Planned
 from tests.unseen.stages import Stage
 
-PRIOR, OFFSET = sensitivity.named("photometry.prior_scale")[0], sensitivity.named("alternation.max_shift_m")[0]
+PRIOR, OFFSET = sensitivity.named("photometry.prior_scale")[0], sensitivity.named("alternation.shift_sigma_m")[0]
 
 
 def test_values_are_scaled_within_what_they_can_be() -> None:
