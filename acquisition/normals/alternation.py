@@ -38,8 +38,8 @@ class AlternationSettings:
     """Tuned numbers of the alternation over what all pixels share."""
 
     shift_sigma_m: float = tuned(0.03, "m")
-    """1 σ of the object's mean depth as the caller gives it, m. A judgement: halving and doubling change errors by
-    0.2 % at most. Shifts of 96 Lambertian captures of design seeds by two rings are 50 mm at most."""
+    """1 σ of the object's mean depth as the caller gives it, m. A judgement. Shifts of 96 Lambertian captures of
+    design seeds by two rings are 50 mm at most, of which half of it would allow 45 (`max_shift_m`)."""
     min_indirect_share: float = tuned(0.012, "share")
     """Share of indirect light, at the 98th percentile of pixels, from which it is subtracted. Smooth shapes of albedo
     0.05 lose 0.003° where it is not; a groove as dark has twice as much."""

@@ -140,10 +140,7 @@ def _scored_axes(present: Solution) -> FloatArray | None:
     """The lamps' axes (2, 2) turned as the score of a turn says; none: there is no strong evidence of one, or another
     term gains more."""
     scores = present.scores
-    if scores is None or scores.turn.gain <= self_calibration.STRONG_EVIDENCE:
-        return None
-    others = (scores.roughness, scores.ambient, scores.offset, scores.gloss)
-    if any(other.gain > scores.turn.gain for other in others if other.step > 0):
+    if scores is None or scores.turn.gain <= self_calibration.STRONG_EVIDENCE or not scores.gains_most(scores.turn):
         return None
     return light_tests.turned_by(float(np.degrees(scores.turn.step)))
 
@@ -319,10 +316,8 @@ def _excess_subtracted(scores: TermScores) -> bool:
     """Whether the score test finds an offset below zero that gains more than any other term: gloss and roughness leave
     one in half of their captures, a sound Lambertian surface in one of 201 (design seeds 40–64)."""
     offset = scores.offset
-    if offset.gain <= model_trial.SETTINGS.min_gain or offset.step >= -SETTINGS.min_step.offset:
-        return False
-    others = (scores.roughness, scores.ambient, scores.gloss)
-    return all(offset.gain > other.gain for other in others if other.step > 0)
+    demanded = offset.gain > model_trial.SETTINGS.min_gain and offset.step < -SETTINGS.min_step.offset
+    return demanded and scores.gains_most(offset)
 
 
 def _gloss(present: Solution) -> list[Alternative]:

@@ -65,6 +65,11 @@ class TermScores:
     exponent: TermScore
     turn: TermScore
 
+    def gains_most(self, one: TermScore) -> bool:
+        """Whether no term of `ImageTerms` that would be above zero gains more than this score."""
+        terms = (self.roughness, self.ambient, self.offset, self.gloss)
+        return all(one.gain >= term.gain for term in terms if term.step > 0)
+
 
 def scores(
     estimate: Estimate, values: Float32Array, scene: Scene, shared: SharedParameters, priors: Priors

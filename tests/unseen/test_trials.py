@@ -1,11 +1,13 @@
 """What is recorded of model selection, and that nothing of the recording stays."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from acquisition.normals import model_selection
 from acquisition.normals.model_trial import Alternative
+from acquisition.normals.term_tests import TermScores
 from tests.unseen import patterns, run, scenes, tables, trials
 from tests.unseen.captures import capture
 
@@ -32,8 +34,10 @@ def test_selection_tables_show_ranges(tmp_path: Path) -> None:
         {"material": "lambert", "scores": {"ambient": (9.0, 0.2), "gloss": (8.0, -0.1)}, "trials": [trial]},
         {"material": "lambert", "scores": {"ambient": (1.0, 0.2), "exponent": (9.0, -0.1)}, "trials": []},
         {"material": "lambert", "fault": "gamma", "scores": {"ambient": (7.0, 0.001)}, "trials": []},
+        {"material": "metal", "scores": {field.name: (7.0, -0.5) for field in fields(TermScores)}, "trials": []},
     ]
     rows = [row.split() for row in tables.selection_tables(lines).splitlines() if row]
     assert rows[1] == ["lambert", "ambient", "2", "5.0", "8.2", "9.0", "1"]
     assert rows[-1] == ["lambert", "ambient", "light", "accepted", "1", "0.50–0.50", "0.50–0.50"]
     assert not any(row[0] == "gamma" for row in rows)
+    assert [row[1] for row in rows if row[0] == "metal"] == ["exponent", "turn"]

@@ -84,14 +84,14 @@ def score_table(lines: Sequence[Line], group: Callable[[Line], str], table: Call
     """Gains of the log likelihood by group and term, of captures where the step has an amount that would be tried:
     how many there are, the median gain, the greatest, and how many are demanded."""
     least = asdict(model_alternatives.SETTINGS.min_step) | {
-        "gloss": model_alternatives.SETTINGS.min_step.gloss,
         "exponent": model_trial.SETTINGS.coded_exponent,
+        "turn": math.radians(model_alternatives.REFINED_DEG),
     }
     gains: dict[tuple[str, str], list[float]] = defaultdict(list)
     for line in lines:
         scores = cast("dict[str, tuple[float, float]]", line.get("scores") or {})
         for term, (gain, step) in scores.items():
-            amount = -step if term == "exponent" else step
+            amount = {"exponent": -step, "turn": abs(step)}.get(term, step)
             gains[group(line), term].append(gain if amount > least[term] else 0.0)
     rows = [
         [name, term, str(len(all_)), *(f"{value:.1f}" for value in _range(all_)), f"{_demanded(all_)}"]
