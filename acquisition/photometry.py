@@ -76,6 +76,13 @@ class SharedSettings:
     against the others', which is then left out on trial, and the gain of turned lamps. Of Gaussian deviations 0.3 % are
     larger. Turned lamps gain 0–2 on sound captures and 4–13 where they are 10° off, on machined parts 1.6 (design seeds
     60, 62 and 63, ten lights, November 2026)."""
+    grazing_cosine: float = tuned(0.4, "cosine")
+    """Cosine of the most slanted light, of 66°: measurements above it determine the noise of intensities, those below
+    it that of directions; so does a value of that share of a pixel's largest, or of its direct or indirect light where
+    these are known, part light from shadow. Where one lamp alone reaches a pixel, the next value is 0.03–0.17 of the
+    largest (10–90 %), where three do, 0.75 and more."""
+    min_pixel_share: float = tuned(0.08, "share")
+    """Share of the object's pixels on which a statistic of its shadows, or of light that grazes it, has to rest."""
     edge_px: int = tuned(2, "px")
     """Pixels that an edge in the images takes: within which a sharp shadow border passes from dark to lit, below which
     a shadow is too short to tell depth, by which it has to contradict the depth, since relief is full of short shadows

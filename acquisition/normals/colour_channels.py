@@ -11,10 +11,11 @@ clipped: under white light the maximum-likelihood estimate again, from all image
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.result import SolveSettings
 
-MIN_SHARE = 0.1
-"""Least share of an image's light in the channels that are left: of less, its value is mostly noise, and counts as
-clipped."""
+MIN_SHARE = SolveSettings().shadow_threshold
+"""Least share of an image's light in the channels that are left: of less, its value is mostly noise, as in shadow, and
+counts as clipped."""
 
 
 def ratios(values: Float32Array, counted: BoolArray, light: FloatArray) -> Float32Array:

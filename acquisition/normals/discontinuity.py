@@ -27,14 +27,6 @@ from acquisition.normals.pixel_solve import Pixels
 class DiscontinuitySettings:
     """Tuned numbers of the search for depth discontinuities."""
 
-    shadow_below: float = tuned(0.35, "of the peak")
-    """Share of a pixel's largest value, or of its direct light where that is known, below which it is in shadow; and of
-    the predicted indirect light, from which a shadow shows it. Where one lamp alone reaches a pixel, the next value is
-    0.03–0.17 of the largest (10–90 %), where three do, 0.75 and more."""
-    lit_from: float = tuned(0.45, "of the peak")
-    """Share of a pixel's largest normalised value above which it is lit. Level ground under a lamp at 63° slant has
-    0.45 of its largest: it has to count as lit, or the shadows of the most slanted lamps, which give the most exact
-    depth equations, are lost."""
     shadow_weight: float = tuned(0.03, "1")
     """Weight of a shadow's depth equation against a normal's slope, half a pixel against three degrees; and of the
     slope of a pair of neighbours between which it shows that the surface may be discontinuous. Three degrees change a
@@ -246,9 +238,7 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
             image,
             target[0],
             target[1],
-            SETTINGS.shadow_below,
-            SETTINGS.lit_from,
-            photometry.SETTINGS.edge_px,
+            photometry.SETTINGS.grazing_cosine,
             photometry.SETTINGS.edge_px,
         )
         if len(edge) == 0:
@@ -271,12 +261,12 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
 
 
 @numba.njit(
-    "Tuple((int64[::1], int64[::1]))(float32[:,::1], float64, float64, float64, float64, int64, float64)",
+    "Tuple((int64[::1], int64[::1]))(float32[:,::1], float64, float64, float64, float64)",
     cache=True,
     error_model="numpy",
 )
-def _shadow_runs(  # noqa: PLR0912 - one fused kernel is the point
-    share: Float32Array, target_u: float, target_v: float, dark: float, lit: float, border: int, shortest: float
+def _shadow_runs(
+    share: Float32Array, target_u: float, target_v: float, lit: float, shortest: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Scan for cast shadows towards the lamp's image at (target_u, target_v): lit pixels at their far and near end.
 
@@ -296,30 +286,17 @@ def _shadow_runs(  # noqa: PLR0912 - one fused kernel is the point
             if length < 1:
                 continue
             across, down = across / length, down / length
-            state, first, gap = 0, 0.0, 0
             s = 0.0
             while s < length:
                 s += 1.0
                 c, r = int(np.round(u + s * across)), int(np.round(v + s * down))
                 if c < 0 or r < 0 or c >= width or r >= height or share[r, c] < 0:
                     break
-                value = share[r, c]
-                if state == 0:  # before the shadow: it must begin within the border
-                    if value < dark:
-                        state, first, gap = 1, s, 0
-                    elif value >= lit or s > border:
-                        break
-                elif value >= lit:
-                    if s - first >= shortest:
+                if share[r, c] >= lit:
+                    if s > shortest:
                         edges[count], tips[count] = r * width + c, v * width + u
                         count += 1
                     break
-                elif value >= dark:
-                    gap += 1
-                    if gap >= border:
-                        break
-                else:
-                    gap = 0
     return edges[:count].copy(), tips[:count].copy()
 
 

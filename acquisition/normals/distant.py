@@ -5,7 +5,7 @@ the same all over the object, while depth still casts shadows; `near_light` solv
 of unknown scale counts as `OBJECT_SIZE_M` wide and its brightest parts as nearly white, on which only priors depend.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +14,6 @@ from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import LIT, SATURATED, FisherInformation, NormalMap, SolveSettings
-from acquisition.models.tuned import tuned
 from acquisition.normals import integration, memory_mapped, near_light, reflectance_solve, silhouette
 from acquisition.normals.image_set import (
     INTENSITY_SIGMA,
@@ -29,18 +28,6 @@ from acquisition.normals.images import row_blocks
 
 Solver = Literal["auto", "ls"]
 
-
-@dataclass(frozen=True)
-class DistantSettings:
-    """What is assumed of folders with directions of lights."""
-
-    max_noise_ratio: float = tuned(2.0, "ratio")
-    """Noise that residuals show over what the lights' stated σ explain, above which no model fits. 4 and 5 on lacquer
-    and glaze, whose normals err by 8° in a fit that looks sound, 1.4 on rough plaster (0.7°), 0.4 on plastic and satin
-    (`gloss_scenes`, balls)."""
-
-
-SETTINGS = DistantSettings()
 
 OBJECT_SIZE_M = 0.1
 """Size that the longer side of an object of unknown scale counts as; shadows do not depend on it."""
@@ -101,8 +88,8 @@ def _unexplained(solved: NormalMap) -> bool:
     return (
         any(not finding.corrected for finding in solved.findings)
         or not solved.notes["lobe"]["dielectric"]
-        or solved.noise["direction"] > SETTINGS.max_noise_ratio * DIRECTION_SIGMA_RAD
-        or solved.noise["intensity"] > SETTINGS.max_noise_ratio * INTENSITY_SIGMA
+        or solved.noise["direction"] > photometry.SETTINGS.outlying_deviations * DIRECTION_SIGMA_RAD
+        or solved.noise["intensity"] > photometry.SETTINGS.outlying_deviations * INTENSITY_SIGMA
     )
 
 

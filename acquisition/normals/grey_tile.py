@@ -17,7 +17,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.result import ModelFinding
 from acquisition.models.shot import Observations, Shot
 from acquisition.models.tuned import tuned
-from acquisition.normals import discontinuity, session_images, silhouette
+from acquisition.normals import session_images, silhouette
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def measure(observations: Observations, calibration: Calibration, tile: GreyTile
     saturated = np.isinf(bright)
     lit = ~saturated & (shading.min(axis=1) > 0) & (dark > SETTINGS.min_evenness * bright)
     typical = float(np.median(brightness[lit])) if np.any(lit) else 1.0
-    usable = lit & (brightness >= discontinuity.SETTINGS.shadow_below * typical)
+    usable = lit & (brightness >= photometry.SETTINGS.grazing_cosine * typical)
     if 2 * np.count_nonzero(usable) < len(usable):
         return None
     log = np.log(np.where(usable, brightness, typical) / np.median(brightness[usable]))

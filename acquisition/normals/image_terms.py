@@ -16,6 +16,7 @@ subtracted, and its derivative added, too. Of a metal, the lobe times ρ takes t
 first degree.
 """
 
+import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -30,16 +31,28 @@ from acquisition.normals import microfacet
 class ImageTermSettings:
     """Tuned numbers of the terms of the image."""
 
-    max_rough_weight: float = tuned(0.53, "1")
-    """Largest b that an estimate may reach, that of a roughness of 0.68 rad in the formula of Oren and Nayar (1994).
-    Rougher surfaces than plaster and clay, 0.6 rad, are rare, and the formula was made for slopes like these."""
     gloss_range: tuple[float, float] = tuned((0.05, 0.7), "α")
     """Roughness α that an estimate of gloss may reach. Below it highlights are smaller than the grid of lights
     resolves: half vectors within 3° of the normal, lamps within 6°. Above it the lobe is as flat as the diffuse base: a
     dielectric's is 0.02 high there, with an exponent of 2 (`microfacet.blinn_phong`)."""
 
+    @property
+    def middle_gloss(self) -> float:
+        """Roughness α at which gloss is tested, and from which it and that of metal are estimated: the geometric mean of
+        the range's ends. From 0.12 and 0.25 gloss ends at the same (0.158 and 0.39, six families). Sharper gloss leaves
+        highlights, which robust weights reject, and wrong normals, which make the fit poor."""
+        return math.sqrt(self.gloss_range[0] * self.gloss_range[1])
+
 
 SETTINGS = ImageTermSettings()
+
+FACET_SLOPES_RAD = np.linspace(0, np.pi / 2, 315)
+ROUGH_WEIGHTS = (
+    0.45 * FACET_SLOPES_RAD**2 / (FACET_SLOPES_RAD**2 + 0.09)
+    / (1 - 0.5 * FACET_SLOPES_RAD**2 / (FACET_SLOPES_RAD**2 + 0.33))
+)  # fmt: skip
+"""Standard deviations of the facets' slopes, rad, up to the largest, and b = B/A of each, with
+A = 1 − 0.5 σ²/(σ² + 0.33) and B = 0.45 σ²/(σ² + 0.09) (Oren & Nayar 1994, eq. 30)."""
 
 LEAST_ALBEDO = 1e-3
 """Albedo below which the highlight's derivative by g is evaluated as at that albedo; it divides."""
@@ -73,12 +86,8 @@ class ImageTerms:
 
     @property
     def roughness_rad(self) -> float:
-        """Standard deviation of the facets' slopes, rad, from b = B/A with A = 1 − 0.5 σ²/(σ² + 0.33) and
-        B = 0.45 σ²/(σ² + 0.09) (Oren & Nayar 1994, eq. 30), by interpolation."""
-        sigma = np.linspace(0, 1.2, 241)
-        squared = sigma**2
-        weight = 0.45 * squared / (squared + 0.09) / (1 - 0.5 * squared / (squared + 0.33))
-        return float(np.interp(self.roughness, weight, sigma))
+        """Standard deviation of the facets' slopes, rad, by interpolation in `ROUGH_WEIGHTS`."""
+        return float(np.interp(self.roughness, ROUGH_WEIGHTS, FACET_SLOPES_RAD))
 
 
 LAMBERTIAN = ImageTerms()
@@ -192,7 +201,7 @@ def stepped(present: ImageTerms, step: ImageTerms) -> ImageTerms:
         return float(np.clip(changed(before, by), *SETTINGS.gloss_range)) if before > 0 else 0.0
 
     return ImageTerms(
-        roughness=float(np.clip(present.roughness + step.roughness, 0, SETTINGS.max_rough_weight)),
+        roughness=float(np.clip(present.roughness + step.roughness, 0, ROUGH_WEIGHTS[-1])),
         ambient=max(present.ambient + step.ambient, 0.0),
         offset=present.offset + step.offset,
         gloss=alpha(present.gloss, step.gloss),

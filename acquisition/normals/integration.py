@@ -39,9 +39,6 @@ BILATERAL_ROUNDS = 12
 LEAST_BILATERAL_WEIGHT = 1e-3
 """Least bilateral weight, which keeps the system well conditioned."""
 
-HALF_CONFIDENCE_SIGMA = np.float32(np.radians(3.0))
-"""1 σ, rad, of normals whose confidence is one half."""
-
 STRIP_ROWS = 128
 """Rows processed at once where each pixel needs many temporaries."""
 
@@ -68,8 +65,9 @@ def depth(
 
 
 def confidence(variance: Float32Array) -> Float32Array:
-    """Confidence weight of normals, 0–1, from their variance in rad² over both tangential directions, in place."""
-    variance /= HALF_CONFIDENCE_SIGMA * HALF_CONFIDENCE_SIGMA
+    """Confidence weight of normals, 0–1, from their variance in rad² over both tangential directions, in place: a half
+    where it is that of normals that are weakly checked."""
+    variance /= np.float32(np.radians(photometry.SETTINGS.weakly_checked_sigma_deg) ** 2)
     variance += 1
     np.divide(1, variance, out=variance)
     variance += np.float32(1e-3)

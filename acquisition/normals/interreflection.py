@@ -13,6 +13,7 @@ How much of the predicted indirect light is there is measured, not assumed: shad
 Subtracted, it lowers the mean error of a path-traced scene of albedo 0.7 from 4.05° to 1.51° (eight lights).
 """
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -22,7 +23,7 @@ from acquisition import cast_shadows, photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
 from acquisition.models.tuned import tuned
-from acquisition.normals import discontinuity, interreflection_kernels, pixel_solve
+from acquisition.normals import interreflection_kernels, pixel_solve
 from acquisition.normals.pixel_solve import Estimate, Pixels
 
 AZIMUTHS, WALL_AZIMUTHS = 24, 12
@@ -41,9 +42,12 @@ class InterreflectionSettings:
     On 19 Lambertian captures of design seeds 0, 1, 20, 21, 60 and 63, some of them dark-and-bright, hardly lit are 65 %
     of the pixels that no lamp reaches, 95 % of those that one reaches, and 0.4 % of those of three or more, whose error
     is 12°; with 1.4 it is 51, 94 and 0.2 %, with 3 75, 95 and 1.0 %."""
-    wall_slope: float = tuned(2.5, "slope")
-    """Rise over run between neighbouring cells from which there is a wall between them. A judgement: it is a slope of
-    68°, and with 51° and 79° errors change by 0.2 % at most."""
+
+    @property
+    def wall_slope(self) -> float:
+        """Rise over run between neighbouring cells from which there is a wall between them: steeper than the most
+        slanted light, 66°. With 51° and 79° errors change by 0.2 % at most."""
+        return math.tan(math.acos(photometry.SETTINGS.grazing_cosine))
 
 
 SETTINGS = InterreflectionSettings()
@@ -139,7 +143,7 @@ def hardly_lit(received: Float32Array, values: Float32Array, median_albedo: floa
     `received` irradiance (F, N). A dark surface under the lamps would explain them as well, with a wrong normal; but
     lamps that reach it would give it values of one order, well above what it receives from around.
     """
-    direct = values > np.float32(discontinuity.SETTINGS.shadow_below) * np.max(values, axis=0)
+    direct = values > np.float32(photometry.SETTINGS.grazing_cosine) * np.max(values, axis=0)
     direct &= values > np.float32(SETTINGS.direct_ratio * median_albedo) * received
     return np.count_nonzero(direct, axis=0) <= 1
 
@@ -151,7 +155,7 @@ def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Arr
     weighted by the prediction, decide only whether there is indirect light: they understate its amount while the shape
     is still wrong.
     """
-    return float(_shadow_ratio(pixels, values, predicted, estimate) >= discontinuity.SETTINGS.shadow_below)
+    return float(_shadow_ratio(pixels, values, predicted, estimate) >= photometry.SETTINGS.grazing_cosine)
 
 
 def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
@@ -167,7 +171,7 @@ def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
 def _shadow_ratio(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
     """Weighted `detection_quantile` of measured / predicted in shadows; 1 where there are too few."""
     direct = np.einsum("fcn,cn->fn", estimate.light, estimate.g)
-    dark = ((direct < 0) | (values < discontinuity.SETTINGS.shadow_below * direct)) & ~pixels.clipped
+    dark = ((direct < 0) | (values < photometry.SETTINGS.grazing_cosine * direct)) & ~pixels.clipped
     kernel = np.ones((3, 3), np.uint8)
     umbra = np.stack([pixels.take(cv2.erode(pixels.image(mask.astype(np.uint8)), kernel)) > 0 for mask in dark])
     used = umbra & (predicted > 0)

@@ -7,7 +7,7 @@ other faults.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import astuple, dataclass, fields, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from acquisition.models.tuned import tuned
 from acquisition.normals import (
     alternation,
     changed_images,
+    image_terms,
     light_tests,
     model_trial,
     registration,
@@ -30,54 +31,33 @@ from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.surface_diffusion import SurfaceGraph
 from acquisition.normals.term_tests import TermScore, TermScores
 
-LEAST_OUTWARDNESS = -0.125
-"""Outwardness below which the opposite axes are tried: −0.03 and more of sound captures of 16 objects (design seeds 60
-and 62), −0.2 of one hollow sheet (43). A dish whose visible rim slopes inwards points outwards when it is taken for a
-dome, but near light and shadows do not fit that."""
-
-SCALED_WORSE = 1.05
-"""Misfit of images with scaled intensities over that before, up to which they are accepted: the descent before has put
-most of the factors right already, so that noise decides which of the two fits better."""
-
 
 @dataclass(frozen=True)
 class AlternativeSettings:
     """Tuned numbers of the choice between models."""
 
-    min_step: ImageTerms = tuned(ImageTerms(roughness=0.03, ambient=0.02, offset=0.005, gloss=0.1), "term")
-    """Values of the terms, by one step from zero, below which they are not tried. Less is not harmless but hard to
+    term_sigma: ImageTerms = tuned(
+        ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0, strength=1.0), "term"
+    )
+    """1 σ of the priors of terms that are estimated, which say next to nothing; what is below a tenth of it, by one step
+    from zero, is not tried. Less is not harmless but hard to
     tell: ambient light of 1 % takes a blob from 0.39 to 0.85°, a roughness of 0.2 rad, b of 0.15, to 1.76° (audit of an
     earlier solver, November 2026). b of 0.03 is a roughness of 0.08 rad. Of gloss the value is the amount, of 1 that a
     dielectric has: 0.11–1.3 of 84 of 95 glossy captures (α 0.12–0.5), 0.09 at most of 174 others (design seeds 20–22,
     40–43, 50, 51, 60–63; 6–20 lights by two rings), above it in three of 106 sound Lambertian and translucent ones of
     seeds 45–129, all translucent. It tells gloss by itself, so that strong evidence is enough of a gain: of a small
     glossy image, or one of a pilot, it is 3–8."""
-    term_sigma: ImageTerms = tuned(
-        ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0, strength=1.0), "term"
-    )
-    """1 σ of the priors of terms that are estimated; those of gloss, metal and strength say next to nothing. A
-    judgement: halving and doubling change errors by 0.2 % and rms e/σ by 0.3 % at most, as a mean over eight design
-    captures of which four read it."""
-    sharpened_worse: float = tuned(1.6, "misfit ratio")
-    """Misfit of sharpened images over that before, up to which they are accepted. It rises to 1.2–1.4 times by noise
-    alone, since where a pixel is lit, a residual does not know of blur."""
-    min_translation_px: float = tuned(0.4, "px")
-    """Translation of images from which a registration is tried. An image's own translation is uncertain by half a
-    pixel, medians of those before and after a move by less (`registration.single_move`). Moves of 1 and 2 px of nine
-    path-traced captures are found 1 % short (design seeds 40, 70 and 71, November 2026)."""
-    max_log_intensity: float = tuned(0.1, "1")
-    """Logarithm of an image's intensity against the others' from which the image is scaled before the next descent. The
-    prior of a few per cent would leave a part of a large error: of lamps known to 1 % it is widened to 4 % at most, of
-    which 10 % is 2.5 σ."""
+
+    @property
+    def min_step(self) -> ImageTerms:
+        """Values of the terms, by one step from zero, below which they are not tried."""
+        return ImageTerms(*(one / 10 for one in astuple(self.term_sigma)))
 
 
 SETTINGS = AlternativeSettings()
 
 CODED_EXPONENTS = (1.4, 1.8, 2.2)
 """Exponents that undo codings of eight-bit images, the usual one last. As a free parameter it would explain metal."""
-
-GLOSS_START = 0.2
-"""Roughness α from which gloss is estimated. From 0.12 and 0.25 it ends at the same (0.158 and 0.39, six families)."""
 
 METAL_START = 0.3
 """Roughness α from which a metal's is estimated in a poor fit."""
@@ -124,7 +104,7 @@ def other_axes(present: Solution) -> list[Alternative]:
     if np.array_equal(found.quarter, light_tests.STATED_AXES):
         trials = trials[1:]
         outwards = light_tests.outwardness(normals, light_tests.outline(coarse))
-        if outwards is None or outwards >= LEAST_OUTWARDNESS:
+        if outwards is None or outwards >= 0:
             if not present.badly_fitting:
                 return alternatives
             # A hollow object under opposite lamps is taken for a raised one, whose normals point outwards.
@@ -225,7 +205,11 @@ def translucent_surface(present: Solution) -> list[Alternative]:
         1000 * length_px * float(np.mean(present.state.depth_m)) / problem.nominal.calibration.camera_matrix[0][0]
     )
     message = f"light spreads by {length_mm:.1f} mm below the surface, or images are out of focus: they are sharpened"
-    return [Alternative(translucency.KIND, message, problem.reread(sharpened), SETTINGS.sharpened_worse, length_mm)]
+    return [
+        Alternative(
+            translucency.KIND, message, problem.reread(sharpened), model_trial.SETTINGS.worse_at_most, length_mm
+        )
+    ]
 
 
 def _full_surface(present: Solution) -> tuple[SurfaceGraph, Float32Array]:
@@ -334,8 +318,9 @@ def _gloss(present: Solution) -> list[Alternative]:
     if not found and not present.poor:
         return []
     most = 1.0 if found else model_trial.SETTINGS.better_at_least
-    starts = ImageTerms(gloss=GLOSS_START), ImageTerms(gloss=GLOSS_START, strength=1.0)
-    dielectric, other = (_with_term(present.problem, "gloss", start, most) for start in starts)
+    start = image_terms.SETTINGS.middle_gloss
+    starts = ImageTerms(gloss=start), ImageTerms(gloss=start, strength=1.0)
+    dielectric, other = (_with_term(present.problem, "gloss", one, most) for one in starts)
     return [replace(dielectric, least_images=photometry.OVERDETERMINED, decisive=True), other]
 
 
@@ -343,7 +328,8 @@ def _metal(present: Solution) -> list[Alternative]:
     """Metal, in a poor fit of a surface that no other term describes yet."""
     if present.problem.nominal.terms is not None or not present.poor:
         return []
-    return [_with_term(present.problem, "metal", ImageTerms(metal=METAL_START), model_trial.SETTINGS.better_at_least)]
+    start = ImageTerms(metal=METAL_START)
+    return [_with_term(present.problem, "metal", start, model_trial.SETTINGS.better_at_least)]
 
 
 def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
@@ -363,7 +349,7 @@ def moved_object(present: Solution) -> list[Alternative]:
         problem.level.coarse, present.state.depth_m, present.scene, present.state.shared.log_intensity
     )
     distance = float(np.max(np.linalg.norm(moves, axis=1)))
-    if distance <= SETTINGS.min_translation_px:
+    if distance <= 0.5:  # an image's own translation is uncertain by half a pixel
         return []
     message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
     spacing = 1 if problem.masked.channel is None else mosaic.CELL
@@ -406,8 +392,9 @@ def _worst_image(fit: Fit) -> _WorstImage | None:
 
 def other_intensities(present: Solution) -> list[Alternative]:
     """Images scaled whose intensity is far from what is stated, unless most are."""
+    stated = present.problem.nominal.calibration.intensity_sigma
     log: FloatArray = present.state.shared.log_intensity - np.median(present.state.shared.log_intensity)
-    far = np.abs(log) > SETTINGS.max_log_intensity
+    far = np.abs(log) > photometry.SETTINGS.outlying_deviations * self_calibration.SIGMA_FACTORS[-1] * stated
     if not np.any(far) or np.count_nonzero(far) > len(log) // 2:
         return []
     factors = np.where(far, np.exp(log), 1.0)
@@ -415,7 +402,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
     scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
-    return [Alternative("intensities", message, scaled, SCALED_WORSE, float(factors[far][0]))]
+    return [Alternative("intensities", message, scaled, 1 / model_trial.SETTINGS.better, float(factors[far][0]))]
 
 
 def held_shift(present: Solution) -> list[Alternative]:

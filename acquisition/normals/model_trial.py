@@ -13,7 +13,7 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
-from acquisition.normals import alternation, final_solve, surface_diffusion, translucency
+from acquisition.normals import alternation, final_solve, image_set, surface_diffusion, translucency
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
@@ -56,10 +56,19 @@ class TrialSettings:
     min_sound_probability: float = tuned(0.01, "probability")
     """Probability of the misfit below which a result is named as badly fitting. The usual level of 1 %: one sound
     capture in a hundred is named, if misfits are distributed as `goodness_of_fit` says."""
-    max_intensity: float = tuned(0.03, "share")
-    """Noise component of intensities that no sound capture reaches. A judgement: three times the 1 % by which lamps are
-    known where nothing else is stated; halving and doubling change nothing on eight design captures. With 0.05, the
-    upper bound, a glossy vessel that is 25° off (design seed 102) is not named."""
+
+    @property
+    def max_intensity(self) -> float:
+        """Noise component of intensities that no sound capture reaches: three times the 1 % by which lamps are known
+        where nothing else is stated. With 0.05, the upper bound, a glossy vessel that is 25° off (design seed 102) is
+        not named."""
+        return photometry.SETTINGS.outlying_deviations * image_set.INTENSITY_SIGMA
+
+    @property
+    def worse_at_most(self) -> float:
+        """Misfit of sharpened images over that before, up to which they are accepted: the inverse of what halves it. It
+        rises to 1.2–1.4 times by noise alone, since where a pixel is lit, a residual does not know of blur."""
+        return 1 / self.better_at_least
 
 
 SETTINGS = TrialSettings()

@@ -12,6 +12,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.result import SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals import reflectance_kernels
 
@@ -20,16 +21,9 @@ from acquisition.normals import reflectance_kernels
 class ReflectanceFitSettings:
     """Tuned numbers of the fit of a reflectance."""
 
-    shadow_threshold: float = tuned(0.15, "of the 80th percentile")
-    """Share of a pixel's 80th percentile below which a measurement is omitted, being lit by other surfaces if at
-    all."""
     noise_floor: float = tuned(0.2, "of the median")
     """Weights are 1/(y + noise_floor), y in units of the pixel's median. They lie between those of constant noise and
     of noise in proportion to y."""
-    start_ring_rad: float = tuned(0.12, "rad")
-    """Radius (rad) of the ring of starts round the initial normal. With it lobes that start from the normals of the
-    model before, 8° off on lacquer, end 0.2–1.1° off on balls and vases of lacquer and satin, but 4.7° off on a figure
-    of bronze, of which that model is far off (96 lights, decision 35)."""
 
 
 SETTINGS = ReflectanceFitSettings()
@@ -72,7 +66,10 @@ def fit(
     statistics = np.empty((count, 3), np.float32)
     reflectance_kernels.fit(
         y, weights, table, diffuse_form, reflectance_kernels.GGX_ROUGHNESS,
-        np.array([photometry.CAUCHY_SCALE, photometry.SETTINGS.flat_field_sigma, iterations, SETTINGS.start_ring_rad]),
+        np.array([
+            photometry.CAUCHY_SCALE, photometry.SETTINGS.flat_field_sigma, iterations,
+            np.radians(photometry.SETTINGS.unchecked_sigma_deg),
+        ]),
         np.ascontiguousarray(initial, dtype=np.float32), normals, strengths, statistics,
     )  # fmt: skip
     return ReflectanceFits(
@@ -111,8 +108,10 @@ def neighbour_deviation(normals: Float32Array, pixel_numbers: np.ndarray, width:
 
 
 def usable(values: Float32Array, clipped: BoolArray) -> BoolArray:
-    """Mask (N, F) of the measurements that are used: neither clipped nor below `shadow_threshold`."""
-    return (values >= np.quantile(values, 0.8, axis=1, keepdims=True) * SETTINGS.shadow_threshold) & ~clipped
+    """Mask (N, F) of the measurements that are used: neither clipped nor in shadow, that is, below
+    `SolveSettings.shadow_threshold` of the 80th percentile, since the largest may be a highlight."""
+    bright = np.quantile(values, 0.8, axis=1, keepdims=True)
+    return (values >= bright * SolveSettings().shadow_threshold) & ~clipped
 
 
 def diffuse(normals: np.ndarray, table: FloatArray, diffuse_form: FloatArray) -> Float32Array:

@@ -16,8 +16,8 @@ import numpy as np
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.normals import pixel_solve_kernels
 
-GGX_ROUGHNESS = np.array([0.08, 0.16, 0.32, 0.6])
-"""GGX roughness α of the lobes."""
+GGX_ROUGHNESS = np.array([0.08, 0.16, 0.32, 0.64])
+"""GGX roughness α of the lobes, in octaves."""
 
 BASIS_SIZE = 1 + len(GGX_ROUGHNESS)
 """Number of basis functions: the diffuse term and the lobes."""

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, NormalMap
 from acquisition.normals import memory_mapped, reflectance_fit
@@ -19,10 +20,6 @@ HIGHLIGHT_SHARE = 0.1
 
 SAMPLE_PIXELS = 400
 """Pixels that the shared diffuse parameters are fitted to."""
-
-MIN_VARIANCE_RAD2 = np.float32(np.radians(0.25) ** 2)
-"""Least variance (rad², both tangential directions): the errors of the lights' directions and intensities, and of a
-diffuse term that is none of the forms, 0.25°."""
 
 UNKNOWN_VARIANCE_RAD2 = np.float32(np.radians(60.0) ** 2)
 """Upper bound of the variance (rad²): 60°."""
@@ -48,7 +45,7 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
         # Ambiguity between lobes and diffuse term, and penumbrae, show in deviations from the neighbours, if anywhere.
         # Noise shows there as well as in the residuals, so that the larger of the two holds both.
         apart = reflectance_fit.neighbour_deviation(fits.normals, chosen, mask.shape[1])
-        variance = np.maximum(fits.variance, apart**2) + MIN_VARIANCE_RAD2
+        variance = np.maximum(fits.variance, apart**2) + np.float32(photometry.SETTINGS.flat_field_sigma**2)
         strength = np.sum(fits.strengths, axis=1)
         found = {
             "normals": fits.normals,

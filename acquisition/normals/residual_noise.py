@@ -17,7 +17,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
-from acquisition.normals import pixel_solve_kernels
+from acquisition.normals import pixel_solve_kernels, self_calibration
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
 
@@ -29,22 +29,9 @@ GAUSSIAN_MEDIAN_DEVIATION = 0.6745
 class ResidualNoiseSettings:
     """Tuned numbers of the noise from residuals."""
 
-    grazing_cosine: float = tuned(0.4, "cosine")
-    """Cosine to the light above which measurements determine c, and below which they determine σ_d. With 0.5 σ is 1.6
-    and 2.7 times as large on a machined part and on a cluster (design seeds 45 and 21, eight lights by two rings;
-    scratch evaluation, November 2026), with 0.7 for c alone it is the same."""
     max_leverage: float = tuned(0.8, "share")
     """Leverage above which a residual has too little of its noise left to be used. A fifth of the variance is left at
     it; with it P(e < σ) of the prototype is 0.62 and 0.60 at intensity errors of 0.3 and 3 % (decision 36)."""
-    min_measurements: int = tuned(300, "measurements")
-    """Measurements below which c or σ_d is not estimated. With 50, σ_d of a hollow vessel (design seed 20, six lights,
-    48 pixels) is 0.05 in place of 0.004 rad, and σ of its pixels that no lamp reaches a sixth too small
-    (`tests/unseen/test_hardly_lit.py`)."""
-    min_pixel_share: float = tuned(0.1, "share")
-    """Share of the pixels that must have such measurements. On a machined part, whose faces meet light steeply, only
-    edges and penumbrae at the foot of walls are grazing; errors there are not those of lamp directions, and σ of all
-    faces would be too large by them: on design seed 62 under eight lights σ_d is 0.068 in place of 0.005 rad, and
-    P(e < σ) 0.96 in place of 0.69; errors are alike."""
     bounds: tuple[float, float] = tuned((0.001, 0.05), "1")
     """Bounds of c, a fraction, and of σ_d, rad. With 0.03 errors of 27 sound captures of design seeds 101–104 are 0.997
     ± 0.003 of those with it, but a turned part that moves by two pixels (seed 62) errs by 3.6 in place of 2.2°; with
@@ -66,20 +53,20 @@ def estimate(solution: Estimate, values: Float32Array, noise: Noise, stated: Noi
     the noise model's.
     """
     residuals = _Residuals.of(solution, values, extra, photometry.REDUNDANT)
-    least_pixels = SETTINGS.min_pixel_share * np.count_nonzero(np.any(residuals.used, axis=0))
+    least_pixels = photometry.SETTINGS.min_pixel_share * np.count_nonzero(np.any(residuals.used, axis=0))
     cosine = residuals.predicted / np.maximum(residuals.strength, 1e-9)
     by_intensity, by_direction = residuals.values**2, residuals.strength**2
     for _ in range(ROUNDS):
         variance, squares, counted = residuals.unleveraged(noise)
         intensity = _median_matched_share(
             squares, variance - noise.intensity**2 * by_intensity, by_intensity,
-            counted & (cosine > SETTINGS.grazing_cosine), least_pixels,
+            counted & (cosine > photometry.SETTINGS.grazing_cosine), least_pixels,
         )  # fmt: skip
         intensity = stated.intensity if intensity is None else intensity
         variance = variance + (intensity**2 - noise.intensity**2) * by_intensity
         direction = _median_matched_share(
             squares, variance - noise.direction**2 * by_direction, by_direction,
-            counted & (cosine < SETTINGS.grazing_cosine), least_pixels,
+            counted & (cosine < photometry.SETTINGS.grazing_cosine), least_pixels,
         )  # fmt: skip
         noise = replace(noise, intensity=intensity, direction=stated.direction if direction is None else direction)
     return noise
@@ -136,7 +123,7 @@ def _median_matched_share(
     of too few pixels."""
     where = where & (by > 0)  # where nothing is predicted, as of metal between highlights, nothing is told
     pixels = np.count_nonzero(np.any(where, axis=0))
-    if np.count_nonzero(where) < SETTINGS.min_measurements or pixels < least_pixels:
+    if np.count_nonzero(where) < self_calibration.SETTINGS.independent_sample or pixels < least_pixels:
         return None
     # squares / (rest + q² by) is above the Gaussian's median where q² is below this.
     bound = float(np.median((squares[where] / GAUSSIAN_MEDIAN_DEVIATION**2 - rest[where]) / by[where]))

@@ -35,6 +35,11 @@ class SelfCalibrationSettings:
     With 10 the object's shift is wrong by up to 8 mm where few lights determine it, with 30 discontinuities calibrate
     worse."""
 
+    @property
+    def independent_sample(self) -> float:
+        """Measurements among which there are as many independent ones as a statistic needs."""
+        return photometry.SETTINGS.min_sample * self.effective_sample_divisor
+
 
 SETTINGS = SelfCalibrationSettings()
 

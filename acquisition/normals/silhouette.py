@@ -21,6 +21,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals.image_set import ImageSet
 from acquisition.normals.images import row_blocks
@@ -36,10 +37,6 @@ class SilhouetteSettings:
     at least. Of 24 simulated objects of albedo 0.3–0.7, tables 0.08–0.25, all masks are right, as are those in regions
     of the object alone; with 2 their overlap (IoU) is 0.87 before tables, with 1.2 it is 0.69 in such regions
     (scratch evaluation, November 2026)."""
-    max_background_share: float = tuned(0.03, "share")
-    """Share of an image's 99th percentile up to which a pixel may be background; where none is, black is the
-    background's level. Half and twice as much propose the same masks of an object on black, on grey of 0.01, under
-    noise and with dust (`few_light_scenes`' rabbit, 3 seeds; scratch evaluation, November 2026)."""
     min_component_share: float = tuned(0.01, "share")
     """Share of the largest connected region below which another is left out: dust, stray reflections. With six
     specks of 21 pixels in the frame overlaps (IoU) are 0.985 with it, 0.976 with half and 0.989 with twice as much."""
@@ -128,7 +125,7 @@ def background(images: ImageSet, number: int) -> tuple[float, float]:
     rows = np.unique(np.linspace(0, images.height - 1, min(SAMPLE_ROWS, images.height)).astype(int))
     values = np.concatenate([_grey(images, number, slice(row, row + 1)) for row in rows.tolist()])
     finite = np.nan_to_num(values, posinf=1.0)
-    dark = finite <= SETTINGS.max_background_share * float(np.quantile(finite, 0.99))
+    dark = finite <= SolveSettings().shadow_threshold * float(np.quantile(finite, 0.99))
     level = float(np.median(finite[dark])) if np.any(dark) else 0.0
     differences = np.abs(np.diff(finite, axis=1))[dark[:, :-1] & dark[:, 1:]]
     # A quantile above the median, because sensors' values are cut at black: half of the pixels are equal there.

@@ -8,8 +8,8 @@ ones, both without their local mean, which indirect light makes; irradiance, the
 texture has edges of its own. The coefficient is nothing but the score of the blur in the pixels that have a say: 1 at
 the right mean free path, and near 0 on opaque surfaces. Not all of these: what a glossy one mirrors, or the walls of a
 recess send, reaches into shadows as well (decision 48 names the false alarms), so that `model_alternatives` looks for
-no leak once gloss or metal is modelled, and shadows have to cover `min_cover` of the object. A defocused image looks
-the same as a translucent surface, and is cured alike.
+no leak once gloss or metal is modelled, and shadows have to cover `min_pixel_share` of the object. A defocused image
+looks the same as a translucent surface, and is cured alike.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.tuned import tuned
-from acquisition.normals import discontinuity, interreflection, surface_diffusion
+from acquisition.normals import interreflection, surface_diffusion
 from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 from acquisition.normals.surface_diffusion import SurfaceGraph
@@ -35,15 +35,6 @@ class TranslucencySettings:
     """Light in shadows, as a share of what a mean free path of one pixel of the coarse grid makes, from which images
     are sharpened on trial if it is significant. 0.5–2.5 of translucent objects, 0.2 of a mean free path of half a
     pixel, 0.1 of gloss on a smooth solid."""
-    near_px: int = tuned(6, "px")
-    """Distance from lit pixels up to which dark ones take part; twice the standard deviation of the Gaussian of local
-    means, and of the brightness of the lit pixels around. It is twice the longest mean free path that is compared
-    (2.8 px), of which 3 % of the irradiance within a straight edge is left there; of 1 px it is 0.04 %."""
-    min_cover: float = tuned(0.07, "share")
-    """Share of the object's pixels that have to be dark in some image. Light that the walls of one recess send into
-    their shadow falls off from its edge as well: shadows in a turned recess of 4–5 % of the object, alike in all
-    images, gave a coefficient of 1.4 (Lambertian design seed 6); translucent objects that were recognised had 9 % and
-    more."""
 
 
 SETTINGS = TranslucencySettings()
@@ -54,6 +45,11 @@ KIND = "translucent surface"
 LENGTHS_PX = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 """Mean free paths, pixels of the coarse grid, that are compared when light leaks; shorter ones stay within the pixels
 at the edge, and sharpening by a longer one would bring up noise."""
+
+NEAR_PX = 6
+"""Distance from lit pixels up to which dark ones take part, pixels of the coarse grid; twice the standard deviation of
+the Gaussian of local means, and of the brightness of the lit pixels around. It is twice the longest mean free path that
+is compared, of which 3 % of the irradiance within a straight edge is left there; of 1 px it is 0.04 %."""
 
 TESTED_PX = 1.0
 """Mean free path for which the regression is tested."""
@@ -111,7 +107,7 @@ def leak(pixels: Pixels, values: Float32Array, shading: Float32Array, over: Surf
     cell = np.concatenate([place[one.dark] for one in shadows] or [np.zeros(0, int)])
     if (
         len(cell) < photometry.SETTINGS.min_sample
-        or np.mean(np.any([pixels.take(one.dark) for one in shadows], axis=0)) < SETTINGS.min_cover
+        or np.mean(np.any([pixels.take(one.dark) for one in shadows], axis=0)) < photometry.SETTINGS.min_pixel_share
     ):
         return None
     observed = np.concatenate([_relative(one, one.image) for one in shadows])
@@ -132,11 +128,11 @@ def shading(
 
 def albedo_and_lit(values: Float32Array, shading: Float32Array) -> tuple[Float32Array, BoolArray]:
     """Albedo (N,) from the images in which a pixel is lit, 0 where they are too few, and which these are (F, N)."""
-    lit = (shading > 0) & (values > discontinuity.SETTINGS.lit_from * np.max(values, axis=0))
+    lit = (shading > 0) & (values > photometry.SETTINGS.grazing_cosine * np.max(values, axis=0))
     albedo = np.zeros(values.shape[1], np.float32)
     for _ in range(ALBEDO_ROUNDS):
         albedo = np.sum(lit * values * shading, axis=0) / np.maximum(np.sum(lit * shading**2, axis=0), 1e-9)
-        lit = (shading > 0) & (values > discontinuity.SETTINGS.lit_from * albedo * shading)
+        lit = (shading > 0) & (values > photometry.SETTINGS.grazing_cosine * albedo * shading)
     known = (np.count_nonzero(lit, axis=0) >= MIN_LIGHTS) & (albedo > 0)
     return np.where(known, albedo, 0).astype(np.float32), lit & known
 
@@ -164,12 +160,12 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
     out: list[_Shadow] = []
     for irradiance, image_lit in zip(values / np.where(albedo > 0, albedo, np.inf), lit, strict=True):
         bright = pixels.image(image_lit.astype(np.uint8))
-        dark = core & ~_dilated(bright, 3) & _dilated(bright, 2 * SETTINGS.near_px + 1)
+        dark = core & ~_dilated(bright, 3) & _dilated(bright, 2 * NEAR_PX + 1)
         if np.count_nonzero(dark) < photometry.SETTINGS.min_sample:
             continue
         image = pixels.image(irradiance.astype(np.float32))
         source = np.where(bright > 0, image, 0).astype(np.float32)
-        level = _local_mean(source, bright, SETTINGS.near_px / 2)
+        level = _local_mean(source, bright, NEAR_PX / 2)
         dark &= level > 0
         out.append(_Shadow(image, source, dark, level))
     return out
@@ -206,7 +202,7 @@ def _regressed(
 
 def _relative(shadow: _Shadow, image: Float32Array) -> FloatArray:
     """An image at the dark pixels, without its local mean over them, as a share of the brightness around."""
-    high = image - _local_mean(image, shadow.dark, SETTINGS.near_px / 2)
+    high = image - _local_mean(image, shadow.dark, NEAR_PX / 2)
     return (high[shadow.dark] / shadow.level[shadow.dark]).astype(np.float64)
 
 
