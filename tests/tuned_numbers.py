@@ -2,8 +2,8 @@
 
 A tuned number is a field of a module's frozen `SETTINGS` (`acquisition.models.tuned`). Any other number at a module's
 level has to be named here with the reason why it is none; those in functions that are not plain (0, 1, 2, 3, 4, halves
-and quarters, whole numbers, guards against division by zero) are counted by module. `STRAYS` and `INLINE` are what is
-still to be moved or justified: they only shrink.
+and quarters, whole numbers, guards against division by zero) are counted by module. `INLINE` is what is still to be
+moved or justified: it only shrinks.
 """
 
 import ast
@@ -29,7 +29,8 @@ REASONS: dict[str, str] = {
         error_variance.FOUR_NEIGHBOURS
         error_variance.NOISE_DETAIL error_variance.CREASE error_variance.DETAIL
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
-        photometry.CAUCHY_SCALE model_alternatives.CODED_EXPONENTS""",
+        photometry.CAUCHY_SCALE term_alternatives.CODED_EXPONENTS image_terms.ROUGH_WEIGHTS image_terms.FACET_SLOPES_RAD
+        translucency.NEAR_PX""",
     "counts of unknowns, marks and definitions": """
         light_tests.NEAR
         photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
@@ -79,27 +80,17 @@ REASONS: dict[str, str] = {
         registration.ROUNDS
         translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS term_solve.ROUNDS
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
-        image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP model_alternatives.GLOSS_START
-        model_alternatives.METAL_START model_alternatives.REFINEMENTS model_alternatives.REFINED_DEG""",
+        image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP term_alternatives.METAL_START
+        lamp_alternatives.REFINEMENTS lamp_alternatives.REFINED_DEG""",
     "grids of what may be chosen": """
         exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS
         self_calibration.SIGMA_FACTORS
         translucency.LENGTHS_PX translucency.TESTED_PX light_tests.TURNS_DEG
-        reflectance_fit.DIFFUSE_FORMS model_alternatives.SECOND_STARTS""",
+        reflectance_fit.DIFFUSE_FORMS reflectance_kernels.GGX_ROUGHNESS term_alternatives.SECOND_STARTS""",
     "pictures": """
         explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE explain.SHOWN_RANGE""",
 }
 """Why a number at a module's level is not tuned, and the names of those; modules without their package."""
-
-STRAYS = (
-    "colour_channels.MIN_SHARE",
-    "reflectance_kernels.GGX_ROUGHNESS",
-    "reflectance_solve.MIN_VARIANCE_RAD2",
-    "integration.HALF_CONFIDENCE_SIGMA",
-    "model_alternatives.SCALED_WORSE",
-    "model_alternatives.LEAST_OUTWARDNESS",
-)
-"""Tuned numbers that are not in settings yet."""
 
 INLINE = {
     "alternation": 1, "cast_shadows": 2, "discontinuity": 1,
@@ -246,7 +237,7 @@ def main() -> None:
     """Prints how many numbers there are of each kind."""
     found = settings()
     print(f"{len(found)} tuned numbers in settings, {sum(bool(one.source) for one in found)} with a source or reason")
-    print(f"{len(STRAYS)} tuned constants outside, {sum(inline().values())} numbers in functions")
+    print(f"{sum(inline().values())} numbers in functions")
     for reason, names in REASONS.items():
         print(f"{len(names.split())} constants: {reason}")
 

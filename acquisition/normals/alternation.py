@@ -40,9 +40,6 @@ class AlternationSettings:
     shift_sigma_m: float = tuned(0.03, "m")
     """1 σ of the object's mean depth as the caller gives it, m. A judgement. Shifts of 96 Lambertian captures of
     design seeds by two rings are 50 mm at most, of which half of it would allow 45 (`max_shift_m`)."""
-    min_indirect_share: float = tuned(0.012, "share")
-    """Share of indirect light, at the 98th percentile of pixels, from which it is subtracted. Smooth shapes of albedo
-    0.05 lose 0.003° where it is not; a groove as dark has twice as much."""
     least_metal_albedo: float = tuned(0.33, "of the upper quartile")
     """Albedo of metal below which no lamp counts as mirrored in a pixel. Of eleven captures of metal (design seeds 44
     and 62, eight lights by two rings) 74 % of such pixels err by more than 15° and 17 % of the others; with 0.2 81 and

@@ -38,8 +38,8 @@ class ImageTermSettings:
 
     @property
     def middle_gloss(self) -> float:
-        """Roughness α at which gloss is tested, and from which it and that of metal are estimated: the geometric mean of
-        the range's ends. From 0.12 and 0.25 gloss ends at the same (0.158 and 0.39, six families). Sharper gloss leaves
+        """Roughness α at which gloss is tested, and from which it is estimated: the geometric mean of the range's ends.
+        From 0.12 and 0.25 gloss ends at the same (0.158 and 0.39, six families). Sharper gloss leaves
         highlights, which robust weights reject, and wrong normals, which make the fit poor."""
         return math.sqrt(self.gloss_range[0] * self.gloss_range[1])
 

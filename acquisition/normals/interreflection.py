@@ -151,7 +151,7 @@ def hardly_lit(received: Float32Array, values: Float32Array, median_albedo: floa
 def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
     """1 where shadows in measured `values` (F, N) show the predicted indirect light (F, N), else 0.
 
-    They do where they hold `shadow_below` of it: where there is only direct light, they are black everywhere. Shadows,
+    They do where they hold `grazing_cosine` of it: where there is only direct light, they are black. Shadows,
     weighted by the prediction, decide only whether there is indirect light: they understate its amount while the shape
     is still wrong.
     """

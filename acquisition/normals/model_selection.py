@@ -1,20 +1,43 @@
 """Selection of the image model: the plain one, unless a test demands another whose fit is then better.
 
 A sound capture is solved by the plain model: Lambert's law, light from other surfaces, lamps where the calibration
-says. Cheap tests look for what most often is otherwise (`model_alternatives`). Only what a test demands
-is tried, by another descent from its own start, and only a trial that fits the images better replaces the model. What
-stays wrong is said in a finding that is not corrected, and raises σ (`error_variance`).
+says. Cheap tests look for what most often is otherwise (`lamp_alternatives`, `term_alternatives`,
+`image_alternatives`). Only what a test demands is tried, by another descent from its own start, and only a trial that
+fits the images better replaces the model. What stays wrong is said in a finding that is not corrected, and raises σ
+(`error_variance`).
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from acquisition.models.base import Float32Array
 from acquisition.models.result import ModelFinding
-from acquisition.normals import alternation, final_solve, goodness_of_fit, model_alternatives, model_trial, term_tests
+from acquisition.normals import (
+    alternation,
+    final_solve,
+    goodness_of_fit,
+    image_alternatives,
+    lamp_alternatives,
+    model_trial,
+    term_alternatives,
+    term_tests,
+)
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.self_calibration import Priors
+
+ALTERNATIVES: tuple[Callable[[Solution], list[Alternative]], ...] = (
+    lamp_alternatives.swapped_lamps,
+    lamp_alternatives.other_axes,
+    term_alternatives.translucent_surface,
+    term_alternatives.other_formation,
+    image_alternatives.moved_object,
+    image_alternatives.bad_image,
+    image_alternatives.other_intensities,
+    image_alternatives.held_shift,
+)
+"""All kinds of alternatives in the order in which they are tried, the surest tests first."""
 
 
 def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
@@ -65,7 +88,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
     if solution.seems_coded:
         findings.append(
             ModelFinding(
-                kind=model_alternatives.CODED,
+                kind=term_alternatives.CODED,
                 message="the values seem to be coded, and none of the usual codings fits (a tone curve?): take linear "
                 "images, do not trust the normals",
                 corrected=False,
@@ -100,7 +123,7 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
     What a poor fit alone calls for is not tried again once it has fitted no better: its kind is added to `no_better`.
     """
     tried = set(present.problem.corrected)
-    for propose in model_alternatives.ALTERNATIVES:
+    for propose in ALTERNATIVES:
         alternatives = [
             alternative
             for alternative in propose(present)

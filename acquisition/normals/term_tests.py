@@ -40,9 +40,9 @@ class TermScore:
 class TermScores:
     """Scores of the weight of a rough diffuse term, of ambient light, and of an offset, as in `ImageTerms`; of a
     dielectric's gloss of roughness `middle_gloss` as a whole, whose value would be 1; of ε of values that are coded as
-    the signal to the power of 1 + ε, 0 where they are linear; and of the angle, rad, by which the lamps have to be turned
-    about the viewing axis, from x towards y. Light from near tells it: under lamps turned by 10° it is 5.8–11.2° for 16
-    Lambertian objects, of 32 others, Lambertian and rough, under the right ones 2.9° at most, with gains up to 1
+    the signal to the power of 1 + ε, 0 where they are linear; and of the angle, rad, by which the lamps have to be
+    turned about the viewing axis, from x towards y. Light from near tells it: under lamps turned by 10° it is 5.8–11.2°
+    for 16 Lambertian objects, of 32 others, Lambertian and rough, under the right ones 2.9° at most, with gains up to 1
     (design seeds 62, 63, 101 and 105)."""
 
     roughness: TermScore

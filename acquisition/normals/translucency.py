@@ -7,7 +7,7 @@ edge, one apart from it, the observed irradiance is regressed on what `surface_d
 ones, both without their local mean, which indirect light makes; irradiance, the value over the albedo, because a
 texture has edges of its own. The coefficient is nothing but the score of the blur in the pixels that have a say: 1 at
 the right mean free path, and near 0 on opaque surfaces. Not all of these: what a glossy one mirrors, or the walls of a
-recess send, reaches into shadows as well (decision 48 names the false alarms), so that `model_alternatives` looks for
+recess send, reaches into shadows as well (decision 48 names the false alarms), so that `term_alternatives` looks for
 no leak once gloss or metal is modelled, and shadows have to cover `min_pixel_share` of the object. A defocused image
 looks the same as a translucent surface, and is cured alike.
 """

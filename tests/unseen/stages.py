@@ -5,7 +5,6 @@ stages go on as they are and see what this one no longer does. A stage is off wh
 from (nominal lamps, flat depth, stated noise), or when it passes on what it is given.
 """
 
-import math
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -14,15 +13,16 @@ from types import ModuleType
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import SolveSettings
 from acquisition.normals import (
-    alternation,
     discontinuity,
     error_variance,
     integrability,
     integration,
-    model_alternatives,
+    interreflection,
+    model_selection,
     pixel_solve,
     residual_noise,
     self_calibration,
+    term_alternatives,
 )
 from acquisition.normals.model_trial import Alternative
 from acquisition.normals.pixel_solve import Estimate
@@ -115,6 +115,10 @@ def _no_discontinuity(*_: object) -> None:
     """In place of `discontinuity.discontinuous_depth`: the shadows contradict nothing."""
 
 
+def _no_scale(*_: object) -> float:
+    return 0.0
+
+
 def _no_alternative(*_: object) -> list[Alternative]:
     return []
 
@@ -124,7 +128,7 @@ def _posterior_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> t
     return posterior_deg, 0.0
 
 
-OPAQUE = tuple(one for one in model_alternatives.ALTERNATIVES if one is not model_alternatives.translucent_surface)
+OPAQUE = tuple(one for one in model_selection.ALTERNATIVES if one is not term_alternatives.translucent_surface)
 """All alternatives but that of light below the surface."""
 
 NO_DISCONTINUITY = Patch(discontinuity, "discontinuous_depth", _no_discontinuity)
@@ -153,7 +157,7 @@ STAGES = (
     Stage(
         "interreflection",
         "Indirect light is never significant, so that none is subtracted and none is in σ.",
-        (_setting(alternation, min_indirect_share=math.inf),),
+        (Patch(interreflection, "prediction_scale", _no_scale),),
     ),
     Stage(
         "noise from residuals",
@@ -193,22 +197,22 @@ STAGES = (
     Stage(
         "model selection",
         "The plain model is kept, whatever tests demand; what they find is still named, and in σ.",
-        (Patch(model_alternatives, "ALTERNATIVES", ()),),
+        (Patch(model_selection, "ALTERNATIVES", ()),),
     ),
     Stage(
         "gloss",
         "A glossy surface is solved as a diffuse one, whatever the score test says.",
-        (Patch(model_alternatives, "_gloss", _no_alternative),),
+        (Patch(term_alternatives, "gloss", _no_alternative),),
     ),
     Stage(
         "metal",
         "A surface without diffuse light is solved as a diffuse one.",
-        (Patch(model_alternatives, "_metal", _no_alternative),),
+        (Patch(term_alternatives, "metal", _no_alternative),),
     ),
     Stage(
         "translucent surfaces",
         "Images are not sharpened, whatever light is in cast shadows; σ follows detail all the same.",
-        (Patch(model_alternatives, "ALTERNATIVES", OPAQUE),),
+        (Patch(model_selection, "ALTERNATIVES", OPAQUE),),
     ),
     Stage(
         "variance components of σ",

@@ -1,8 +1,8 @@
 """What model selection looked at in a solve: scores of the missing terms, and the trial of each alternative.
 
-The thresholds of `acquisition.normals.model_alternatives` and `model_trial` stand between what sound and what faulty
-captures have of these. A run keeps them with each solve (`recorded`); `python -m tests.unseen table FILE --trials`
-shows their ranges, so that a threshold can be checked against scenes that it was not set on.
+The thresholds of `acquisition.normals.model_trial`, `term_alternatives` and `lamp_alternatives` stand between what
+sound and what faulty captures have of these. A run keeps them with each solve (`recorded`); `python -m tests.unseen
+table FILE --trials` shows their ranges, so that a threshold can be checked against scenes that it was not set on.
 """
 
 import math
@@ -15,7 +15,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from acquisition.normals import model_alternatives, model_selection, model_trial
+from acquisition.normals import lamp_alternatives, model_selection, model_trial, term_alternatives
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 
 Line = dict[str, object]
@@ -83,9 +83,9 @@ def recorded() -> Generator[Record]:
 def score_table(lines: Sequence[Line], group: Callable[[Line], str], table: Callable[[list[list[str]]], str]) -> str:
     """Gains of the log likelihood by group and term, of captures where the step has an amount that would be tried:
     how many there are, the median gain, the greatest, and how many are demanded."""
-    least = asdict(model_alternatives.SETTINGS.min_step) | {
+    least = asdict(term_alternatives.SETTINGS.min_step) | {
         "exponent": model_trial.SETTINGS.coded_exponent,
-        "turn": math.radians(model_alternatives.REFINED_DEG),
+        "turn": math.radians(lamp_alternatives.REFINED_DEG),
     }
     gains: dict[tuple[str, str], list[float]] = defaultdict(list)
     for line in lines:

@@ -176,7 +176,7 @@ def test_gauss_newton_steps_find_strength_of_gloss(count: int, largest_slant: fl
 
 def test_stepped_keeps_terms_within_ranges() -> None:
     far = ImageTerms(roughness=9.0, ambient=-9.0, gloss=9.0)
-    assert image_terms.stepped(LAMBERTIAN, far) == ImageTerms(roughness=image_terms.SETTINGS.max_rough_weight)
+    assert image_terms.stepped(LAMBERTIAN, far) == ImageTerms(roughness=image_terms.ROUGH_WEIGHTS[-1])
     assert image_terms.stepped(ImageTerms(gloss=0.5), far).gloss == image_terms.SETTINGS.gloss_range[1]
 
 

@@ -11,7 +11,7 @@ import pytest
 from acquisition import normals, photometry
 from acquisition.models.light_plan import Light
 from acquisition.models.result import ATTACHED, CAST, NormalMap, SolveSettings
-from acquisition.normals import Images, error_variance, light_tests, model_alternatives, session_images
+from acquisition.normals import Images, error_variance, light_tests, model_selection, session_images, term_alternatives
 from acquisition.normals.model_trial import Alternative, Solution
 from acquisition.normals.term_tests import TermScore
 from hardware_sim.reflectance import Reflectance
@@ -304,7 +304,7 @@ def test_solve_four_images_are_solved_as_glossy_but_as_nothing_else(
     assert kinds(glossy) == [("gloss", True)]
     assert glossy.findings[0].value == pytest.approx(0.25, abs=0.04)
     assert {alternative.kind for alternative, _, _ in tried} == {"gloss"}
-    monkeypatch.setattr(model_alternatives, "ALTERNATIVES", ())
+    monkeypatch.setattr(model_selection, "ALTERNATIVES", ())
     plain = solved(cushion, images)
     errors = [float(np.median(cushion.error_deg(one.normals))) for one in (glossy, plain)]
     assert errors[0] < 0.5 * errors[1]
@@ -442,7 +442,7 @@ def test_solve_poor_fit_is_tried_as_metal_and_as_gloss_whatever_the_score(
     assert before.scores is not None
     unscored = replace(before, scores=replace(before.scores, gloss=TermScore(gain=0.0, step=0.0)))
     quick = replace(unscored, problem=replace(before.problem, thorough=False))
-    offered = [[one.kind for one in model_alternatives.other_formation(solution)] for solution in (unscored, quick)]
+    offered = [[one.kind for one in term_alternatives.other_formation(solution)] for solution in (unscored, quick)]
     assert ["gloss" in kinds_offered for kinds_offered in offered] == [True, False]
 
 

@@ -6,7 +6,14 @@ import pytest
 from acquisition.models.base import Float32Array
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
-from acquisition.normals import Images, changed_images, model_alternatives, surface_diffusion, translucency
+from acquisition.normals import (
+    Images,
+    changed_images,
+    model_selection,
+    surface_diffusion,
+    term_alternatives,
+    translucency,
+)
 from acquisition.normals.pixel_solve import Pixels
 from tests.acquisition.scenes import with_values
 from tests.unseen import patterns, scenes
@@ -26,9 +33,9 @@ def captured(family: str, seed: int, reflectance: str | None, pixels: int) -> tu
 def solved_without(scene: Scene, made: Capture, monkeypatch: pytest.MonkeyPatch) -> NormalMap:
     """The normal map of a solver that does not know of translucent surfaces."""
     with monkeypatch.context() as patch:
-        left_out = model_alternatives.translucent_surface
-        known = tuple(one for one in model_alternatives.ALTERNATIVES if one is not left_out)
-        patch.setattr(model_alternatives, "ALTERNATIVES", known)
+        left_out = term_alternatives.translucent_surface
+        known = tuple(one for one in model_selection.ALTERNATIVES if one is not left_out)
+        patch.setattr(model_selection, "ALTERNATIVES", known)
         return solve(scene, made)
 
 

@@ -1,0 +1,144 @@
+"""Other lamps on trial: two exchanged, or all mirrored, exchanged or turned about the viewing axis.
+
+Every function looks at a solution and gives alternatives (`model_trial.Alternative`), none where no test demands any.
+In a poor fit axes compete with other images and other image formation, since each can look like the others (decision
+72).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import FloatArray
+from acquisition.normals import (
+    image_alternatives,
+    light_tests,
+    model_trial,
+    self_calibration,
+    term_alternatives,
+)
+from acquisition.normals.model_trial import Alternative, Problem, Solution
+
+AXES, TURNED, SCORED, REFINED = "axes of the lamps", "turned lamps", "scored turn", "angle of turned lamps"
+"""Kind of the finding, and marks of a problem whose lamps were turned by an angle, by that of a score, and turned once
+more."""
+
+REFINEMENTS, REFINED_DEG = 2, 0.5
+"""Times that such an angle is measured again, a fifth of it being left each time, and what is left, degrees, that ends
+it."""
+
+
+def other_axes(present: Solution) -> list[Alternative]:
+    """Axes of the lamps mirrored, exchanged or turned, where the normals are closer to those of a surface then; or
+    opposite, where the normals of the outline point inwards and neither fit nor light from near says that they do, or
+    where the images fit badly and far better then.
+
+    In a poor fit metal and coded values compete with them: a wrong reflectance can leave normals whose circulation says
+    anything, and coded values of a dome fit a bowl under opposite lamps better. Of metal that fits they are tried only
+    where the circulation is significant, because highlights alone fit a surface under other axes as well.
+    """
+    problem, coarse, normals = present.problem, present.problem.level.coarse, present.state.normals
+    found, scored = light_tests.integrable_axes(coarse, normals), _scored_axes(present)
+    if photometry.METAL in problem.corrected and not (present.badly_fitting or found.sure):
+        return []
+    if TURNED in problem.corrected:
+        # The normals of turned lamps are not turned by quite as much, since light from near fits others worse.
+        again = sum(kind.startswith(REFINED) for kind in problem.corrected) + 1
+        left_deg = light_tests.turn_deg(found.unmirrored)
+        if SCORED in problem.corrected and present.scores is not None:  # by likelihood alone: evidence is there already
+            left_deg = float(np.degrees(present.scores.turn.step))
+        if again > REFINEMENTS or abs(left_deg) < REFINED_DEG:
+            return []
+        axes = light_tests.turned_by(left_deg)
+        return [_relit(problem, f"{REFINED} {again}", axes, 1.0, sound_enough=True, silent=True)]
+    turned = replace(problem, corrected=(*problem.corrected, TURNED))
+    alternatives = [
+        _relit(turned, AXES, sign * axes, 1.0 if sure else model_trial.SETTINGS.better, sound_enough=sure)
+        for axes, sure in ((one, found.sure and one is found.best) for one in found.turned)
+        for sign in (1, -1)
+    ]
+    if scored is not None and abs(light_tests.turn_deg(scored)) > REFINED_DEG:
+        alternatives.append(_relit(replace(turned, corrected=(*turned.corrected, SCORED)), AXES, scored, 1.0))
+        return [*model_trial.decisive(alternatives), *_others(present)]
+    if found.sure and found.turned:
+        return [*model_trial.decisive(alternatives), *_others(present)]
+    trials, most = (found.quarter, -found.quarter), model_trial.SETTINGS.better
+    if np.array_equal(found.quarter, light_tests.STATED_AXES):
+        trials = trials[1:]
+        outwards = light_tests.outwardness(normals, light_tests.outline(coarse))
+        if outwards is None or outwards >= 0:
+            if not present.badly_fitting:
+                return alternatives
+            # A hollow object under opposite lamps is taken for a raised one, whose normals point outwards.
+            most = model_trial.SETTINGS.better_at_least
+        elif present.well_fitting and light_tests.near(coarse, problem.start_m, problem.nominal.lamps):
+            # Light from near does not fit a raised object for a hollow one.
+            return alternatives
+    alternatives += [_relit(problem, AXES, axes, most) for axes in trials]
+    return [*(model_trial.decisive(alternatives) if found.sure else alternatives), *_others(present)]
+
+
+def _scored_axes(present: Solution) -> FloatArray | None:
+    """The lamps' axes (2, 2) turned as the score of a turn says; none: there is no strong evidence of one, or another
+    term gains more."""
+    scores = present.scores
+    if scores is None or scores.turn.gain <= self_calibration.STRONG_EVIDENCE or not scores.gains_most(scores.turn):
+        return None
+    return light_tests.turned_by(float(np.degrees(scores.turn.step)))
+
+
+def _others(present: Solution) -> list[Alternative]:
+    """What else a poor fit may be than other axes; gloss where it gains more than ambient and stray light."""
+    if not present.poor:
+        return []
+    scores = present.scores
+    most_gained = scores is not None and scores.gloss.gain > max(scores.offset.gain, scores.ambient.gain)
+    gloss = term_alternatives.gloss(present) if most_gained else []
+    scored = [] if present.unjudged else term_alternatives.scored_terms(present)
+    return [
+        *gloss,
+        *scored,
+        *image_alternatives.bad_image(present),
+        *image_alternatives.moved_object(present),
+        *term_alternatives.metal(present),
+        *term_alternatives.coded(present),
+    ]
+
+
+def _relit(
+    problem: Problem, kind: str, axes: FloatArray, most: float, *, sound_enough: bool = False, silent: bool = False
+) -> Alternative:
+    """The lamps' axes multiplied by a matrix (2, 2)."""
+    relit = problem.relit(light_tests.transformed(problem.nominal.lamps, axes))
+    return Alternative(kind, _axes_sentence(axes), relit, most, sound_enough=sound_enough, silent=silent)
+
+
+def _axes_sentence(axes: FloatArray) -> str:
+    """What is said of lamps' axes (2, 2) that were others than stated."""
+    names = {(1, 0): "x", (-1, 0): "−x", (0, 1): "y", (0, -1): "−y"}
+    rows = [names.get((round(row[0]), round(row[1]))) for row in axes if np.max(np.abs(row)) == 1]
+    if len(rows) == 2:
+        return f"the lamps' axes are mirrored or turned: {rows[0]}, {rows[1]} are taken for their x, y"
+    first = "their x is mirrored, and then they are " if np.linalg.det(axes) < 0 else "they are "
+    return f"the lamps' axes are others than the camera's: {first}turned by {light_tests.turn_deg(axes):+.0f}°"
+
+
+def swapped_lamps(present: Solution) -> list[Alternative]:
+    """Two lamps exchanged, where least squares fits much better then; four images are explained by any lamps."""
+    problem, nominal = present.problem, present.problem.nominal
+    if not present.poor or len(nominal.lamps) < photometry.REDUNDANT:
+        return []
+    swap = min(
+        (
+            light_tests.swapped_pair(problem.level.coarse, depth_m, nominal.lamps, nominal.calibration)
+            for depth_m in (problem.start_m, present.state.depth_m)
+        ),
+        key=lambda one: one.residual_share,
+    )
+    if swap.residual_share >= model_trial.SETTINGS.better_at_least:
+        return []
+    order = np.arange(len(nominal.lamps))
+    order[[swap.first, swap.second]] = swap.second, swap.first
+    message = f"the lamps of images {swap.first + 1} and {swap.second + 1} are swapped: they are exchanged"
+    return [Alternative("swapped lamps", message, problem.relit(nominal.lamps[order]), 1.0)]

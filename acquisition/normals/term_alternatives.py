@@ -1,0 +1,210 @@
+"""Other image formation on trial: what each tested term, a coding or light below the surface would say of the images.
+
+Every function looks at a solution and gives alternatives (`model_trial.Alternative`), none where no test demands any:
+terms of image formation where their scores do, codings and metal in a poor fit, sharpened images where light leaks into
+shadows.
+"""
+
+from dataclasses import astuple, dataclass, fields, replace
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import Float32Array
+from acquisition.models.tuned import tuned
+from acquisition.normals import (
+    alternation,
+    changed_images,
+    image_alternatives,
+    image_terms,
+    model_trial,
+    self_calibration,
+    surface_diffusion,
+    translucency,
+)  # fmt: skip
+from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
+from acquisition.normals.model_trial import Alternative, Problem, Solution
+from acquisition.normals.surface_diffusion import SurfaceGraph
+from acquisition.normals.term_tests import TermScore, TermScores
+
+
+@dataclass(frozen=True)
+class AlternativeSettings:
+    """Tuned numbers of the choice between models."""
+
+    term_sigma: ImageTerms = tuned(
+        ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0, strength=1.0), "term"
+    )
+    """1 σ of the priors of terms that are estimated, of gloss, metal and strength next to nothing; what is below a
+    tenth of it, by one step from zero, is not tried. Less is not harmless but hard to tell: ambient light of 1 % takes
+    a blob from 0.39 to 0.85°, a roughness of 0.2 rad, b of 0.15, to 1.76° (audit of an earlier solver, November 2026).
+    b of 0.03 is a roughness of 0.08 rad."""
+
+    @property
+    def min_step(self) -> ImageTerms:
+        """Values of the terms, by one step from zero, below which they are not tried."""
+        return ImageTerms(*(one / 10 for one in astuple(self.term_sigma)))
+
+
+SETTINGS = AlternativeSettings()
+
+CODED_EXPONENTS = (1.4, 1.8, 2.2)
+"""Exponents that undo codings of eight-bit images, the usual one last. As a free parameter it would explain metal."""
+
+METAL_START = 0.3
+"""Roughness α from which a metal's is estimated in a poor fit."""
+
+SECOND_STARTS = (("ambient", 0.05), ("ambient", 0.15), ("offset", 0.03), ("offset", 0.1))
+"""Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
+
+
+CODED = "coded values"
+"""Kind of the finding of values that are not linear."""
+
+TERMS = {
+    "roughness": ("rough surface", "the surface is rough: it is solved with Oren and Nayar's reflectance, roughness"),
+    "ambient": ("ambient light", "light from elsewhere falls on the object: it is estimated and subtracted"),
+    "offset": (
+        "stray light",
+        "a black level or stray light is in the images, or too much was subtracted: it is estimated and subtracted",
+    ),
+    "metal": (
+        photometry.METAL,
+        "the surface has no diffuse light: it is solved as metal, less surely, of roughness α",
+    ),
+    "gloss": ("gloss", "the surface is glossy: it is solved with microfacets, of roughness α"),
+}
+"""Kind and sentence of the finding for each of `ImageTerms`."""
+
+
+def other_formation(present: Solution) -> list[Alternative]:
+    """Terms, and a coding, that the score tests demand; in a poor fit also the coding, metal, and ambient and stray
+    light from other starts."""
+    problem = present.problem
+    if problem.nominal.terms is not None:
+        return coded(present)
+    alternatives = [*gloss(present), *scored_terms(present), *metal(present), *coded(present)]
+    if present.poor:
+        for name, start in SECOND_STARTS:
+            terms = replace(LAMBERTIAN, **{name: start})
+            alternatives.append(_with_term(problem, name, terms, model_trial.SETTINGS.better_at_least))
+    return alternatives
+
+
+def scored_terms(present: Solution) -> list[Alternative]:
+    """Roughness, ambient and stray light that the score tests demand; none beside another term."""
+    problem, scores = present.problem, present.scores
+    if problem.nominal.terms is not None or scores is None:
+        return []
+    demanded: list[Alternative] = []
+    for name in ("roughness", "ambient", "offset"):
+        score: TermScore = getattr(scores, name)
+        if score.gain > model_trial.SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
+            demanded.append(_with_term(problem, name, LAMBERTIAN, 1.0, score.step))
+    if _excess_subtracted(scores):
+        demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
+    return model_trial.decisive(demanded)
+
+
+def coded(present: Solution) -> list[Alternative]:
+    """Codings undone: the usual one in a poor fit, all where the score test finds an exponent well below 1."""
+    exponents = CODED_EXPONENTS if present.seems_coded else CODED_EXPONENTS[-1:] if present.poor else ()
+    images, most = present.problem.masked.images, model_trial.SETTINGS.better_at_least
+    return [
+        Alternative(
+            CODED, f"the images are not linear: values are taken to the power of {exponent}",
+            present.problem.reread(changed_images.linearised(images, exponent)), most, exponent, coding=exponent,
+        )
+        for exponent in exponents
+    ]  # fmt: skip
+
+
+def _excess_subtracted(scores: TermScores) -> bool:
+    """Whether the score test finds an offset below zero that gains more than any other term: gloss and roughness leave
+    one in half of their captures, a sound Lambertian surface in one of 201 (design seeds 40–64)."""
+    offset = scores.offset
+    demanded = offset.gain > model_trial.SETTINGS.min_gain and offset.step < -SETTINGS.min_step.offset
+    return demanded and scores.gains_most(offset)
+
+
+def gloss(present: Solution) -> list[Alternative]:
+    """Gloss of a dielectric, and of any strength, where the score test finds it; in a poor fit anyway, since the wrong
+    normals that sharp highlights make leave no score.
+
+    A dielectric that halves the misfit decides: of 115 matt captures with a fault (gamma, ambient and stray light,
+    mirrored lamps, a flash, moved; design seeds 70, 71 and 73, eight lights) it leaves 0.60 at least.
+    """
+    if present.problem.nominal.terms is not None or present.scores is None:
+        return []
+    score = present.scores.gloss
+    found = score.gain > self_calibration.STRONG_EVIDENCE and score.step > SETTINGS.min_step.gloss
+    if not found and not present.poor:
+        return []
+    most = 1.0 if found else model_trial.SETTINGS.better_at_least
+    start = image_terms.SETTINGS.middle_gloss
+    starts = ImageTerms(gloss=start), ImageTerms(gloss=start, strength=1.0)
+    dielectric, other = (_with_term(present.problem, "gloss", one, most) for one in starts)
+    return [replace(dielectric, least_images=photometry.OVERDETERMINED, decisive=True), other]
+
+
+def metal(present: Solution) -> list[Alternative]:
+    """Metal, in a poor fit of a surface that no other term describes yet."""
+    if present.problem.nominal.terms is not None or not present.poor:
+        return []
+    start = ImageTerms(metal=METAL_START)
+    return [_with_term(present.problem, "metal", start, model_trial.SETTINGS.better_at_least)]
+
+
+def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
+    """One of `TERMS` estimated from a start, with what else the start has, accepted up to `most` of the misfit."""
+    estimated = {name} | {field.name for field in fields(start) if getattr(start, field.name) > 0}
+    sigma = replace(LAMBERTIAN, **{one: getattr(SETTINGS.term_sigma, one) for one in estimated})
+    changed = replace(problem, nominal=replace(problem.nominal, terms=start), term_sigma=sigma)
+    return Alternative(*TERMS[name], changed, most, step=step)
+
+
+def translucent_surface(present: Solution) -> list[Alternative]:
+    """Images sharpened, where light leaks into shadows as from below the surface.
+
+    Not where one image fits far worse, which alone may be blurred, nor after gloss, which is mirrored into shadows, nor
+    after ambient or stray light, which falls there, too, nor of a surface that has drifted away, whose shadows fall
+    elsewhere.
+    """
+    problem, level = present.problem, present.problem.level
+    others = {translucency.KIND, *(TERMS[name][0] for name in ("gloss", "metal", "ambient", "offset"))}
+    worst = image_alternatives.worst_image(present.fit)
+    if others & set(problem.corrected) or (worst is not None and worst.outlying):
+        return []
+    if present.out_of_place or not problem.thorough:
+        return []
+    leak = present.leak
+    if leak is None or not leak.sought:
+        return []
+    length_px = level.factor * leak.length_px
+    # Noise of neighbours alike: what a block of the coarse grid has, not a pixel's own.
+    gain = max(surface_diffusion.noise_gain(length_px), surface_diffusion.noise_gain(leak.length_px))
+    sharpened = changed_images.sharpened(problem.masked.images, *_full_surface(present), length_px, gain)
+    length_mm = (
+        1000 * length_px * float(np.mean(present.state.depth_m)) / problem.nominal.calibration.camera_matrix[0][0]
+    )
+    message = f"light spreads by {length_mm:.1f} mm below the surface, or images are out of focus: they are sharpened"
+    return [
+        Alternative(
+            translucency.KIND, message, problem.reread(sharpened), model_trial.SETTINGS.worse_at_most, length_mm
+        )
+    ]
+
+
+def _full_surface(present: Solution) -> tuple[SurfaceGraph, Float32Array]:
+    """Graph and albedo (h, w) of all object pixels, from the coarse solution."""
+    masked, level, state = present.problem.masked, present.problem.level, present.state
+    albedo, depth = np.zeros(masked.mask.shape, np.float32), np.zeros(masked.mask.shape, np.float32)
+    for rows in masked.blocks():
+        pixels = masked.pixels(rows)
+        if len(pixels.index) == 0:
+            continue
+        values = alternation.divide_intensity(pixels.values, state.shared.log_intensity)
+        known, _ = translucency.albedo_and_lit(values, level.interpolate(present.shading, pixels, rows.start))
+        albedo[rows] = pixels.image(known)
+        depth[rows] = pixels.image(level.interpolate(state.depth_m, pixels, rows.start))
+    return surface_diffusion.graph(albedo > 0, masked.ray, depth), albedo
