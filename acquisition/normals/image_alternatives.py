@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition import mosaic, photometry
-from acquisition.models.base import FloatArray
+from acquisition.models.base import BoolArray, FloatArray
 from acquisition.normals import changed_images, model_trial, registration, self_calibration
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.model_trial import Alternative, Solution
@@ -40,12 +40,16 @@ def bad_image(present: Solution) -> list[Alternative]:
     in 20, more than half or a poor fit in the others; of ten with a flash in one image 0.26–0.6 in seven.
     """
     problem, worst = present.problem, worst_image(present.fit)
-    if worst is None or not (worst.outlying or present.poor):
+    if worst is None or not (worst.outlying or present.poor or _far_intensities(present)[worst.number]):
         return []
     message = f"image {worst.number + 1} does not fit the others: it is left out"
     rest = problem.reread(changed_images.without(problem.masked.images, worst.number))
-    most = 1.0 if worst.outlying else model_trial.SETTINGS.better_at_least
-    return [Alternative("bad image", message, rest, most, worst.number + 1, decisive=worst.outlying)]
+    most = 1.0 if worst.outlying else model_trial.SETTINGS.better
+    return [
+        Alternative(
+            "bad image", message, rest, most, worst.number + 1, decisive=worst.outlying, never_poor=not worst.outlying
+        )
+    ]
 
 
 @dataclass(frozen=True)
@@ -67,17 +71,27 @@ def worst_image(fit: Fit) -> _WorstImage | None:
 
 def other_intensities(present: Solution) -> list[Alternative]:
     """Images scaled whose intensity is far from what is stated, unless most are."""
-    stated = present.problem.nominal.calibration.intensity_sigma
-    log: FloatArray = present.state.shared.log_intensity - np.median(present.state.shared.log_intensity)
-    far = np.abs(log) > photometry.SETTINGS.outlying_deviations * self_calibration.SIGMA_FACTORS[-1] * stated
-    if not np.any(far) or np.count_nonzero(far) > len(log) // 2:
+    far = _far_intensities(present)
+    if not np.any(far):
         return []
-    factors = np.where(far, np.exp(log), 1.0)
+    factors = np.where(far, np.exp(_log_intensity(present)), 1.0)
     names = ", ".join(f"image {n + 1} ({factors[n] - 1:+.0%})" for n in np.flatnonzero(far))
     scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
     return [Alternative("intensities", message, scaled, 1 / model_trial.SETTINGS.better, float(factors[far][0]))]
+
+
+def _far_intensities(present: Solution) -> BoolArray:
+    """Images (F,) whose intensity is outlying under the widest prior that it has; none where most are."""
+    widest = self_calibration.SIGMA_FACTORS[-1] * present.problem.nominal.calibration.intensity_sigma
+    far = np.abs(_log_intensity(present)) > photometry.SETTINGS.outlying_deviations * widest
+    return far & (np.count_nonzero(far) <= len(far) // 2)
+
+
+def _log_intensity(present: Solution) -> FloatArray:
+    """Logarithms (F,) of the intensities over their median."""
+    return present.state.shared.log_intensity - np.median(present.state.shared.log_intensity)
 
 
 def held_shift(present: Solution) -> list[Alternative]:

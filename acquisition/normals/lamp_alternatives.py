@@ -67,7 +67,7 @@ def other_axes(present: Solution) -> list[Alternative]:
     if np.array_equal(found.quarter, light_tests.STATED_AXES):
         trials = trials[1:]
         outwards = light_tests.outwardness(normals, light_tests.outline(coarse))
-        if outwards is None or outwards >= 0:
+        if outwards is None or outwards > -photometry.SETTINGS.min_view_cosine:
             if not present.badly_fitting:
                 return alternatives
             # A hollow object under opposite lamps is taken for a raised one, whose normals point outwards.

@@ -213,7 +213,8 @@ class Alternative:
     step promised of the term that it estimates from zero, of which half is found, or the fit is `better`. `silent`: it
     corrects the solver, not the capture. `sound_enough`: its fit need not be better than a sound one, because a test
     demands it that does not look at residuals. `least_images`: fewer leave residuals that do not tell it from others.
-    `decisive`: once it is the best so far and `decides`, only other decisive ones that follow are tried.
+    `never_poor`: its fit must not be poor. `decisive`: once it is the best so far and `decides`, only other decisive
+    ones that follow are tried.
     """
 
     kind: str
@@ -227,6 +228,7 @@ class Alternative:
     sound_enough: bool = False
     least_images: int = photometry.REDUNDANT
     decisive: bool = False
+    never_poor: bool = False
 
     @property
     def demanded(self) -> bool:
@@ -245,7 +247,7 @@ class Alternative:
         trial's fit has to be sound.
         """
         before_fit, after, terms = before.fit, trial.fit, trial.state.shared.terms
-        if trial.out_of_place or (self.coding != 1 and not trial.seems_linear):
+        if trial.out_of_place or (self.coding != 1 and not trial.seems_linear) or (self.never_poor and trial.poor):
             return False
         if before.unjudged:
             return after.probability > SETTINGS.min_probability

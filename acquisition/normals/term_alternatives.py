@@ -33,7 +33,7 @@ class AlternativeSettings:
     """Tuned numbers of the choice between models."""
 
     term_sigma: ImageTerms = tuned(
-        ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0, strength=1.0), "term"
+        ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=0.5, metal=1.0, strength=1.0), "term"
     )
     """1 σ of the priors of terms that are estimated, of gloss, metal and strength next to nothing; what is below a
     tenth of it, by one step from zero, is not tried. Less is not harmless but hard to tell: ambient light of 1 % takes
