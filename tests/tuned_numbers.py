@@ -39,7 +39,7 @@ REASONS: dict[str, str] = {
         reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M
         distant.BRIGHT_ALBEDO reflectance_solve.HIGHLIGHT_SHARE
         equivalent_session.EXPOSURE
-        surface_diffusion.EMPTY colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE sensor_estimate.MAX_EXPOSURE_RATIO
+        colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE sensor_estimate.MAX_EXPOSURE_RATIO
         translucency.MIN_LIGHTS
         cast_shadows.HIDDEN images.BYTES_PER_VALUE criterion.MIN_LIGHTS
         photometry.OVERDETERMINED
@@ -95,7 +95,7 @@ REASONS: dict[str, str] = {
 INLINE = {
     "alternation": 1, "cast_shadows": 2, "discontinuity": 1,
     "distant": 2, "reflectance_fit": 2, "reflectance_kernels": 14, "exposure_plan": 2,
-    "grey_tile": 1, "image_terms": 4,
+    "grey_tile": 1,
     "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "photometry": 1,
     "photon_transfer": 3, "pixel_solve": 1, "planned_images": 2, "planner": 2, "prior_forecast": 1,
     "sample_pixels": 2, "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,

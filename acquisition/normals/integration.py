@@ -12,26 +12,15 @@ smooth relief, hence an option.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
-from acquisition.models.tuned import tuned
+from acquisition.normals import discontinuity
 from acquisition.normals.poisson import Edges, Poisson
-
-
-@dataclass(frozen=True)
-class IntegrationSettings:
-    """Tuned numbers of the integration of depth."""
-
-    bilateral_sharpness: float = tuned(100.0, "1/px²")
-    """Steepness k of the sigmoid of the bilateral weights, on squared residuals in units of a pixel."""
-
-
-SETTINGS = IntegrationSettings()
 
 BILATERAL_ROUNDS = 12
 """Most iterations of reweighting."""
@@ -224,7 +213,7 @@ def _bilateral(edges: Edges, solution: Float32Array, axis: int, pitch: float) ->
     backward[second] = np.where(inside, ((change - second_step) / pitch) ** 2, np.nan)
     # A pixel with a neighbour on one side only has no choice: both sides weigh alike.
     ahead = np.nan_to_num(backward - forward, nan=0.0)
-    share = 1 / (1 + np.exp(-np.clip(SETTINGS.bilateral_sharpness * ahead, -30, 30)))
+    share = 1 / (1 + np.exp(-np.clip(ahead / discontinuity.SETTINGS.robust_scale_px**2, -30, 30)))
     w1, w2 = share[first] + LEAST_BILATERAL_WEIGHT, (1 - share)[second] + LEAST_BILATERAL_WEIGHT
     step = (w1 * first_step + w2 * second_step) / (w1 + w2)
     return replace(edges, step=step.astype(np.float32), weight=(edges.weight * (w1 + w2)).astype(np.float32))

@@ -52,9 +52,6 @@ class SurfaceGraph:
         return SurfaceGraph(self.across[first:last], self.down[first : last - 1])
 
 
-EMPTY = SurfaceGraph(np.zeros((1, 0), np.float32), np.zeros((0, 1), np.float32))
-
-
 def graph(mask: BoolArray, ray: Float32Array, depth_m: Float32Array) -> SurfaceGraph:
     """Graph of the object's pixels (h, w) at depth (h, w) along rays (2, h, w), X/Z and Y/Z."""
     point = np.stack([ray[0] * depth_m, ray[1] * depth_m, depth_m])
