@@ -51,8 +51,8 @@ class SharedSettings:
     Half of the albedo in both tangential directions is 0.5 √2 rad = 40°, near the 49° of a random visible normal.
     Measurements, which are known to a few per cent, outweigh it."""
     flat_field_sigma: float = tuned(0.005, "share")
-    """1 σ of what remains of the flat field and of the lobe, as a fraction; indirect light of no more, at the 98th
-    percentile of pixels, is not subtracted. A judgement that holds: lobes to 40° of 19
+    """1 σ of what remains of the flat field and of the lobe, as a fraction; indirect light of less than twice that, at
+    the 98th percentile of pixels, is not subtracted. A judgement that holds: lobes to 40° of 19
     simulated calibrations are 0.2 % off in the median and 0.7 % at worst (`docs/how-to/calibrate.md`,
     November 2026)."""
     integrated_depth_sigma_m: float = tuned(0.01, "m")

@@ -253,7 +253,7 @@ def _indirect_light(
         scale = interreflection.prediction_scale(coarse, diffuse, radiance, estimate)
         radiance = (np.float32(scale) * radiance).astype(np.float32)
         share = np.sum(radiance[:, ::every], axis=0) / np.maximum(np.sum(diffuse[:, ::every], axis=0), 1e-6)
-        significant = float(np.quantile(share, 0.98)) > photometry.SETTINGS.flat_field_sigma
+        significant = float(np.quantile(share, 0.98)) > 2 * photometry.SETTINGS.flat_field_sigma
         irradiance = np.float32(scale) * irradiance
         return _IndirectLight(irradiance, radiance if significant else np.zeros_like(radiance), scale, significant)
 

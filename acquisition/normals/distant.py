@@ -14,7 +14,7 @@ from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import LIT, SATURATED, FisherInformation, NormalMap, SolveSettings
-from acquisition.normals import integration, memory_mapped, near_light, reflectance_solve, silhouette
+from acquisition.normals import integration, memory_mapped, model_trial, near_light, reflectance_solve, silhouette
 from acquisition.normals.image_set import (
     INTENSITY_SIGMA,
     POSITION_SIGMA_M,
@@ -88,8 +88,8 @@ def _unexplained(solved: NormalMap) -> bool:
     return (
         any(not finding.corrected for finding in solved.findings)
         or not solved.notes["lobe"]["dielectric"]
-        or solved.noise["direction"] > photometry.SETTINGS.outlying_deviations * DIRECTION_SIGMA_RAD
-        or solved.noise["intensity"] > photometry.SETTINGS.outlying_deviations * INTENSITY_SIGMA
+        or solved.noise["direction"] > model_trial.SETTINGS.worse_at_most * DIRECTION_SIGMA_RAD
+        or solved.noise["intensity"] > model_trial.SETTINGS.worse_at_most * INTENSITY_SIGMA
     )
 
 

@@ -18,6 +18,7 @@ from acquisition.normals import (
     self_calibration,
     term_alternatives,
 )
+from acquisition.normals.light_tests import IntegrableAxes
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 
 AXES, TURNED, SCORED, REFINED = "axes of the lamps", "turned lamps", "scored turn", "angle of turned lamps"
@@ -58,34 +59,42 @@ def other_axes(present: Solution) -> list[Alternative]:
         for axes, sure in ((one, found.sure and one is found.best) for one in found.turned)
         for sign in (1, -1)
     ]
-    if scored is not None and abs(light_tests.turn_deg(scored)) > REFINED_DEG:
+    if scored is not None:
         alternatives.append(_relit(replace(turned, corrected=(*turned.corrected, SCORED)), AXES, scored, 1.0))
-        return [*model_trial.decisive(alternatives), *_others(present)]
-    if found.sure and found.turned:
-        return [*model_trial.decisive(alternatives), *_others(present)]
+    sure = found.sure or scored is not None
+    quarters = [] if found.sure and found.turned else _quarter_turns(present, found)
+    if not (quarters or sure):
+        return alternatives
+    alternatives += quarters
+    return [*(model_trial.decisive(alternatives) if sure else alternatives), *_others(present)]
+
+
+def _quarter_turns(present: Solution, found: IntegrableAxes) -> list[Alternative]:
+    """Axes that are mirrored or turned by quarters, or opposite to those stated."""
+    problem, coarse = present.problem, present.problem.level.coarse
     trials, most = (found.quarter, -found.quarter), model_trial.SETTINGS.better
     if np.array_equal(found.quarter, light_tests.STATED_AXES):
         trials = trials[1:]
-        outwards = light_tests.outwardness(normals, light_tests.outline(coarse))
+        outwards = light_tests.outwardness(present.state.normals, light_tests.outline(coarse))
         if outwards is None or outwards > -photometry.SETTINGS.min_view_cosine:
             if not present.badly_fitting:
-                return alternatives
+                return []
             # A hollow object under opposite lamps is taken for a raised one, whose normals point outwards.
             most = model_trial.SETTINGS.better_at_least
         elif present.well_fitting and light_tests.near(coarse, problem.start_m, problem.nominal.lamps):
             # Light from near does not fit a raised object for a hollow one.
-            return alternatives
-    alternatives += [_relit(problem, AXES, axes, most) for axes in trials]
-    return [*(model_trial.decisive(alternatives) if found.sure else alternatives), *_others(present)]
+            return []
+    return [_relit(problem, AXES, axes, most) for axes in trials]
 
 
 def _scored_axes(present: Solution) -> FloatArray | None:
-    """The lamps' axes (2, 2) turned as the score of a turn says; none: there is no strong evidence of one, or another
-    term gains more."""
+    """The lamps' axes (2, 2) turned as the score of a turn says; none: there is no strong evidence of one, hardly a
+    turn, or another term gains more."""
     scores = present.scores
     if scores is None or scores.turn.gain <= self_calibration.STRONG_EVIDENCE or not scores.gains_most(scores.turn):
         return None
-    return light_tests.turned_by(float(np.degrees(scores.turn.step)))
+    turn_deg = float(np.degrees(scores.turn.step))
+    return light_tests.turned_by(turn_deg) if abs(turn_deg) > REFINED_DEG else None
 
 
 def _others(present: Solution) -> list[Alternative]:
@@ -126,8 +135,9 @@ def _axes_sentence(axes: FloatArray) -> str:
 
 def swapped_lamps(present: Solution) -> list[Alternative]:
     """Two lamps exchanged, where least squares fits much better then; four images are explained by any lamps."""
-    problem, nominal = present.problem, present.problem.nominal
-    if not present.poor or len(nominal.lamps) < photometry.REDUNDANT:
+    problem, nominal, worst = present.problem, present.problem.nominal, image_alternatives.worst_image(present.fit)
+    doubted = present.poor or (worst is not None and worst.outlying)
+    if not doubted or len(nominal.lamps) < photometry.REDUNDANT:
         return []
     swap = min(
         (

@@ -258,7 +258,7 @@ class Alternative:
         if self.step != 0:
             estimated = terms.roughness + terms.ambient + terms.offset
             return estimated / self.step > 0.5 or after.misfit <= SETTINGS.better * before_fit.misfit
-        if self.worse_at_most > SETTINGS.better_at_least:
+        if self.worse_at_most > SETTINGS.better_at_least and self.coding == 1:
             return True
         share_at_most = self.worse_at_most
         if self.coding != 1:

@@ -12,7 +12,6 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.models.result import SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals import reflectance_kernels
 
@@ -21,9 +20,10 @@ from acquisition.normals import reflectance_kernels
 class ReflectanceFitSettings:
     """Tuned numbers of the fit of a reflectance."""
 
-    noise_floor: float = tuned(0.2, "of the median")
-    """Weights are 1/(y + noise_floor), y in units of the pixel's median. They lie between those of constant noise and
-    of noise in proportion to y."""
+    dark_share: float = tuned(0.2, "of the pixel's brightness")
+    """Share of a pixel's brightness below which a measurement may be light from other surfaces: it is omitted (of the
+    80th percentile, since the largest may be a highlight), and the weights 1/(y + share), y over the median, hardly
+    rise further; they lie between those of constant noise and of noise in proportion to y."""
 
 
 SETTINGS = ReflectanceFitSettings()
@@ -58,7 +58,7 @@ def fit(
     """Fits normal and strengths of pixels (N, F) from initial normals (N, 3), with κ and ω of the diffuse term (2,)."""
     typical = np.maximum(np.median(values, axis=1, keepdims=True), 1e-9)
     y = np.ascontiguousarray(values / typical, dtype=np.float32)
-    weights = np.where(usable(y, clipped), 1.0 / (np.maximum(y, 0) + SETTINGS.noise_floor), 0.0).astype(np.float32)
+    weights = np.where(usable(y, clipped), 1.0 / (np.maximum(y, 0) + SETTINGS.dark_share), 0.0).astype(np.float32)
     y[clipped] = 0.0
     count = len(values)
     normals = np.empty((count, 3), np.float32)
@@ -108,10 +108,8 @@ def neighbour_deviation(normals: Float32Array, pixel_numbers: np.ndarray, width:
 
 
 def usable(values: Float32Array, clipped: BoolArray) -> BoolArray:
-    """Mask (N, F) of the measurements that are used: neither clipped nor in shadow, that is, below
-    `SolveSettings.shadow_threshold` of the 80th percentile, since the largest may be a highlight."""
-    bright = np.quantile(values, 0.8, axis=1, keepdims=True)
-    return (values >= bright * SolveSettings().shadow_threshold) & ~clipped
+    """Mask (N, F) of the measurements that are used: neither clipped nor dark."""
+    return (values >= np.quantile(values, 0.8, axis=1, keepdims=True) * SETTINGS.dark_share) & ~clipped
 
 
 def diffuse(normals: np.ndarray, table: FloatArray, diffuse_form: FloatArray) -> Float32Array:

@@ -109,7 +109,8 @@ def scored_terms(present: Solution) -> list[Alternative]:
 def coded(present: Solution) -> list[Alternative]:
     """Codings undone: the usual one in a poor fit, all where the score test finds an exponent well below 1."""
     exponents = CODED_EXPONENTS if present.seems_coded else CODED_EXPONENTS[-1:] if present.poor else ()
-    images, most = present.problem.masked.images, model_trial.SETTINGS.better_at_least
+    images, settings = present.problem.masked.images, model_trial.SETTINGS
+    most = settings.better if present.seems_coded else settings.better_at_least
     return [
         Alternative(
             CODED, f"the images are not linear: values are taken to the power of {exponent}",
