@@ -80,7 +80,7 @@ REASONS: dict[str, str] = {
         registration.ROUNDS
         translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS term_solve.ROUNDS
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
-        image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP term_alternatives.METAL_START
+        image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP term_alternatives.GLOSS_START term_alternatives.METAL_START
         lamp_alternatives.REFINEMENTS lamp_alternatives.REFINED_DEG""",
     "grids of what may be chosen": """
         exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS

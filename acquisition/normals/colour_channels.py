@@ -10,12 +10,12 @@ clipped: under white light the maximum-likelihood estimate again, from all image
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.models.result import SolveSettings
 
-MIN_SHARE = SolveSettings().shadow_threshold
-"""Least share of an image's light in the channels that are left: of less, its value is mostly noise, as in shadow, and
-counts as clipped."""
+MIN_SHARE = photometry.SETTINGS.outlying_deviations**-2
+"""Least share of an image's light in the channels that are left: with less, relative noise is more than three times
+that of all channels, and the value counts as clipped."""
 
 
 def ratios(values: Float32Array, counted: BoolArray, light: FloatArray) -> Float32Array:

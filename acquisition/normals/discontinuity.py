@@ -32,12 +32,9 @@ class DiscontinuitySettings:
     slope of a pair of neighbours between which it shows that the surface may be discontinuous. Three degrees change a
     slope by 0.05 where it faces the camera and by 0.10 at 45°: squared ratios to half a pixel are 0.01–0.04."""
     robust_scale_px: float = tuned(0.6, "px")
-    """Cauchy scale of the slope error, in pixels, beyond which a pair of neighbours counts as discontinuous; the
-    sigmoid of bilateral integration has it as its scale, where Cao et al. (2022) have 0.7 (k = 2). With 1 errors of
-    sound captures are 0.996 ± 0.009 of those with it (28 of design seeds 101–104), but of eight objects from which 3
-    % too much was subtracted (seed 62) two are no longer recognised. Bilateral depth from true normals with 2° of
-    noise errs by 1.82 mm with it, by 2.03 with a scale of 0.1 (20 scenes, design seeds 40–43, scratch evaluation,
-    November 2026)."""
+    """Cauchy scale of the slope error, in pixels, beyond which a pair of neighbours counts as discontinuous. With 1
+    errors of sound captures are 0.996 ± 0.009 of those with it (28 of design seeds 101–104), but of eight objects from
+    which 3 % too much was subtracted (seed 62) two are no longer recognised."""
     occluding_contour_cosine: float = tuned(0.8, "cosine")
     """Cosine to the viewing ray below which a surface may be near its occluding contour. With 1 errors are 2–3 % larger
     on two of two machined parts (design seeds 45 and 62) and those of six other families as they are."""
@@ -241,7 +238,9 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
             image,
             target[0],
             target[1],
+            photometry.SETTINGS.grazing_cosine * 0.75,
             photometry.SETTINGS.grazing_cosine,
+            photometry.SETTINGS.edge_px,
             photometry.SETTINGS.edge_px,
         )
         if len(edge) == 0:
@@ -264,12 +263,12 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
 
 
 @numba.njit(
-    "Tuple((int64[::1], int64[::1]))(float32[:,::1], float64, float64, float64, float64)",
+    "Tuple((int64[::1], int64[::1]))(float32[:,::1], float64, float64, float64, float64, int64, float64)",
     cache=True,
     error_model="numpy",
 )
-def _shadow_runs(
-    share: Float32Array, target_u: float, target_v: float, lit: float, shortest: float
+def _shadow_runs(  # noqa: PLR0912 - one fused kernel is the point
+    share: Float32Array, target_u: float, target_v: float, dark: float, lit: float, border: int, shortest: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Scan for cast shadows towards the lamp's image at (target_u, target_v): lit pixels at their far and near end.
 
@@ -289,17 +288,30 @@ def _shadow_runs(
             if length < 1:
                 continue
             across, down = across / length, down / length
+            state, first, gap = 0, 0.0, 0
             s = 0.0
             while s < length:
                 s += 1.0
                 c, r = int(np.round(u + s * across)), int(np.round(v + s * down))
                 if c < 0 or r < 0 or c >= width or r >= height or share[r, c] < 0:
                     break
-                if share[r, c] >= lit:
-                    if s > shortest:
+                value = share[r, c]
+                if state == 0:  # before the shadow: it must begin within the border
+                    if value < dark:
+                        state, first, gap = 1, s, 0
+                    elif value >= lit or s > border:
+                        break
+                elif value >= lit:
+                    if s - first >= shortest:
                         edges[count], tips[count] = r * width + c, v * width + u
                         count += 1
                     break
+                elif value >= dark:
+                    gap += 1
+                    if gap >= border:
+                        break
+                else:
+                    gap = 0
     return edges[:count].copy(), tips[:count].copy()
 
 

@@ -43,8 +43,7 @@ def bad_image(present: Solution) -> list[Alternative]:
     if worst is None:
         return []
     scaled = np.broadcast_to(problem.factors, len(present.fit.images))[worst.number] != 1
-    doubted = (present.poor or scaled) and not _far_intensities(present)[worst.number]  # it is scaled first
-    if not (worst.outlying or doubted):
+    if not (worst.outlying or present.poor or scaled):
         return []
     message = f"image {worst.number + 1} does not fit the others: it is left out"
     rest = problem.reread(changed_images.without(problem.masked.images, worst.number))

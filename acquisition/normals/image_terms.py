@@ -16,7 +16,6 @@ subtracted, and its derivative added, too. Of a metal, the lobe times ρ takes t
 first degree.
 """
 
-import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -35,13 +34,6 @@ class ImageTermSettings:
     """Roughness α that an estimate of gloss may reach. Below it highlights are smaller than the grid of lights
     resolves: half vectors within 3° of the normal, lamps within 6°. Above it the lobe is as flat as the diffuse base: a
     dielectric's is 0.02 high there, with an exponent of 2 (`microfacet.blinn_phong`)."""
-
-    @property
-    def middle_gloss(self) -> float:
-        """Roughness α at which gloss is tested, and from which it is estimated: the geometric mean of the range's ends.
-        From 0.12 and 0.25 gloss ends at the same (0.158 and 0.39, six families). Sharper gloss leaves
-        highlights, which robust weights reject, and wrong normals, which make the fit poor."""
-        return math.sqrt(self.gloss_range[0] * self.gloss_range[1])
 
 
 SETTINGS = ImageTermSettings()

@@ -42,10 +42,12 @@ class TrialSettings:
     ambient light; the descent takes most of it back, and the fit stays as it was. Of true ambient light of 10 % a step
     promises up to 46 %, and misfits fall to 0.21–0.84; an offset that a sheet's interreflection resembled left 0.85
     (design seeds 20–23, 30, 31, 40 and 41; `python -m tests.unseen table FILE --trials`)."""
-    better_at_least: float = tuned(0.5, "misfit ratio")
+    better_at_least: float = tuned(0.55, "misfit ratio")
     """Misfit of a second start over that before, up to which it is accepted, and residual of least squares after over
     before two lamps are exchanged, below which that is tried. A fall by a hundredth once accepted ambient light on a
-    gear, whose error rose from 3.9° to 8.3°."""
+    gear, whose error rose from 3.9° to 8.3°. Of 210 captures, sound and with faults (design seeds 62, 63 and
+    101–112), second starts that leave 0.5–0.62 of misfit and relative residuals are two, both of metal, of which the
+    one that no other beats is right."""
     coded_exponent: float = tuned(0.25, "exponent")
     """Size of ε, the exponent's score (`TermScores`): values are tried as coded where it is below −0.25, and were coded
     where less than 0.25 of it is left once they are linearised. It is −0.05 to 0.23 then of nine Lambertian captures of
@@ -286,11 +288,11 @@ class Alternative:
 
 
 def decides(before: Solution, trial: Solution) -> bool:
-    """Whether an accepted trial is so much better, with half the misfit and half the relative residuals, that it need
-    not be compared with others."""
-    half = SETTINGS.better_at_least
+    """Whether an accepted trial is so much better, with about half the misfit and half the relative residuals, that it
+    need not be compared with others."""
+    most = SETTINGS.better_at_least
     return (
-        not trial.poor and trial.fit.misfit <= half * before.fit.misfit and trial.fit.share <= half * before.fit.share
+        not trial.poor and trial.fit.misfit <= most * before.fit.misfit and trial.fit.share <= most * before.fit.share
     )
 
 
