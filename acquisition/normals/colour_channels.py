@@ -13,10 +13,6 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 
-MIN_SHARE = photometry.SETTINGS.outlying_deviations**-2
-"""Least share of an image's light in the channels that are left: with less, relative noise is more than three times
-that of all channels, and the value counts as clipped."""
-
 
 def ratios(values: Float32Array, counted: BoolArray, light: FloatArray) -> Float32Array:
     """Albedo of each channel over their mean (..., C), from values (F, ..., C) of the images `counted` (F, ...) under
@@ -35,7 +31,8 @@ def combined(values: Float32Array, clipped: BoolArray, light: FloatArray) -> tup
     left = np.sum(ratios(values, whole, light) * each * ~clipped, axis=-1)
     total = np.sum(np.where(clipped, 0, values), axis=-1)
     every = np.broadcast_to(each, values.shape).sum(axis=-1)
-    gone = left < MIN_SHARE * every
+    # With less light left than a ninth, relative noise is over three times that of all channels.
+    gone = left * photometry.SETTINGS.outlying_deviations**2 < every
     unknown = values.sum(axis=-1) / every
     return np.where(gone, unknown, total / np.maximum(left, 1e-6 * every)).astype(np.float32), gone
 

@@ -238,7 +238,7 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
             image,
             target[0],
             target[1],
-            photometry.SETTINGS.grazing_cosine * 0.75,
+            3 * photometry.SETTINGS.grazing_cosine / 4,  # light that fades slowly between the two casts no shadow
             photometry.SETTINGS.grazing_cosine,
             photometry.SETTINGS.edge_px,
             photometry.SETTINGS.edge_px,
