@@ -8,19 +8,15 @@ times what a calibrated lobe has beyond that power of the cosine (`lobe_table`);
 what a perfectly white surface facing the lamp on its axis at R0 would give. The model is near light throughout: a lamp
 on an arm stands at three object sizes, where a distant light is wrong by 20°.
 
-The variance of y has four terms: shot noise; read noise and quantisation, of the lit frame and of the dark frame that
-is subtracted from it; a share c of y for intensity errors; and (σ_d ρ|s|)² for errors of the light's direction. The
-last two dominate in practice, and without the last one a surface at the terminator would seem to carry infinite
-information.
+The variance of y is `image_values`'.
 
 Pixels live on the distorted image as the camera gives it; distortion is in the rays. Kernels compile at import, into
 numba's cache: `KERNELS` lists them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from math import hypot
 
 import cv2
 import numba
@@ -30,9 +26,9 @@ from scipy.interpolate import CubicSpline
 
 from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.models.calibration import Calibration, LampLobe, SensorModel
+from acquisition.models.calibration import Calibration, LampLobe
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.light_plan import FrameExposure, Light
+from acquisition.models.light_plan import Light
 from acquisition.models.result import ModelFinding, NormalMap
 from acquisition.models.tuned import tuned
 
@@ -143,8 +139,6 @@ OVERDETERMINED, REDUNDANT = PIXEL_UNKNOWNS + 1, PIXEL_UNKNOWNS + 2
 CAUCHY_SCALE = 2.385
 """Scale of Cauchy's weight, in σ: 95 % efficiency on Gaussian noise (Holland & Welsch, Commun. Stat. A6, 1977)."""
 
-SATURATION_SHARE = 0.985
-"""Share of the clipping level above which a value is taken as clipped."""
 
 LOBE_SAMPLES = 1025
 """Samples of a lobe's factor over the cosine: linear interpolation between them is good to 1e-5."""
@@ -161,33 +155,6 @@ RANDOM_NORMAL_VARIANCE = np.radians(RANDOM_NORMAL_SIGMA_DEG) ** 2
 
 GRADED_SLANT_DEG = 78.0
 """Greatest angle between a normal and its viewing ray over which errors and σ are averaged."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Variance of y: v = shot·y + floor + (intensity·y)² + (direction·ρ|s|)², the first two per image.
-
-    `shot` and `floor` (F,) follow from sensor and exposure; `intensity` (fraction) and `direction` (rad) from the
-    calibration's own uncertainty.
-    """
-
-    shot: FloatArray
-    floor: FloatArray
-    intensity: float
-    direction: float
-
-    def variance(self, values: FloatArray | Float32Array, strength: FloatArray | Float32Array) -> FloatArray:
-        """Variance of y (F, N) where a surface of strength ρ|s| (F, N) gives `values` (F, N)."""
-        return (
-            self.shot[:, None] * np.maximum(values, 0.0)
-            + self.floor[:, None]
-            + (self.intensity * values) ** 2
-            + (self.direction * strength) ** 2
-        )
-
-    def single_precision(self) -> "Noise":
-        """The same, whose variance of float32 images is float32: half the memory where images are of megapixels."""
-        return replace(self, shot=self.shot.astype(np.float32), floor=self.floor.astype(np.float32))
 
 
 def bounded_variance(variance_deg2: FloatArray) -> FloatArray:
@@ -278,113 +245,6 @@ def lobe_table(lobe: LampLobe | None) -> Float32Array:
 def _factor_table(knots_rad: tuple[float, ...], factors: tuple[float, ...]) -> Float32Array:
     angles = np.arccos(np.linspace(0, 1, LOBE_SAMPLES))
     return np.exp(lobe_spline(knots_rad, angles) @ np.log(factors)).astype(np.float32)
-
-
-def electrons_per_value(calibration: Calibration, exposure_s: float) -> float:
-    """Electrons that y = 1 gives in one exposure."""
-    sensor = calibration.sensor
-    return sensor.gain_e_per_dn * sensor.full_scale_dn * exposure_s * calibration.lamp_intensity
-
-
-def normalised(
-    frame: npt.NDArray[np.uint16], dark: npt.NDArray[np.uint16], exposure_s: float, calibration: Calibration
-) -> Float32Array:
-    """Values y of a frame (..) in DN, its lamp-off frame of the same exposure time subtracted."""
-    scale = 1.0 / (calibration.sensor.full_scale_dn * exposure_s * calibration.lamp_intensity)
-    return (frame.astype(np.float32) - dark.astype(np.float32)) * np.float32(scale)
-
-
-def flat_terms(pixels: FloatArray, width: int, height: int) -> FloatArray:
-    """Terms (N, 5) of ln sensitivity (`FlatField`) at pixels (N, 2), column and row: zero in the image's centre."""
-    half = np.hypot(width, height) / 2
-    u, v = ((pixels - (np.array([width, height]) - 1) / 2) / half).T
-    return np.stack([u, v, u * u, u * v, v * v], axis=1)
-
-
-def sensitivity(calibration: Calibration, rows: slice, columns: slice) -> Float32Array | None:
-    """Sensitivity (h, w) of a window of pixels by the calibrated flat field; none where it is not known."""
-    if calibration.flat_field is None:
-        return None
-    v, u = np.mgrid[rows, columns]
-    pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
-    logarithm = flat_terms(pixels, calibration.width, calibration.height) @ np.array(calibration.flat_field.terms)
-    return np.exp(logarithm).reshape(u.shape).astype(np.float32)
-
-
-def clipping_dn(sensor: SensorModel) -> float:
-    """The value above which pixels count as saturated: the converter's end or the full well, whichever is lower."""
-    return sensor.black_level_dn + SATURATION_SHARE * min(
-        sensor.full_scale_dn, sensor.full_well_e / sensor.gain_e_per_dn
-    )
-
-
-def saturated(frame: npt.NDArray[np.uint16], sensor: SensorModel) -> BoolArray:
-    """Which pixels of a frame in DN are clipped."""
-    return frame >= clipping_dn(sensor)
-
-
-def sensor_noise(
-    calibration: Calibration, exposures_s: Sequence[float], ambient_dn: Sequence[float] | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """The sensor's part of the variance of y, shot·y + floor, as `shot` (F,) and `floor` (F,).
-
-    `ambient_dn` is the mean signal of each image's lamp-off frame above black, whose shot noise enters twice.
-    """
-    sensor = calibration.sensor
-    scale = np.array([electrons_per_value(calibration, t) for t in exposures_s])
-    ambient_e = sensor.gain_e_per_dn * np.asarray(ambient_dn if ambient_dn is not None else np.zeros(len(scale)))
-    floor = 2.0 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12.0 + np.maximum(ambient_e, 0.0)) / scale**2
-    return 1.0 / scale, floor
-
-
-def frames_noise(
-    calibration: Calibration, exposures: Sequence[FrameExposure], ambient_dn: Sequence[float] | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """`sensor_noise` of the mean of as many equal frames as each exposure says, less one lamp-off frame: (G,) each."""
-    frames = np.array([one.frames for one in exposures], dtype=np.float64)
-    shot, floor = sensor_noise(calibration, [one.exposure_s for one in exposures], ambient_dn)
-    return shot / frames, floor * (1 + 1 / frames) / 2
-
-
-def merged_variance(
-    value: FloatArray | Float32Array, exposures: Sequence[FrameExposure], calibration: Calibration
-) -> tuple[FloatArray, BoolArray]:
-    """Variance that the sensor gives to values y (P,) merged of several exposures, without ambient light, and which of
-    them saturate in the shortest.
-
-    Frames count where they do not saturate, weighted by their inverse variances.
-    """
-    shot, floor = frames_noise(calibration, exposures)
-    sensor = calibration.sensor
-    clipping = (clipping_dn(sensor) - sensor.black_level_dn) / (sensor.full_scale_dn * calibration.lamp_intensity)
-    information, shortest = np.zeros(value.shape), min(one.exposure_s for one in exposures)
-    for one, photons, constant in zip(exposures, shot, floor, strict=True):
-        counts = (value * one.exposure_s <= clipping) | (one.exposure_s == shortest)
-        information += np.where(counts, 1 / (photons * np.maximum(value, 0) + constant), 0)
-    return 1 / information, np.asarray(value * shortest > clipping)
-
-
-def model_noise(calibration: Calibration, shot: FloatArray, floor: FloatArray, distance_m: float) -> Noise:
-    """The noise of images with a sensor's `shot` and `floor` (F,) and lamps at about `distance_m` from the object.
-
-    A lamp misplaced along the ray changes the intensity by 2/r, across it the direction by 1/r.
-    """
-    position = calibration.lamp_position_sigma_m
-    return Noise(
-        shot=shot,
-        floor=floor,
-        intensity=float(
-            np.sqrt(calibration.intensity_sigma**2 + (2 * position / distance_m) ** 2 + SETTINGS.flat_field_sigma**2)
-        ),
-        direction=hypot(position, SETTINGS.depth_sigma_m) / distance_m,
-    )
-
-
-def noise(
-    calibration: Calibration, exposures_s: Sequence[float], distance_m: float, ambient_dn: Sequence[float] | None = None
-) -> Noise:
-    """The noise of images with these exposure times and lamps at about `distance_m` from the object."""
-    return model_noise(calibration, *sensor_noise(calibration, exposures_s, ambient_dn), distance_m)
 
 
 def facing(normal_map: NormalMap, calibration: Calibration) -> BoolArray:

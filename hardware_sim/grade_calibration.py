@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from acquisition import geometry, photometry
+from acquisition import geometry, image_values, photometry
 from acquisition.models.base import Float32Array, FloatArray, as_matrix4
 from acquisition.models.calibration import Calibration, LampLobe
 from acquisition.models.cell_config import CellConfig
@@ -157,7 +157,7 @@ def _lobe(found: Calibration) -> FloatArray:
 def _sensitivity(found: Calibration) -> Float32Array:
     """Sensitivity (H, W) over the image, 1 in its centre; even where a calibration states none."""
     whole = slice(0, found.height), slice(0, found.width)
-    sensitivity = photometry.sensitivity(found, *whole)
+    sensitivity = image_values.sensitivity(found, *whole)
     return np.ones((found.height, found.width), np.float32) if sensitivity is None else sensitivity
 
 
@@ -185,7 +185,9 @@ def _directions() -> tuple[FloatArray, FloatArray]:
 def _flat_field(nominal: Calibration, truth: dict[str, Any]) -> FloatArray:
     """Terms of ln sensitivity nearest to the true one over the image, by linear least squares."""
     v, u = np.mgrid[: nominal.height : 16, : nominal.width : 16]
-    terms = photometry.flat_terms(np.stack([u.ravel(), v.ravel()], axis=1).astype(float), nominal.width, nominal.height)
+    terms = image_values.flat_terms(
+        np.stack([u.ravel(), v.ravel()], axis=1).astype(float), nominal.width, nominal.height
+    )
     logarithm = np.log(_true_sensitivity(nominal, truth)[::16, ::16]).ravel()
     return np.asarray(np.linalg.lstsq(terms, logarithm, rcond=None)[0], np.float64)
 

@@ -33,7 +33,7 @@ REASONS: dict[str, str] = {
         translucency.NEAR_PX""",
     "counts of unknowns, marks and definitions": """
         light_tests.NEAR
-        photometry.PIXEL_UNKNOWNS photometry.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
+        photometry.PIXEL_UNKNOWNS image_values.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         reflectance_kernels.BASIS_SIZE
         goodness_of_fit.GRID baselines.FAR_DEG
         reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M
@@ -96,7 +96,7 @@ INLINE = {
     "alternation": 1, "cast_shadows": 2, "discontinuity": 1,
     "distant": 2, "reflectance_fit": 2, "reflectance_kernels": 14, "exposure_plan": 2,
     "grey_tile": 1,
-    "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "photometry": 1,
+    "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "image_values": 1,
     "photon_transfer": 3, "pixel_solve": 1, "planned_images": 2, "planner": 2, "prior_forecast": 1,
     "sample_pixels": 2, "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,
 }  # fmt: skip
@@ -136,7 +136,7 @@ def _sentences(text: str) -> tuple[str, str]:
 
 def paths() -> dict[str, Path]:
     """Files of all modules of solver and planner by their names without package."""
-    found = [ACQUISITION / "photometry.py", ACQUISITION / "cast_shadows.py"]
+    found = [ACQUISITION / f"{name}.py" for name in ("photometry", "image_values", "cast_shadows")]
     found += [path for package in ("normals", "plan") for path in sorted((ACQUISITION / package).rglob("*.py"))]
     dotted = {".".join(path.relative_to(ACQUISITION).with_suffix("").parts): path for path in found}
     return {name.partition(".")[2] or name: path for name, path in dotted.items()}

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.linalg import block_diag
 
-from acquisition import photometry
+from acquisition import image_values, photometry
 from acquisition.calibrate import change_test, plane_shading
 from acquisition.calibrate.change_test import ChangeTest, Group, GroupTest
 from acquisition.calibrate.plane_shading import Known, Placing, PlaneImage
@@ -154,7 +154,9 @@ def _linearised(
     tilted = slice(len(knots), len(knots) + 2)
     design[:, tilted] = seen.side / side[:, None]
     pixels = np.concatenate([image.pixels for image in here])
-    flat = photometry.flat_terms(pixels, known.calibration.width, known.calibration.height) @ np.array(lobe.flat_field)
+    flat = image_values.flat_terms(pixels, known.calibration.width, known.calibration.height) @ np.array(
+        lobe.flat_field
+    )
     predicted = (
         np.log(known.calibration.lamp_intensity * known.albedo) + seen.log_shading + np.log(side) + flat
         + photometry.lobe_spline(knots, seen.angle)[:, 1:] @ logs

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from acquisition import geometry, lamp_pose, photometry
+from acquisition import geometry, image_values, lamp_pose, photometry
 from acquisition.calibrate.plane_shading import (
     PLACED,
     Known,
@@ -164,7 +164,7 @@ def _values_at(image: PlaneImage, points: FloatArray, calibration: Calibration, 
     """Normalised values y of an image at some of its patches."""
     row = {tuple(np.round(point, 6)): number for number, point in enumerate(image.points)}
     at = [row[tuple(point)] for point in points]
-    sensitivity = np.exp(photometry.flat_terms(image.pixels[at], calibration.width, calibration.height) @ flat_field)
+    sensitivity = np.exp(image_values.flat_terms(image.pixels[at], calibration.width, calibration.height) @ flat_field)
     return image.values[at] / sensitivity / calibration.lamp_intensity
 
 

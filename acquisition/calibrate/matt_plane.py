@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from acquisition import geometry, photometry
+from acquisition import geometry, image_values
 from acquisition.calibrate.charuco import CharucoBoard, View
 from acquisition.calibrate.plane_shading import Placing, PlaneImage
 from acquisition.models.base import FloatArray
@@ -90,7 +90,7 @@ def patches(
     at = pixels.astype(np.float32)[None]
     signal = lit.astype(np.float32) - dark.astype(np.float32)
     mean = cv2.remap(cv2.blur(signal, (side, side)), at[..., 0], at[..., 1], cv2.INTER_LINEAR).ravel().astype(float)
-    clipped = (lit >= photometry.clipping_dn(sensor)).astype(np.float32)
+    clipped = (lit >= image_values.clipping_dn(sensor)).astype(np.float32)
     touched = cv2.remap(
         cv2.blur(clipped, (side, side)), at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=[1.0]
     ).ravel()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition import geometry, photometry
+from acquisition import geometry, image_values, photometry
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 
@@ -123,7 +123,7 @@ def _edge_mean(size_m: tuple[float, float]) -> FloatArray:
 def columns(images: Sequence[PlaneImage], seen: SeenPatches, knots: tuple[float, ...], known: Known) -> FloatArray:
     """Design (N, 1 + K − 1 + 2 + 5): ln intensity, knots but the first, tilt to first order, flat field."""
     pixels = np.concatenate([image.pixels for image in images])
-    flat = photometry.flat_terms(pixels, known.calibration.width, known.calibration.height)
+    flat = image_values.flat_terms(pixels, known.calibration.width, known.calibration.height)
     spline = photometry.lobe_spline(knots, seen.angle)[:, 1:]
     return np.hstack([np.ones((len(pixels), 1)), spline, seen.side, flat])
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition import photometry
+from acquisition.image_values import Noise
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import (
@@ -30,7 +31,6 @@ from acquisition.normals.interreflection import Surface
 from acquisition.normals.pixel_solve import Estimate, Pixels, Scene
 from acquisition.normals.pyramid import PyramidLevel
 from acquisition.normals.self_calibration import Priors, SharedParameters
-from acquisition.photometry import Noise
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from acquisition import photometry
+from acquisition import image_values
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.shot import Shot
@@ -46,8 +46,8 @@ def merge(
     if len(frame_groups) == 1 and len(frame_groups[0]) == 1:
         shot = frame_groups[0][0]
         frame = read(shot)
-        values = photometry.normalised(frame, darks[shot.exposure_s], shot.exposure_s, calibration)
-        return ImageBlock(values, photometry.saturated(frame, calibration.sensor))
+        values = image_values.normalised(frame, darks[shot.exposure_s], shot.exposure_s, calibration)
+        return ImageBlock(values, image_values.saturated(frame, calibration.sensor))
     means = [_mean(group, read, darks[group[0].exposure_s], calibration) for group in frame_groups]
     values, usable, saturated = (np.stack(parts) for parts in zip(*means, strict=True))
     time = np.array([sum(shot.exposure_s for shot in group) for group in frame_groups], np.float32)
@@ -72,8 +72,8 @@ def _mean(
     saturated, black = np.zeros(dark.shape, np.bool_), np.zeros(dark.shape, np.bool_)
     for shot in group:
         frame = read(shot)
-        total += photometry.normalised(frame, dark, shot.exposure_s, calibration)
-        saturated |= photometry.saturated(frame, calibration.sensor)
+        total += image_values.normalised(frame, dark, shot.exposure_s, calibration)
+        saturated |= image_values.saturated(frame, calibration.sensor)
         black |= frame == 0
     return total / np.float32(len(group)), ~(saturated | black), saturated
 

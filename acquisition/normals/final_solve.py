@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import image_values, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import FisherInformation, NormalMap
 from acquisition.normals import (
@@ -119,7 +119,7 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
     """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, the
     sample's pixels that lamps reach, and their solution."""
 
-    def step(noise: photometry.Noise) -> tuple[photometry.Noise, PixelSolution]:
+    def step(noise: image_values.Noise) -> tuple[image_values.Noise, PixelSolution]:
         """Solves the sample in a noise, and estimates the noise from its residuals."""
         solution = _solve_pixels(sample, state, replace(scene, noise=noise))
         estimated = residual_noise.estimate(

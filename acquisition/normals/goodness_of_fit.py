@@ -14,12 +14,12 @@ from math import erfc, log, sqrt
 import numpy as np
 
 from acquisition import photometry
+from acquisition.image_values import Noise
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import GoodnessOfFit
 from acquisition.models.tuned import tuned
 from acquisition.normals import residual_noise
 from acquisition.normals.pixel_solve import Estimate
-from acquisition.photometry import Noise
 
 GAUSSIAN_MEDIAN_SQUARE = residual_noise.GAUSSIAN_MEDIAN_DEVIATION**2
 """Median of the square of a standard Gaussian."""

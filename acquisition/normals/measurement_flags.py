@@ -7,10 +7,10 @@ import numba
 import numpy as np
 
 from acquisition import photometry
+from acquisition.image_values import Noise
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, SolveSettings
 from acquisition.normals.pixel_solve import Estimate
-from acquisition.photometry import Noise
 
 ATTACHED_COSINE = SolveSettings().shadow_threshold
 """Predicted cosine to the light below which a dark measurement is in attached shadow, or as dark as in one: the share

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from acquisition import mosaic, photometry
+from acquisition import image_values, mosaic, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import SolveSettings
@@ -52,12 +52,12 @@ class Scene:
 
     lamps: Float32Array
     calibration: Calibration
-    noise: photometry.Noise
+    noise: image_values.Noise
     settings: SolveSettings = field(default_factory=SolveSettings)
     median_albedo: float | None = None
     terms: ImageTerms | None = None
     common_lamp_errors_m: FloatArray | None = None
-    stated_noise: photometry.Noise | None = None
+    stated_noise: image_values.Noise | None = None
 
     def response(self, channel: Sites | None) -> Float32Array | None:
         """Values (N,) of white at a mosaic's sites of these channels (N,), over the mean; none without a mosaic."""

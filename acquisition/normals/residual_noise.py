@@ -15,11 +15,11 @@ import numba
 import numpy as np
 
 from acquisition import photometry
+from acquisition.image_values import Noise
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import pixel_solve_kernels, self_calibration
 from acquisition.normals.pixel_solve import Estimate
-from acquisition.photometry import Noise
 
 GAUSSIAN_MEDIAN_DEVIATION = 0.6745
 """Median absolute deviation of a Gaussian, in σ."""

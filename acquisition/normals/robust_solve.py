@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import image_values, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import pixel_solve_kernels
@@ -66,7 +66,7 @@ class PixelProblem:
     extra: Float32Array | None
     terms: TermValues | None
     response: Float32Array | None
-    noise: photometry.Noise
+    noise: image_values.Noise
     least_albedo: float
     cauchy_scale: float | None
     iterations: int

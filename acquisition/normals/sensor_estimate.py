@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import image_values
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.shot import Observations, Shot
@@ -120,7 +120,7 @@ def _pair_curve(first: Float32Array, second: Float32Array, sensor: SensorModel) 
     """
     if np.array_equal(first, second):
         return None
-    clipping = photometry.clipping_dn(sensor) - sensor.black_level_dn
+    clipping = image_values.clipping_dn(sensor) - sensor.black_level_dn
     noise = np.sqrt(clipping / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2)
     level = (first + second) * np.float32(0.5)
     good = (np.maximum(first, second) < clipping) & (level < clipping - photon_transfer.CLIP_SIGMA * noise)

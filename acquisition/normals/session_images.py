@@ -5,7 +5,7 @@ The lamp-off frame of the same exposure time removes ambient light, black level 
 
 import numpy as np
 
-from acquisition import lamp_pose, photometry
+from acquisition import image_values, lamp_pose
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
@@ -58,7 +58,7 @@ def read(
             for groups, one in zip(sets, noise, strict=True)
         ]
         values, clipped, extra = np.stack([one.values for one in merged]), [one.clipped for one in merged], None
-        sensitivity = photometry.sensitivity(calibration, lines, columns)
+        sensitivity = image_values.sensitivity(calibration, lines, columns)
         if sensitivity is not None:
             values /= sensitivity
         if log_intensity is not None:
@@ -88,7 +88,7 @@ def _noise(
     """Shot noise and floor (2, G) of groups of frames, given the mean signal above black of each exposure time's
     lamp-off frame."""
     times = [FrameExposure(exposure_s=group[0].exposure_s, frames=len(group)) for group in groups]
-    return np.array(photometry.frames_noise(calibration, times, [ambient_dn[one.exposure_s] for one in times]))
+    return np.array(image_values.frames_noise(calibration, times, [ambient_dn[one.exposure_s] for one in times]))
 
 
 def _window_mean(observations: Observations, shot: Shot, rows: slice, columns: slice) -> float:

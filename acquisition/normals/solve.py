@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition import mosaic, photometry
+from acquisition import image_values, mosaic, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
@@ -135,7 +135,7 @@ def solve_stack(
     centroid = _centroid(masked, rough)
     refuse_coplanar(lamps[:, :3] - centroid)
     distance = float(np.mean(np.linalg.norm(lamps[:, :3] - centroid, axis=1)))
-    noise = photometry.model_noise(calibration, images.shot, images.floor, distance)
+    noise = image_values.model_noise(calibration, images.shot, images.floor, distance)
 
     if known is None:
         mask = silhouette.segment(pyramid.albedo_bound(masked, rough, lamps, calibration), inside)

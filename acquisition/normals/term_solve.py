@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition import photometry
+from acquisition.image_values import Noise
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import SolveSettings
 from acquisition.normals import image_terms, microfacet
 from acquisition.normals.estimate import Estimate
 from acquisition.normals.image_terms import ImageTerms, TermValues
-from acquisition.photometry import Noise
 
 ROUNDS = 3
 """Solves of a pixel, each with the terms' derivatives at the one before. Gloss ends alike after three, four and six."""

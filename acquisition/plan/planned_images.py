@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import image_values, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import FrameExposure, Light
@@ -119,7 +119,7 @@ def sensor_variance(
     """The sensor's part of the variance of values (K, P) by each light's exposures, and which are saturated."""
     variances, saturated = np.empty(value.shape), np.empty(value.shape, np.bool_)
     for number, (one, wanted) in enumerate(zip(value, exposures, strict=True)):
-        variances[number], saturated[number] = photometry.merged_variance(one, wanted, calibration)
+        variances[number], saturated[number] = image_values.merged_variance(one, wanted, calibration)
     return variances, saturated
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import image_values, photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import FrameExposure
@@ -90,7 +90,7 @@ def reweight(sample: Samples, normal_map: NormalMap, observations: Observations,
         share = np.clip(normal_map.indirect[sample.row, sample.column], 0, 0.5)  # no brighter than the direct light
         indirect = np.asarray(np.mean(np.where(lit, shaded.value, 0), axis=0) * share / (1 - share), np.float32)
     none = np.zeros(len(lit))
-    usual = photometry.model_noise(calibration, none, none, float(np.mean(shaded.distance)))
+    usual = image_values.model_noise(calibration, none, none, float(np.mean(shaded.distance)))
     intensity = normal_map.noise.get("intensity", usual.intensity) * shaded.value
     direction = normal_map.noise.get("direction", usual.direction) * shaded.strength
     predicted = photometry.SETTINGS.predicted_indirect_sigma * indirect

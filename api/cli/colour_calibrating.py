@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from acquisition import mosaic, photometry
+from acquisition import image_values, mosaic
 from acquisition.calibrate import chart_reference, colour_chart
 from acquisition.calibrate.board_results import now
 from acquisition.calibrate.chart_reference import ChartReference
@@ -125,7 +125,7 @@ def _signals(
     light = image.astype(np.float64) - dark
     picture = light.mean(axis=-1) if light.ndim == 3 else mosaic.balanced_mean(light.astype(np.float32))
     matrix = colour_chart.locate(picture) if places is None else colour_chart.homography(places)
-    clipped = np.where(image >= photometry.clipping_dn(sensor), np.inf, light)
+    clipped = np.where(image >= image_values.clipping_dn(sensor), np.inf, light)
     pattern = sensor.mosaic if light.ndim == 2 else None
     try:
         found = colour_chart.values(clipped, matrix, pattern, np.inf, reference.names)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition import photometry
+from acquisition import image_values, photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
@@ -73,14 +73,14 @@ def test_normalised_white_surface_has_value_one(known: Calibration) -> None:
     share = known.lamp_intensity * seconds
     dark = np.full((2, 2), 64, np.uint16)
     frame = (dark + np.round(share * sensor.full_scale_dn)).astype(np.uint16)
-    np.testing.assert_allclose(photometry.normalised(frame, dark, seconds, known), 1.0, atol=1e-3)
+    np.testing.assert_allclose(image_values.normalised(frame, dark, seconds, known), 1.0, atol=1e-3)
     counted = share * sensor.full_scale_dn * sensor.gain_e_per_dn
-    assert photometry.electrons_per_value(known, seconds) == pytest.approx(counted)
+    assert image_values.electrons_per_value(known, seconds) == pytest.approx(counted)
 
 
 def test_normalised_frame_darker_than_dark_does_not_wrap(known: Calibration) -> None:
     frame, dark = np.array([[60]], np.uint16), np.array([[64]], np.uint16)
-    assert -1e-2 < photometry.normalised(frame, dark, 0.02, known)[0, 0] < 0
+    assert -1e-2 < image_values.normalised(frame, dark, 0.02, known)[0, 0] < 0
 
 
 def test_rays_distorted_lens_round_trips(known: Calibration) -> None:
@@ -141,8 +141,8 @@ def test_sensor_noise_agrees_with_counted_electrons(level: float) -> None:
         return np.clip(np.round(sensor.black_level_dn + counted / sensor.gain_e_per_dn), 0, 4095).astype(np.uint16)
 
     lit = read(level * sensor.full_scale_dn * sensor.gain_e_per_dn)
-    values = photometry.normalised(lit, read(0.0), seconds, known)
-    noise = photometry.noise(known, [seconds], 0.45)
+    values = image_values.normalised(lit, read(0.0), seconds, known)
+    noise = image_values.noise(known, [seconds], 0.45)
     predicted = noise.shot[0] * value + noise.floor[0]
     assert np.mean(values) == pytest.approx(value, abs=4 * np.sqrt(predicted / count))
     assert np.var(values) == pytest.approx(predicted, rel=0.02)
@@ -160,14 +160,14 @@ def test_noise_lamp_errors_give_intensity_and_direction_terms() -> None:
         * (1 + rng.normal(0, known.intensity_sigma, count))
         * (1 + rng.normal(0, photometry.SETTINGS.flat_field_sigma, count))
     )
-    noise = photometry.noise(known, [10.0], r)  # long enough that electrons do not matter
+    noise = image_values.noise(known, [10.0], r)  # long enough that electrons do not matter
     assert np.std(s[2]) == pytest.approx(noise.intensity, rel=0.03)
     across = np.hypot(np.std(s[0]), photometry.SETTINGS.depth_sigma_m / r)
     assert across == pytest.approx(noise.direction, rel=0.03)
 
 
 def test_noise_variance_adds_its_four_terms() -> None:
-    noise = photometry.Noise(np.array([2e-4, 1e-4]), np.array([3e-6, 1e-6]), 0.012, 0.004)
+    noise = image_values.Noise(np.array([2e-4, 1e-4]), np.array([3e-6, 1e-6]), 0.012, 0.004)
     value, strength = np.array([[0.5, -0.1], [0.2, 0.0]]), np.array([[0.6, 0.6], [0.3, 0.3]])
     by_hand = [
         [2e-4 * 0.5 + 3e-6 + (0.012 * 0.5) ** 2 + (0.004 * 0.6) ** 2, 3e-6 + (0.012 * 0.1) ** 2 + (0.004 * 0.6) ** 2],
@@ -178,8 +178,8 @@ def test_noise_variance_adds_its_four_terms() -> None:
 
 def test_sensor_noise_ambient_adds_shot_noise_twice() -> None:
     known = scenes.calibration(32)
-    without, with_it = (photometry.noise(known, [0.02], 0.45, [ambient]).floor[0] for ambient in (0.0, 100.0))
-    scale = photometry.electrons_per_value(known, 0.02)
+    without, with_it = (image_values.noise(known, [0.02], 0.45, [ambient]).floor[0] for ambient in (0.0, 100.0))
+    scale = image_values.electrons_per_value(known, 0.02)
     assert (with_it - without) * scale**2 == pytest.approx(2 * 100.0 * known.sensor.gain_e_per_dn)
 
 
@@ -188,4 +188,4 @@ def test_clipping_dn_is_just_below_lower_of_converter_and_well(full_well_e: floa
     sensor = scenes.calibration(32).sensor.model_copy(update={"full_well_e": full_well_e})
     end = min(4095.0, 64 + full_well_e / sensor.gain_e_per_dn)
     frame = np.array([[round(0.97 * end), round(end - 1), min(round(end), 4095)]], np.uint16)
-    assert photometry.saturated(frame, sensor).tolist() == [[False, True, True]]
+    assert image_values.saturated(frame, sensor).tolist() == [[False, True, True]]

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from acquisition import geometry, photometry
+from acquisition import geometry, image_values
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
 from acquisition.normals import Images
@@ -73,7 +73,7 @@ def capture(scene: Scene, positions: np.ndarray, draw: int = 0, fault: Fault = N
     )
     stack = Images.of(
         values=(dn / scale[:, None, None]).astype(np.float32),
-        clipped=dn >= photometry.SATURATION_SHARE * sensor.full_scale_dn,
+        clipped=dn >= image_values.SATURATION_SHARE * sensor.full_scale_dn,
         lights=lights,
         rows=slice(0, scene.pixels),
         columns=slice(0, scene.pixels),

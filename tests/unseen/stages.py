@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import ModuleType
 
+from acquisition.image_values import Noise
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import SolveSettings
 from acquisition.normals import (
@@ -27,7 +28,6 @@ from acquisition.normals import (
 from acquisition.normals.model_trial import Alternative
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.normals.self_calibration import Priors, SharedParameters
-from acquisition.photometry import Noise
 
 
 @dataclass(frozen=True)

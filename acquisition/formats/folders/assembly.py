@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import image_values
 from acquisition.formats.folders import image_files
 from acquisition.formats.folders.image_files import FolderImages
 from acquisition.models.base import BoolArray
@@ -34,7 +34,7 @@ def image_set(
     Raises RigError folder.invalid naming an image that is black or overexposed, or an evaluation mask that is wrong.
     """
     merged = images.kind == "float32" and image_files.exceeds(images, 1.0)
-    clipped_from = NO_SATURATION_LEVEL if merged else photometry.SATURATION_SHARE
+    clipped_from = NO_SATURATION_LEVEL if merged else image_values.SATURATION_SHARE
     area = np.ones(images.size, np.bool_) if mask is None else mask
     image_files.refuse_unusable(images, area, clipped_from)
     height, width = images.size

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import image_values
 from acquisition.formats.folders.refusal import refusal, text, value
 from acquisition.formats.frames import FolderFrames
 from acquisition.models.base import BoolArray
@@ -92,7 +92,7 @@ def images(observations: Observations, calibration: Calibration, mask: BoolArray
             tuple(observations.darks[shot.exposure_s].frame for shot, _ in lit),
         ),
         full_scale=sensor.full_scale_dn,
-        saturated_from=(photometry.clipping_dn(sensor) - sensor.black_level_dn) / sensor.full_scale_dn,
+        saturated_from=(image_values.clipping_dn(sensor) - sensor.black_level_dn) / sensor.full_scale_dn,
         lights=NearLights(
             np.array([light.position for _, light in lit]),
             np.array([shot.exposure_s * calibration.lamp_intensity for shot, _ in lit]),

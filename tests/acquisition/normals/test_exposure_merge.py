@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from acquisition import photometry
+from acquisition import image_values
 from acquisition.models.light_plan import FrameExposure, Light
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.normals import exposure_merge, session_images
@@ -67,7 +67,7 @@ def test_merge_values_scatter_as_variance_says(level: float, times: list[float])
     stated = shot_noise * level + floor + float(np.mean(merged.extra))
     found = float(np.mean((merged.values - level) ** 2))
     assert found / stated == pytest.approx(1.0, abs=5 * (2 / y.size) ** 0.5)
-    expected, saturated = photometry.merged_variance(np.array([level]), exposures(times), KNOWN)
+    expected, saturated = image_values.merged_variance(np.array([level]), exposures(times), KNOWN)
     assert not saturated[0]
     assert expected[0] == pytest.approx(stated, rel=0.02)
 
@@ -84,7 +84,7 @@ def test_merge_pixel_saturated_in_long_frame_comes_from_short_one() -> None:
     assert not np.any(merged.clipped)
     bright, dark = (slice(None), slice(0, SIZE // 2)), (slice(None), slice(SIZE // 2, None))
     assert float(np.mean(merged.values[bright])) == pytest.approx(3.0, rel=1e-3)
-    alone = photometry.sensor_noise(KNOWN, [BASE_S])
+    alone = image_values.sensor_noise(KNOWN, [BASE_S])
     np.testing.assert_allclose(
         merged.extra[bright] + shot_noise * merged.values[bright] + floor,
         alone[0][0] * merged.values[bright] + alone[1][0], rtol=1e-4,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition import normals, photometry
+from acquisition import image_values, normals, photometry
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
 from acquisition.normals import final_solve, integrability, pyramid, session_images
@@ -43,11 +43,11 @@ def images(true: scenes.Scene) -> Images:
 
 
 def model(known: Calibration, stack: Images) -> Scene:
-    noise = photometry.model_noise(known, stack.shot, stack.floor, 0.45)
+    noise = image_values.model_noise(known, stack.shot, stack.floor, 0.45)
     return Scene(photometry.lamps(stack.lights), known, noise, SolveSettings(), median_albedo=0.5)
 
 
-def refined(gathered: PyramidLevel, noise: photometry.Noise, received: float) -> AlternationResult:
+def refined(gathered: PyramidLevel, noise: image_values.Noise, received: float) -> AlternationResult:
     """A coarse surface that is not flat, as an alternation might end with."""
     coarse = gathered.coarse
     count, lights = coarse.values.shape[1], len(coarse.values)
@@ -221,7 +221,7 @@ def test_solve_noise_beyond_what_is_stated_is_a_misfit(cushion: scenes.Scene) ->
     estimated = replace(scene, noise=replace(scene.noise, intensity=0.1, direction=0.05))
     state = refined(gathered, estimated.noise, 0.0)
 
-    def solved(stated: photometry.Noise) -> NormalMap:
+    def solved(stated: image_values.Noise) -> NormalMap:
         size = (SIZE, SIZE)
         return final_solve.solve(masked, gathered, state, replace(estimated, stated_noise=stated), size)
 

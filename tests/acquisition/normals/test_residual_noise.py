@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acquisition.image_values import Noise
 from acquisition.models.result import SolveSettings
 from acquisition.normals import pixel_solve, residual_noise, self_calibration
 from acquisition.normals.pixel_solve import Estimate
-from acquisition.photometry import Noise
 from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition import normals, photometry
+from acquisition import image_values, normals
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.result import SolveSettings
 from acquisition.models.shot import Observations, Shot, ShotKey
@@ -78,7 +78,7 @@ def test_estimate_wrong_calibration_recovers_gain_and_read_noise(
     sensor = estimate.calibration.sensor
     assert sensor.gain_e_per_dn == pytest.approx(known.gain_e_per_dn, rel=0.05)
     assert sensor.read_noise_e == pytest.approx(known.read_noise_e, rel=0.15)
-    assert photometry.clipping_dn(sensor) == pytest.approx(photometry.clipping_dn(calibration.sensor))
+    assert image_values.clipping_dn(sensor) == pytest.approx(image_values.clipping_dn(calibration.sensor))
     assert estimate.figures["gain_e_per_dn"] == sensor.gain_e_per_dn
     assert 0 < estimate.figures["gain_sigma"] < 0.05 * sensor.gain_e_per_dn
     assert "found in the frames (1 image taken twice" in estimate.note

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from acquisition import photometry
+from acquisition import image_values
 from acquisition.models.calibration import FlatField
 from acquisition.normals import session_images
 from tests.acquisition import scenes
@@ -27,6 +27,6 @@ def test_read_divides_by_calibrated_flat_field() -> None:
 
 def test_sensitivity_is_one_in_centre_and_none_where_unknown() -> None:
     even = scenes.calibration(49)
-    assert photometry.sensitivity(even, slice(0, 49), slice(0, 49)) is None
-    known = photometry.sensitivity(even.model_copy(update={"flat_field": FLAT}), slice(24, 25), slice(24, 25))
+    assert image_values.sensitivity(even, slice(0, 49), slice(0, 49)) is None
+    known = image_values.sensitivity(even.model_copy(update={"flat_field": FLAT}), slice(24, 25), slice(24, 25))
     assert known == pytest.approx(1.0)
