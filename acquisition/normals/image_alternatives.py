@@ -56,20 +56,20 @@ def bad_image(present: Solution) -> list[Alternative]:
 
 
 @dataclass(frozen=True)
-class _WorstImage:
+class WorstImage:
     """The image that fits worst, and whether that is far worse than the others do."""
 
     number: int
     outlying: bool
 
 
-def worst_image(fit: Fit) -> _WorstImage | None:
+def worst_image(fit: Fit) -> WorstImage | None:
     """The image that fits worst; none: there are too few others."""
     if np.count_nonzero(np.isfinite(fit.images)) <= photometry.OVERDETERMINED:
         return None
     worst = int(np.nanargmax(fit.images))
     usual = float(np.nanmedian(np.delete(fit.images, worst)))
-    return _WorstImage(worst, bool(fit.images[worst] > photometry.SETTINGS.outlying_deviations * usual))
+    return WorstImage(worst, bool(fit.images[worst] > photometry.SETTINGS.outlying_deviations * usual))
 
 
 def other_intensities(present: Solution) -> list[Alternative]:
@@ -82,6 +82,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
     scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
+    # The descent before has put most of the factors right already: noise decides which of the two fits better.
     return [Alternative("intensities", message, scaled, 1 / model_trial.SETTINGS.better, float(factors[far][0]))]
 
 

@@ -37,7 +37,9 @@ class SelfCalibrationSettings:
 
     @property
     def independent_sample(self) -> float:
-        """Measurements among which there are as many independent ones as a statistic needs."""
+        """Measurements among which there are as many independent ones as a statistic needs. With 50 measurements σ_d
+        of a hollow vessel (design seed 20, six lights, 48 pixels) is 0.05 in place of 0.004 rad, and σ of its pixels
+        that no lamp reaches a sixth too small (`tests/unseen/test_hardly_lit.py`)."""
         return photometry.SETTINGS.min_sample * self.effective_sample_divisor
 
 

@@ -20,7 +20,7 @@ from acquisition.normals import (
     self_calibration,
     surface_diffusion,
     translucency,
-)  # fmt: skip
+)
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.surface_diffusion import SurfaceGraph
@@ -28,8 +28,8 @@ from acquisition.normals.term_tests import TermScore, TermScores
 
 
 @dataclass(frozen=True)
-class AlternativeSettings:
-    """Tuned numbers of the choice between models."""
+class TermAlternativeSettings:
+    """Tuned numbers of terms on trial."""
 
     term_sigma: ImageTerms = tuned(
         ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0, strength=1.0), "term"
@@ -49,7 +49,7 @@ class AlternativeSettings:
         return ImageTerms(*(one / 10 for one in astuple(self.term_sigma)))
 
 
-SETTINGS = AlternativeSettings()
+SETTINGS = TermAlternativeSettings()
 
 CODED_EXPONENTS = (1.4, 1.8, 2.2)
 """Exponents that undo codings of eight-bit images, the usual one last. As a free parameter it would explain metal."""
@@ -62,7 +62,6 @@ METAL_START = 0.3
 
 SECOND_STARTS = (("ambient", 0.05), ("ambient", 0.15), ("offset", 0.03), ("offset", 0.1))
 """Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
-
 
 CODED = "coded values"
 """Kind of the finding of values that are not linear."""
