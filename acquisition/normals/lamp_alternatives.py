@@ -63,10 +63,11 @@ def other_axes(present: Solution) -> list[Alternative]:
         alternatives.append(_relit(replace(turned, corrected=(*turned.corrected, SCORED)), AXES, scored, 1.0))
     sure = found.sure or scored is not None
     quarters = [] if found.sure and found.turned else _quarter_turns(present, found)
-    if not (quarters or sure):
-        return alternatives
     alternatives += quarters
-    return [*(model_trial.decisive(alternatives) if sure else alternatives), *_others(present)]
+    if not alternatives:
+        return []
+    others = _others(present) if quarters or sure else term_alternatives.scored_terms(present)
+    return [*(model_trial.decisive(alternatives) if sure else alternatives), *others]
 
 
 def _quarter_turns(present: Solution, found: IntegrableAxes) -> list[Alternative]:
@@ -98,13 +99,14 @@ def _scored_axes(present: Solution) -> FloatArray | None:
 
 
 def _others(present: Solution) -> list[Alternative]:
-    """What else a poor fit may be than other axes; gloss where it gains more than ambient and stray light."""
+    """What else a capture may be than one under other axes: what a score demands, and in a poor fit all that is not
+    told from them; gloss where it gains more than ambient and stray light."""
+    scored = [] if present.unjudged else term_alternatives.scored_terms(present)
     if not present.poor:
-        return []
+        return scored
     scores = present.scores
     most_gained = scores is not None and scores.gloss.gain > max(scores.offset.gain, scores.ambient.gain)
     gloss = term_alternatives.gloss(present) if most_gained else []
-    scored = [] if present.unjudged else term_alternatives.scored_terms(present)
     return [
         *gloss,
         *scored,

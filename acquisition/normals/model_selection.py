@@ -44,13 +44,14 @@ def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
     """Solves the coarse level by the plain model, and by others as tests demand them; what was found about the images,
     corrected findings first."""
     present = solve(problem)
-    findings: list[ModelFinding] = []
+    accepted: list[Alternative] = []
     no_better: set[str] = set()
-    while (accepted := _best_trial(present, no_better)) is not None:
-        alternative, present = accepted
-        if not alternative.silent:
-            findings.append(alternative.finding(present.state.shared.terms))
-    return present, findings + remaining(present)
+    while (trial := _best_trial(present, no_better)) is not None:
+        alternative, present = trial
+        accepted.append(alternative)
+    terms = present.state.shared.terms
+    corrected = [one.finding(terms) for one in accepted if not (one.silent or term_alternatives.vanished(one, terms))]
+    return present, corrected + remaining(present)
 
 
 def solve(problem: Problem) -> Solution:

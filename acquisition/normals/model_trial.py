@@ -214,8 +214,9 @@ class Solution:
 class Alternative:
     """Another model: kind, sentence and amount for its finding, the problem to solve, and when its fit is accepted.
 
-    `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one
-    step promised of the term that it estimates from zero, of which half is found, or the fit is `better`. `silent`: it
+    `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `term`: the one of
+    `ImageTerms` that it estimates. `step`: what one step promised of it from zero, of which half is found, or the fit
+    is `better`. `silent`: it
     corrects the solver, not the capture. `sound_enough`: its fit need not be better than a sound one, because a test
     demands it that does not look at residuals. `least_images`: fewer leave residuals that do not tell it from others.
     `never_poor`: its fit must not be poor. `decisive`: once it is the best so far and `decides`, only other decisive
@@ -228,6 +229,7 @@ class Alternative:
     worse_at_most: float
     value: float | None = None
     coding: float = 1.0
+    term: str = ""
     step: float = 0.0
     silent: bool = False
     sound_enough: bool = False
@@ -261,8 +263,7 @@ class Alternative:
         if not after.misfit <= self.worse_at_most * before_fit.misfit:
             return False
         if self.step != 0:
-            estimated = terms.roughness + terms.ambient + terms.offset
-            return estimated / self.step > 0.5 or after.misfit <= SETTINGS.better * before_fit.misfit
+            return getattr(terms, self.term) / self.step > 0.5 or after.misfit <= SETTINGS.better * before_fit.misfit
         if self.worse_at_most > SETTINGS.better_at_least and self.coding == 1:
             return True
         share_at_most = self.worse_at_most
@@ -274,18 +275,18 @@ class Alternative:
         return after.share <= share_at_most * before_fit.share and after.probability > SETTINGS.min_probability
 
     def finding(self, terms: ImageTerms) -> ModelFinding:
-        """The finding of an accepted trial, with the amount that it has estimated."""
+        """The finding of an accepted trial, with the amount that was estimated in the end."""
         message, value = self.message, self.value
-        if self.kind == "rough surface":
+        if self.term == "roughness":
             value = terms.roughness_rad
             message += f" of {value:.2f} rad"
-        elif self.kind in ("gloss", photometry.METAL):
+        elif self.term in ("gloss", "metal"):
             value = max(terms.gloss, terms.metal)
             message += f" {value:.2f}"
             if terms.strength > 0:
                 message += f" and {terms.strength:.1f} times a dielectric's strength"
-        elif self.kind in ("ambient light", "stray light"):
-            value = terms.ambient + terms.offset
+        elif self.term in ("ambient", "offset"):
+            value = getattr(terms, self.term)
             message += f" ({value:.1%} of white)"
         return ModelFinding(kind=self.kind, message=message, corrected=True, value=value)
 

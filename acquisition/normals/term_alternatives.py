@@ -87,7 +87,7 @@ def other_formation(present: Solution) -> list[Alternative]:
     light from other starts."""
     problem = present.problem
     if problem.nominal.terms is not None:
-        return coded(present)
+        return [*scored_terms(present), *coded(present)]
     alternatives = [*gloss(present), *scored_terms(present), *metal(present), *coded(present)]
     if present.poor:
         for name, start in SECOND_STARTS:
@@ -97,18 +97,28 @@ def other_formation(present: Solution) -> list[Alternative]:
 
 
 def scored_terms(present: Solution) -> list[Alternative]:
-    """Roughness, ambient and stray light that the score tests demand; none beside another term."""
+    """Roughness, ambient and stray light that the score tests demand; beside another of them, too, which may have been
+    taken for it; none beside gloss and metal."""
     problem, scores = present.problem, present.scores
-    if problem.nominal.terms is not None or scores is None:
+    known = problem.nominal.terms
+    if scores is None or (known is not None and known.specular):
         return []
     demanded: list[Alternative] = []
     for name in ("roughness", "ambient", "offset"):
         score: TermScore = getattr(scores, name)
-        if score.gain > model_trial.SETTINGS.min_gain and score.step > getattr(SETTINGS.min_step, name):
-            demanded.append(_with_term(problem, name, LAMBERTIAN, 1.0, score.step))
-    if _excess_subtracted(scores):
+        gains = score.gain > model_trial.SETTINGS.min_gain or (name == "roughness" and present.seems_coded)
+        if gains and score.step > getattr(SETTINGS.min_step, name):
+            demanded.append(_with_term(problem, name, known or LAMBERTIAN, 1.0, score.step))
+    if known is None and _excess_subtracted(scores):
         demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
     return model_trial.decisive(demanded)
+
+
+def vanished(accepted: Alternative, terms: ImageTerms) -> bool:
+    """Whether a term that was accepted was taken for another: so little is left of it beside one that was estimated
+    later that it would not have been tried."""
+    left = abs(getattr(terms, accepted.term)) if accepted.term else np.inf
+    return accepted.step != 0 and left < getattr(SETTINGS.min_step, accepted.term)
 
 
 def coded(present: Solution) -> list[Alternative]:
@@ -161,11 +171,12 @@ def metal(present: Solution) -> list[Alternative]:
 
 
 def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
-    """One of `TERMS` estimated from a start, with what else the start has, accepted up to `most` of the misfit."""
+    """One of `TERMS` estimated from a start, with what else the start has and is estimated already, accepted up to
+    `most` of the misfit."""
     estimated = {name} | {field.name for field in fields(start) if getattr(start, field.name) > 0}
-    sigma = replace(LAMBERTIAN, **{one: getattr(SETTINGS.term_sigma, one) for one in estimated})
+    sigma = replace(problem.term_sigma, **{one: getattr(SETTINGS.term_sigma, one) for one in estimated})
     changed = replace(problem, nominal=replace(problem.nominal, terms=start), term_sigma=sigma)
-    return Alternative(*TERMS[name], changed, most, step=step)
+    return Alternative(*TERMS[name], changed, most, term=name, step=step)
 
 
 def translucent_surface(present: Solution) -> list[Alternative]:
