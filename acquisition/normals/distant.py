@@ -88,8 +88,8 @@ def _unexplained(solved: NormalMap) -> bool:
     return (
         any(not finding.corrected for finding in solved.findings)
         or not solved.notes["lobe"]["dielectric"]
-        or solved.noise["direction"] > model_trial.SETTINGS.worse_at_most * DIRECTION_SIGMA_RAD
-        or solved.noise["intensity"] > model_trial.SETTINGS.worse_at_most * INTENSITY_SIGMA
+        or solved.noise["direction"] > model_trial.SETTINGS.clearly_worse * DIRECTION_SIGMA_RAD
+        or solved.noise["intensity"] > model_trial.SETTINGS.clearly_worse * INTENSITY_SIGMA
     )
 
 

@@ -69,7 +69,7 @@ class TrialSettings:
         return photometry.SETTINGS.outlying_deviations * image_set.INTENSITY_SIGMA
 
     @property
-    def worse_at_most(self) -> float:
+    def clearly_worse(self) -> float:
         """Factor that makes a fit clearly worse, the inverse of what makes it clearly better: misfit of sharpened
         images over that before, up to which they are accepted, which noise alone raises to 1.2–1.4, since where a
         pixel is lit, a residual does not know of blur; and noise of residuals over what the lights' stated σ explain,

@@ -206,7 +206,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     message = f"light spreads by {length_mm:.1f} mm below the surface, or images are out of focus: they are sharpened"
     return [
         Alternative(
-            translucency.KIND, message, problem.reread(sharpened), model_trial.SETTINGS.worse_at_most, length_mm
+            translucency.KIND, message, problem.reread(sharpened), model_trial.SETTINGS.clearly_worse, length_mm
         )
     ]
 
