@@ -97,14 +97,15 @@ def other_formation(present: Solution) -> list[Alternative]:
 
 
 def scored_terms(present: Solution) -> list[Alternative]:
-    """Roughness, ambient and stray light that the score tests demand; beside another of them, too, which may have been
-    taken for it; none beside gloss and metal."""
+    """Roughness, ambient and stray light that the score tests demand, roughness also where values seem coded, which it
+    resembles. Beside light from elsewhere roughness alone, which may have been taken for it: light between surfaces
+    that is not predicted scores as ambient light of rough ones. None beside gloss and metal."""
     problem, scores = present.problem, present.scores
     known = problem.nominal.terms
-    if scores is None or (known is not None and known.specular):
+    if scores is None or (known is not None and (known.specular or problem.term_sigma.roughness > 0)):
         return []
     demanded: list[Alternative] = []
-    for name in ("roughness", "ambient", "offset"):
+    for name in ("roughness", "ambient", "offset") if known is None else ("roughness",):
         score: TermScore = getattr(scores, name)
         gains = score.gain > model_trial.SETTINGS.min_gain or (name == "roughness" and present.seems_coded)
         if gains and score.step > getattr(SETTINGS.min_step, name):
