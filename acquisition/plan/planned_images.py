@@ -3,9 +3,9 @@
 The noise of y is that of the final solve, not the calibration's: the final solve self-calibrates each image's
 intensity, and what remains is mostly common to all images, which affects the albedo only; depth is a nuisance parameter
 of its own, so that the error of the light's direction is that of the lamp's position, and changes y only at oblique
-incidence; independent pixel noise is halved by the projection of the normals to an integrable field. Indirect radiance,
-estimated from the images so far, is subtracted by a prediction whose error is proportional to it, so dark measurements
-beside it carry less information.
+incidence; of independent pixel noise the projection of the normals to an integrable field leaves what it leaves in the
+images so far, a half and more. Indirect radiance, estimated from the images so far, is subtracted by a prediction whose
+error is proportional to it, so dark measurements beside it carry less information.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,9 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import FrameExposure, Light
 from acquisition.models.recipe import UNPLANNED_FACTOR, Exposure
-from acquisition.models.result import SolveSettings
+from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.tuned import tuned
+from acquisition.plan import visibility
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.visibility import Surface
 
@@ -31,10 +32,6 @@ MIN_COSINE = SolveSettings().shadow_threshold
 class PlannedImagesSettings:
     """Tuned numbers of the images that a plan expects."""
 
-    integrability_factor: float = tuned(0.5, "1")
-    """Integrability factor of variance: share of the independent pixel noise that remains after the projection of the
-    normals to an integrable field. With it, measured over expected mean errors of eight images are 0.83–1.0 for smooth
-    objects and figures, 1.0–1.3 for parts and fine relief."""
     indirect_sigma: float = tuned(0.4, "share")
     """1 σ of the residual indirect radiance after correction, as a share of it, for each light. By a tenth of it lights
     differ, by which the solver weights (`predicted_indirect_sigma`); a fifth and more is common to all, which affects
@@ -43,6 +40,10 @@ class PlannedImagesSettings:
 
 
 SETTINGS = PlannedImagesSettings()
+
+INTEGRABILITY_SHARE = 0.5
+"""Share of the pixels' own variance that the projection to integrable normals leaves of a smooth surface: of two
+slopes, one is a surface's."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +61,19 @@ class Shading:
 @dataclass(frozen=True)
 class PlannedImages:
     """What the images of any lights depend on: the object's surface (None: convex, without cast shadows), the
-    calibration, and the exposure that the recipe asks for."""
+    calibration, the exposure that the recipe asks for, and the share of the pixels' own variance that integrability
+    leaves."""
 
     surface: Surface | None
     calibration: Calibration
     exposure: Exposure
+    integrability_share: float = INTEGRABILITY_SHARE
+
+    @classmethod
+    def of(cls, normal_map: NormalMap, calibration: Calibration, exposure: Exposure) -> "PlannedImages":
+        """Surface and share from the normal map of the images so far."""
+        share = normal_map.noise.get("integrability_share", INTEGRABILITY_SHARE)
+        return cls(visibility.surface(normal_map, calibration), calibration, exposure, share)
 
     def candidates(
         self, sample: Samples, lights: Sequence[Light], exposures: Sequence[Sequence[FrameExposure]] | None = None
@@ -82,7 +91,7 @@ class PlannedImages:
                 for one in self.automatic_seconds(shaded)
             ]
         sensor, saturated = sensor_variance(shaded.value, exposures, self.calibration)
-        noise = variance(shaded, sensor, self.calibration, sample.indirect)
+        noise = variance(shaded, sensor, self.calibration, sample.indirect, self.integrability_share)
         along = np.einsum("fcp,cp->fp", shaded.light, sample.ray_direction) * sample.albedo
         facing = np.einsum("cp,cp->p", sample.normal, sample.ray_direction) * shaded.strength
         slope = (3 * shaded.cosine * along - facing) / shaded.distance * sample.offset_sigma_m
@@ -123,14 +132,16 @@ def sensor_variance(
     return variances, saturated
 
 
-def variance(shading: Shading, sensor: FloatArray, calibration: Calibration, indirect: Float32Array) -> FloatArray:
+def variance(
+    shading: Shading, sensor: FloatArray, calibration: Calibration, indirect: Float32Array, integrability_share: float
+) -> FloatArray:
     """Heteroscedastic noise model of a diffuse surface: expected variance of y (K, P), of which `sensor` (K, P) is the
     sensor's part, where the indirect radiance is `indirect` (P,), in y."""
     value, strength = shading.value, shading.strength
     lamp_angle = calibration.lamp_position_sigma_m / shading.distance
     pixel_variance = sensor + photometry.SETTINGS.flat_field_sigma**2 * value**2
     return np.asarray(
-        SETTINGS.integrability_factor * pixel_variance
+        integrability_share * pixel_variance
         + lamp_angle**2 * np.clip(1 - shading.cosine**2, 0, 1) * strength**2
         + (SETTINGS.indirect_sigma * indirect) ** 2
     )

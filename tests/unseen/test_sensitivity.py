@@ -62,7 +62,7 @@ def test_a_number_of_the_planner_changes_its_forecast_and_not_the_truth() -> Non
     assert not set(numbers) & {one.key for one in sensitivity.named("all")}
     planned = Planned(scenes.scene("blob", 0, "lambert", 48), 6)
     usual = planned.figures(Exposure())
-    doubled = sensitivity.changed(numbers["planned_images.integrability_factor"], 2.0)
+    doubled = sensitivity.changed(numbers["planned_images.indirect_sigma"], 2.0)
     changed = planned.figures(Exposure(), Stage("", "", (doubled,)))
     assert changed["forecast"] > usual["forecast"]
     assert changed["error"] == pytest.approx(usual["error"], rel=0.1)

@@ -153,4 +153,4 @@ def noise_by_hand(
     turn = (known.lamp_position_sigma_m / distance) ** 2 * (1 - cosine**2)
     floor = 2 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12) / electrons**2
     own = value / electrons + floor + photometry.SETTINGS.flat_field_sigma**2 * value**2
-    return planned_images.SETTINGS.integrability_factor * own + turn * strength**2
+    return planned_images.INTEGRABILITY_SHARE * own + turn * strength**2
