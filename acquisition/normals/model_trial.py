@@ -266,13 +266,16 @@ class Alternative:
             return getattr(terms, self.term) / self.step > 0.5 or after.misfit <= SETTINGS.better * before_fit.misfit
         if self.worse_at_most > SETTINGS.better_at_least and self.coding == 1:
             return True
-        share_at_most = self.worse_at_most
-        if self.coding != 1:
-            # Undoing a coding multiplies relative noise by its exponent, and no more: of dark images, as of smooth
-            # metal, it brings most values near zero, where any model fits them, and relative residuals rise by 4 to
-            # 100. Where no score tells of a coding, they have to fall: a wrong shape may fit what is linear already.
-            share_at_most = self.coding if before.seems_coded else 1.0
-        return after.share <= share_at_most * before_fit.share and after.probability > SETTINGS.min_probability
+        share = after.share / before_fit.share
+        sound = after.probability > SETTINGS.min_probability
+        if self.coding == 1:
+            return sound and share <= self.worse_at_most
+        if not before.seems_coded:  # relative residuals have to fall: a wrong shape may fit what is linear already
+            return sound and share <= 1
+        # Undoing a coding multiplies relative noise by its exponent, and no more: of dark images, as of smooth metal,
+        # it brings most values near zero, where any model fits them, and relative residuals rise by 4 to 100.
+        share /= self.coding
+        return share <= (SETTINGS.better if sound else SETTINGS.better_at_least)
 
     def finding(self, terms: ImageTerms) -> ModelFinding:
         """The finding of an accepted trial, with the amount that was estimated in the end."""
