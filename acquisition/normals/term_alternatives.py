@@ -107,7 +107,10 @@ def scored_terms(present: Solution) -> list[Alternative]:
     demanded: list[Alternative] = []
     for name in ("roughness", "ambient", "offset") if known is None else ("roughness",):
         score: TermScore = getattr(scores, name)
-        gains = score.gain > model_trial.SETTINGS.min_gain or (name == "roughness" and present.seems_coded)
+        least = model_trial.SETTINGS.min_gain
+        if name == "roughness" and present.poor:
+            least = self_calibration.STRONG_EVIDENCE
+        gains = score.gain > least or (name == "roughness" and present.seems_coded)
         if gains and score.step > getattr(SETTINGS.min_step, name):
             demanded.append(_with_term(problem, name, known or LAMBERTIAN, 1.0, score.step))
     if known is None and _excess_subtracted(scores):
