@@ -97,9 +97,13 @@ def other_formation(present: Solution) -> list[Alternative]:
 
 
 def scored_terms(present: Solution) -> list[Alternative]:
-    """Roughness, ambient and stray light that the score tests demand, roughness also where values seem coded, which it
-    resembles. Beside light from elsewhere roughness alone, which may have been taken for it: light between surfaces
-    that is not predicted scores as ambient light of rough ones. None beside gloss and metal."""
+    """Roughness, ambient and stray light that the score tests demand; none beside gloss and metal.
+
+    Roughness from strong evidence on, which 94 % of 225 rough captures give and 2 % of 138 Lambertian and translucent
+    ones (design seeds 11–129), or where values seem coded, which it resembles; light from elsewhere from `min_gain` on,
+    since light between surfaces that is not predicted resembles it: that of rough ones so much that beside light from
+    elsewhere roughness is estimated, and not the other way round.
+    """
     problem, scores = present.problem, present.scores
     known = problem.nominal.terms
     if scores is None or (known is not None and (known.specular or problem.term_sigma.roughness > 0)):
@@ -108,10 +112,9 @@ def scored_terms(present: Solution) -> list[Alternative]:
     for name in ("roughness", "ambient", "offset") if known is None else ("roughness",):
         score: TermScore = getattr(scores, name)
         least = model_trial.SETTINGS.min_gain
-        if name == "roughness" and present.poor:
-            least = self_calibration.STRONG_EVIDENCE
-        gains = score.gain > least or (name == "roughness" and present.seems_coded)
-        if gains and score.step > getattr(SETTINGS.min_step, name):
+        if name == "roughness":
+            least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
+        if score.gain > least and score.step > getattr(SETTINGS.min_step, name):
             demanded.append(_with_term(problem, name, known or LAMBERTIAN, 1.0, score.step))
     if known is None and _excess_subtracted(scores):
         demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
