@@ -31,11 +31,11 @@ class TrialSettings:
     """Tuned numbers of the trial of a model."""
 
     min_gain: float = tuned(6.0, "1")
-    """Gain of the log likelihood from which light from elsewhere, or a coding, is tried. Of 55 sound Lambertian captures (design seeds 100–129 of
-    eight families, 8 and 14 lights by two rings) ambient or stray light gains more than 4 in ten, more than 6 in 6 and
-    more than 8 in three. Of 18 with ambient light of 10 % and of 18 with stray light of 3 % it gains more than 6 in 15
-    and 16; the others err by 1.0–1.5 times as much as without it. A rough object of 32 pixels' width gains 6.2 (scratch
-    evaluation, November 2026)."""
+    """Gain of the log likelihood from which light from elsewhere, or a coding, is tried. Of 55 sound Lambertian
+    captures (design seeds 100–129 of eight families, 8 and 14 lights by two rings) ambient or stray light gains more
+    than 4 in ten, more than 6 in 6 and more than 8 in three. Of 18 with ambient light of 10 % and of 18 with stray
+    light of 3 % it gains more than 6 in 15 and 16; the others err by 1.0–1.5 times as much as without it. A rough
+    object of 32 pixels' width gains 6.2 (scratch evaluation, November 2026)."""
     better: float = tuned(0.88, "misfit ratio")
     """Misfit after over before, up to which what a test demands counts as better: other axes, registered images, the
     object in its stated place, a term. Mirrored axes leave 0.2–0.7. Interreflection that is not predicted scores as
