@@ -26,7 +26,7 @@ REASONS: dict[str, str] = {
         surface_diffusion.MAX_EIGENVALUE
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
         light_tests.STATED_AXES light_tests.SIDES light_tests.QUARTER_AXES
-        error_variance.FOUR_NEIGHBOURS
+        error_variance.FOUR_NEIGHBOURS planned_images.INTEGRABILITY_SHARE
         error_variance.NOISE_DETAIL error_variance.CREASE error_variance.DETAIL
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE term_alternatives.CODED_EXPONENTS image_terms.ROUGH_WEIGHTS image_terms.FACET_SLOPES_RAD
@@ -77,7 +77,7 @@ REASONS: dict[str, str] = {
         integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS pixel_solve.IRLS_ITERATIONS
         relaxation.MAX_GAP relaxation.MAX_ROUNDS
         relaxation.MIN_RELATIVE_WEIGHT optimise.MIN_IMPROVEMENT optimise.MAX_PASSES baselines.AZIMUTH_STEPS
-        registration.ROUNDS
+        registration.ROUNDS registration.LEAST_STEP_PX
         translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS term_solve.ROUNDS
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
         image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP term_alternatives.GLOSS_START term_alternatives.METAL_START
