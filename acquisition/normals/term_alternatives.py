@@ -102,11 +102,13 @@ def scored_terms(present: Solution) -> list[Alternative]:
     Roughness from strong evidence on, which 94 % of 225 rough captures give and 2 % of 138 Lambertian and translucent
     ones (design seeds 11–129), or where values seem coded, which it resembles; light from elsewhere from `min_gain` on,
     since light between surfaces that is not predicted resembles it: that of rough ones so much that beside light from
-    elsewhere roughness is estimated, and not the other way round.
+    elsewhere roughness is estimated, unless values seem coded, and not the other way round.
     """
     problem, scores = present.problem, present.scores
     known = problem.nominal.terms
-    if scores is None or (known is not None and (known.specular or problem.term_sigma.roughness > 0)):
+    if scores is None:
+        return []
+    if known is not None and (known.specular or problem.term_sigma.roughness > 0 or present.seems_coded):
         return []
     demanded: list[Alternative] = []
     for name in ("roughness", "ambient", "offset") if known is None else ("roughness",):

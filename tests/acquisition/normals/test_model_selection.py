@@ -230,12 +230,12 @@ def test_solve_dielectric_that_halves_the_misfit_is_compared_with_no_other_refle
 def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(
     cushion: scenes.Scene, images: Images, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A tone curve, and a dark image: when that has been scaled, the fit is as poor as to call for all again."""
+    """A tone curve, and a dark image: when that has been linearised, the fit is as poor as to call for all again."""
     values = images.whole.values.copy()
     values[3] *= 0.3
     tried = recorded_trials(monkeypatch)
     solved(cushion, scenes.with_values(images, (np.log1p(20 * np.maximum(values, 0)) / 3).astype(np.float32)))
-    first, second = list({id(before): before for _, before, _ in tried}.values())
+    first, second, *_ = list({id(before): before for _, before, _ in tried}.values())
     assert second.poor
     fits_worse: dict[str, list[bool]] = {}
     for alternative, before, trial in tried:
@@ -243,9 +243,9 @@ def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(
             fits_worse.setdefault(alternative.kind, []).append(trial.fit.misfit >= before.fit.misfit)
     no_better = {kind for kind, worse in fits_worse.items() if any(worse)}
     again = {alternative.kind for alternative, before, _ in tried if before is second}
-    assert no_better >= {"gloss", "stray light"}
+    assert "gloss" in no_better
     assert not no_better & again
-    assert again >= {"coded values", "ambient light"}  # they had fitted better
+    assert "metal" in again  # it had fitted better
 
 
 def test_solve_stray_light_and_a_dark_image_are_put_right(
@@ -449,21 +449,23 @@ def test_solve_poor_fit_is_tried_as_metal_and_as_gloss_whatever_the_score(
 def test_accepted_linearised_values_do_not_fit_worse_as_a_share_of_the_values(
     cushion: scenes.Scene, images: Images, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where the score tells of a coding, relative residuals may rise by its exponent, which multiplies noise; where it
-    does not, they have to fall: a sound profile fitted better linearised, 26° off, with 1.45 times the share."""
+    """Where the score tells of a coding, relative residuals have to fall by more than its exponent multiplies noise, by
+    far if the fit is not sound; where it does not, they have to fall: a sound profile fitted better linearised, 26°
+    off, with 1.45 times the share."""
     tried = recorded_trials(monkeypatch)
     solved(cushion, coded(images))
     alternative, before, trial = next(one for one in tried if one[0].coding == 2.2)
     assert before.scores is not None
     scores = before.scores
 
-    def verdict(share: float, exponent: float) -> bool:
+    def verdict(share: float, exponent: float, misfit: float = 1.0) -> bool:
         scored = replace(before, scores=replace(scores, exponent=TermScore(gain=50.0, step=exponent)))
-        fit = replace(trial.fit, share=share * before.fit.share)
+        fit = replace(trial.fit, share=share * before.fit.share, misfit=misfit)
         return alternative.accepted(scored, replace(trial, fit=fit))
 
     assert [verdict(share, -0.1) for share in (0.9, 1.45)] == [True, False]
-    assert [verdict(share, -0.5) for share in (1.45, 2.1, 2.3)] == [True, True, False]
+    assert [verdict(share, -0.5) for share in (1.45, 1.9, 2.0)] == [True, True, False]
+    assert [verdict(share, -0.5, misfit=1.6) for share in (1.1, 1.45)] == [True, False]
 
 
 def test_seems_coded_where_roughness_gains_more_is_false(
