@@ -216,11 +216,10 @@ class Alternative:
 
     `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `term`: the one of
     `ImageTerms` that it estimates. `step`: what one step promised of it from zero, of which half is found, or the fit
-    is `better`. `silent`: it
-    corrects the solver, not the capture. `sound_enough`: its fit need not be better than a sound one, because a test
-    demands it that does not look at residuals. `least_images`: fewer leave residuals that do not tell it from others.
-    `never_poor`: its fit must not be poor. `decisive`: once it is the best so far and `decides`, only other decisive
-    ones that follow are tried.
+    is `better`. `silent`: it corrects the solver, not the capture. `sound_enough`: its fit need not be better than a
+    sound one, because a test demands it that does not look at residuals. `least_images`: fewer leave residuals that do
+    not tell it from others. `never_poor`: its fit must not be poor. `decisive`: once it is the best so far and
+    `decides`, only other decisive ones that follow are tried.
     """
 
     kind: str
@@ -266,16 +265,15 @@ class Alternative:
             return getattr(terms, self.term) / self.step > 0.5 or after.misfit <= SETTINGS.better * before_fit.misfit
         if self.worse_at_most > SETTINGS.better_at_least and self.coding == 1:
             return True
-        share = after.share / before_fit.share
         sound = after.probability > SETTINGS.min_probability
         if self.coding == 1:
-            return sound and share <= self.worse_at_most
+            return sound and after.share <= self.worse_at_most * before_fit.share
         if not before.seems_coded:  # relative residuals have to fall: a wrong shape may fit what is linear already
-            return sound and share <= 1
+            return sound and after.share <= before_fit.share
         # Undoing a coding multiplies relative noise by its exponent, and no more: of dark images, as of smooth metal,
         # it brings most values near zero, where any model fits them, and relative residuals rise by 4 to 100.
-        share /= self.coding
-        return share <= (SETTINGS.better if sound else SETTINGS.better_at_least)
+        most = SETTINGS.better if sound else SETTINGS.better_at_least
+        return after.share <= most * self.coding * before_fit.share
 
     def finding(self, terms: ImageTerms) -> ModelFinding:
         """The finding of an accepted trial, with the amount that was estimated in the end."""
