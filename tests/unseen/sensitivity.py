@@ -117,8 +117,12 @@ def solve_with(stage: Stage | None, scene: Scene, captured: Capture) -> NormalMa
 def changed(number: Number, factor: float) -> Patch:
     """The settings of a number's module with the number times a factor."""
     module = _module(number)
-    value = scaled(getattr(module.SETTINGS, number.name), factor, number.unit)
-    return Patch(module, "SETTINGS", replace(module.SETTINGS, **{number.name: value}))
+    return Patch(module, "SETTINGS", replace(module.SETTINGS, **{number.name: value(number, factor)}))
+
+
+def value(number: Number, factor: float) -> Any:
+    """A number's value times a factor."""
+    return scaled(getattr(_module(number).SETTINGS, number.name), factor, number.unit)
 
 
 class _Recorder:
