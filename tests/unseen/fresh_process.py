@@ -16,23 +16,27 @@ Errors = dict[str, float]
 """A scene's errors, by quantity in words."""
 
 
-def errors(name: str, value: float | None, captures: str, pixels: int) -> list[Errors]:
-    """Each capture's errors with a field of the shared settings changed; None: as it is."""
-    command = [sys.executable, "-m", __spec__.name, name, json.dumps(value), captures, str(pixels)]
+def errors(name: str, value: float, captures: str, pixels: int) -> list[Errors]:
+    """Each capture's errors with a value of a field of the shared settings."""
+    command = [sys.executable, "-m", "tests.unseen.fresh_process", name, str(value), captures, str(pixels)]
     with tempfile.TemporaryDirectory() as cache:
-        environment = dict(os.environ) | ({} if value is None else {"NUMBA_CACHE_DIR": cache})
+        environment = dict(os.environ) | {"NUMBA_CACHE_DIR": cache}
         done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def main(name: str, value: float | None, captures: str, pixels: int) -> None:
-    """Solves the captures and prints their errors."""
+def start(name: str, value: float) -> None:
+    """Changes a field of the shared settings. Raises RuntimeError where the solver is imported already."""
+    if any(one.startswith("acquisition.normals") for one in sys.modules):
+        raise RuntimeError("the solver is imported already, with the value as it is")
     from acquisition import photometry
 
-    if value is not None:
-        if any(one.startswith("acquisition.normals") for one in sys.modules):
-            raise RuntimeError("the solver is imported already, with the value as it is")
-        photometry.SETTINGS = replace(photometry.SETTINGS, **{name: value})  # pyright: ignore[reportAttributeAccessIssue]
+    photometry.SETTINGS = replace(photometry.SETTINGS, **{name: value})  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def main(name: str, value: float, captures: str, pixels: int) -> None:
+    """Solves the captures and prints their errors."""
+    start(name, value)
 
     import numpy as np
 
@@ -44,7 +48,6 @@ def main(name: str, value: float | None, captures: str, pixels: int) -> None:
         scene = scenes.scene(family, int(seed), None, pixels)
         normal_map = run.solve(scene, capture(scene, patterns.fixed("two-rings", scene, 8, 0, 1)))
         graded = grading.errors(normal_map.normals, normal_map.mask, scene.truth)
-        assert normal_map.depth is not None
         apart = (normal_map.depth - scene.truth.depth_m)[scene.truth.object & normal_map.mask]
         depth = float(np.mean(np.abs(apart - np.median(apart))))
         found.append({
@@ -56,4 +59,4 @@ def main(name: str, value: float | None, captures: str, pixels: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], json.loads(sys.argv[2]), sys.argv[3], int(sys.argv[4]))
+    main(sys.argv[1], float(sys.argv[2]), sys.argv[3], int(sys.argv[4]))

@@ -68,7 +68,8 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Fresh:
-    """Captures that are solved in a process which starts with the changed value, since kernels compile it in."""
+    """Captures that are solved in a process which starts with the value, since kernels compile it in; the present one
+    too, since kernels of two compilations differ in their last digits."""
 
     scenes: str
     captures: str
@@ -76,7 +77,7 @@ class Fresh:
 
     def errors(self, number: Number, factor: float | None) -> list[Errors]:
         """Each capture's errors."""
-        value = None if factor is None else sensitivity.value(number, factor)
+        value = sensitivity.value(number, 1.0 if factor is None else factor)
         return fresh_process.errors(number.name, value, self.captures, self.pixels)
 
 
@@ -109,14 +110,16 @@ BENCHES: dict[str, Bench] = {
         80,
     ),
     "integration.bilateral_sharpness": Drawn(
-        "true normals with 2° of noise, eight families, design seeds 40–43", height_scenes.with_steps, 32
+        "objects of all families, design seeds 40–43, whose true normals have 2° of noise", height_scenes.with_steps, 32
     ),
     "photon_transfer.max_tail_share": SENSORS,
     "photon_transfer.rounding_sigma": SENSORS,
     "photon_transfer.pattern_sigma": SENSORS,
     "photon_transfer.max_relative_sigma": SENSORS,
     "reflectance_fit.dark_share": Drawn(
-        "figure and vase of six glossy materials under 96 distant lights (`gloss_scenes`)", solved_scenes.glossy, 12
+        "scenes of figure and vase in six glossy materials under 96 distant lights (`gloss_scenes`)",
+        solved_scenes.glossy,
+        12,
     ),
     "stopping_rule.tolerance": SESSIONS,
     "stopping_rule.first_slack": SESSIONS,
@@ -126,7 +129,7 @@ BENCHES: dict[str, Bench] = {
         6,
     ),
     "photometry.min_view_cosine": Fresh(
-        "the solver's captures at 96 pixels, each value in a process of its own", sensitivity.CAPTURES, 96
+        "captures of the solver's figures at 96 pixels, each value in a process of its own", sensitivity.CAPTURES, 96
     ),
 }
 """The numbers that no capture of the bench tells, and what does."""

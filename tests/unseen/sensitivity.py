@@ -63,6 +63,8 @@ def of_planner(number: Number) -> bool:
 
 def scaled(value: Any, factor: float, unit: str) -> Any:
     """A setting times a factor: members of tuples and dataclasses each, integers by at least one, ratios up to 1."""
+    if factor == 1:
+        return value
     if isinstance(value, tuple):
         return tuple(scaled(member, factor, unit) for member in value)
     if is_dataclass(value):
