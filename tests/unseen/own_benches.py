@@ -90,7 +90,7 @@ SENSORS = Drawn(
 SESSIONS = Drawn(
     "sessions of random height fields, up to 20 images; the target is within 10 % of the σ of 6–13 lights by two rings",
     solved_scenes.session,
-    20,
+    12,
 )
 
 BENCHES: dict[str, Bench] = {
