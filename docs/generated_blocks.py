@@ -118,15 +118,42 @@ def transitions() -> str:
 
 
 def _moved(number: dict[str, Any]) -> tuple[str, str]:
-    """How error and rms e/σ change where a number is halved and doubled, each ± its standard error; or why not."""
+    """How error and rms e/σ change where a number is halved and doubled, each ± its standard error, or what each error
+    of scenes of its own then is; or why not."""
     why = number.get("not measured", "")
     shown = [f"not measured{why and ': '}{why}"] * 2
     for column, change in enumerate(("halved", "doubled")):
-        if change in number:
+        if "usual" in number:
+            shown[column] = _means(number, change)
+        elif change in number:
             shown[column] = ", ".join(
                 f"{name} {value:.3f} ± {error:.3f}" for name, (value, error) in number[change].items()
             )
     return shown[0], shown[1]
+
+
+def _means(number: dict[str, Any], change: str) -> str:
+    """Means of each error over a number's own scenes, as the number is and changed, and how many scenes change."""
+    errors = [
+        f"{name} {number['usual'][name]:.4g} → {value:.4g} ± {error:.2g}"
+        for name, (value, error, _) in number[change].items()
+    ]
+    changed = max(count for _, _, count in number[change].values())
+    return f"{'; '.join(errors)} ({changed} of {number['scenes']} change)"
+
+
+def _own_scenes(numbers: dict[str, dict[str, Any]]) -> list[str]:
+    """What the scenes are of numbers that have scenes of their own."""
+    commits = sorted({str(one["commit"]) for one in numbers.values()})
+    lines = [
+        "What these captures do not tell, on scenes of its own: `python -m tests.unseen sensitivity --numbers own "
+        f"--write`, {max(one['date'] for one in numbers.values())}, commit {' and '.join(commits)}:",
+        "",
+    ]
+    by_scenes: dict[tuple[str, int], list[str]] = {}
+    for key, one in numbers.items():
+        by_scenes.setdefault((one["bench"], one["scenes"]), []).append(f"`{key}`")
+    return lines + [f"- {', '.join(keys)}: {count} {what}." for (what, count), keys in by_scenes.items()]
 
 
 def tuned_numbers() -> str:
@@ -140,7 +167,10 @@ def tuned_numbers() -> str:
         f"{'planner' if part == 'planner' else 'all'} --write`, {one['date']}, commit {' and '.join(one['commits'])}; "
         f"geometric means over the captures {', '.join(one['captures'])}."
         for part, one in measured.items()
+        if part != "own"
     ]
+    if "own" in measured:
+        lines += _own_scenes(measured["own"]["numbers"])
     module = ""
     for one in settings():
         if one.module != module:

@@ -6,7 +6,7 @@
     python -m tests.unseen table build/unseen/run.jsonl [--against OTHER.jsonl | --trials]
     python -m tests.unseen fit-sigma --families all --seeds 0:10 --lights 6,8,12,20 --jobs 2 --out build/unseen/sigma
     python -m tests.unseen ablate --families all --seeds 0:4 --lights 8 --write docs/explanation/ablation.md
-    python -m tests.unseen sensitivity --numbers all|planner --write
+    python -m tests.unseen sensitivity --numbers all|planner|own --write
     python -m tests.unseen dome --families all --seeds 0:2 --choices 200
     python -m tests.unseen guard --out build/guard [--against FOLDER OF ANOTHER CHECKOUT]
     python -m tests.unseen mosaic --families all --seeds 0:2 --lights 10
@@ -34,6 +34,7 @@ from tests.unseen import (
     faults,
     guard,
     mosaic,
+    own_benches,
     plan_sensitivity,
     reports,
     run,
@@ -85,7 +86,9 @@ def main(arguments: list[str] | None = None) -> int:
     sites.add_argument("--lights", default="10", help="numbers of images")
     moved = commands.add_parser("sensitivity", help="halve and double each tuned number")
     moved.add_argument(
-        "--numbers", default="all", help="all (the solver's), planner, or modules and module.name, by commas"
+        "--numbers",
+        default="all",
+        help="all (the solver's), planner, own (with own scenes), or modules and module.name, by commas",
     )
     moved.add_argument("--captures", default=sensitivity.CAPTURES, help="family:seed, by commas")
     moved.add_argument("--lights", type=int, default=8)
@@ -164,7 +167,11 @@ def _guard(asked: argparse.Namespace) -> int:
 
 
 def _sensitivity(asked: argparse.Namespace) -> int:
-    numbers = sensitivity.named(asked.numbers)
+    numbers = own_benches.numbers() if asked.numbers == "own" else sensitivity.named(asked.numbers)
+    if not {one.key for one in numbers} - set(own_benches.BENCHES):
+        own_benches.measure(numbers, asked.write)
+        return 0
+    numbers = [one for one in numbers if one.key not in own_benches.BENCHES]
     captures = [(family, int(seed)) for family, seed in (one.split(":") for one in asked.captures.split(","))]
     if all(map(sensitivity.of_planner, numbers)):
         figures = plan_sensitivity.page(captures, asked.lights, numbers)

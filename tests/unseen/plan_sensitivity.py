@@ -25,7 +25,6 @@ from tests.unseen.sensitivity import FACTORS, changed
 from tests.unseen.stages import Stage
 
 TIMES = plan.CaptureTimes(shortest_s=1e-4, longest_s=2.0, move_s=2.0, frame_s=0.1)
-STOPPING = "decides how many images are taken, not which"
 
 
 class Planned:
@@ -63,9 +62,6 @@ def measured(captures: Sequence[tuple[str, int]], lights: int, numbers: Sequence
     usual = {name: [one.figures(exposure) for one in drawn] for name, exposure in exposures.items()}
     shown: dict[str, Any] = {}
     for number in numbers:
-        if number.module == "stopping_rule":
-            shown[number.key] = {"not measured": STOPPING}
-            continue
         name = "planned" if number.module == "exposure_plan" else "fixed"
         shown[number.key] = {"captures": len(drawn)}
         for change, factor in FACTORS.items():

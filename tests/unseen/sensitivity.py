@@ -63,6 +63,8 @@ def of_planner(number: Number) -> bool:
 
 def scaled(value: Any, factor: float, unit: str) -> Any:
     """A setting times a factor: members of tuples and dataclasses each, integers by at least one, ratios up to 1."""
+    if factor == 1:
+        return value
     if isinstance(value, tuple):
         return tuple(scaled(member, factor, unit) for member in value)
     if is_dataclass(value):
@@ -117,8 +119,12 @@ def solve_with(stage: Stage | None, scene: Scene, captured: Capture) -> NormalMa
 def changed(number: Number, factor: float) -> Patch:
     """The settings of a number's module with the number times a factor."""
     module = _module(number)
-    value = scaled(getattr(module.SETTINGS, number.name), factor, number.unit)
-    return Patch(module, "SETTINGS", replace(module.SETTINGS, **{number.name: value}))
+    return Patch(module, "SETTINGS", replace(module.SETTINGS, **{number.name: value(number, factor)}))
+
+
+def value(number: Number, factor: float) -> Any:
+    """A number's value times a factor."""
+    return scaled(getattr(_module(number).SETTINGS, number.name), factor, number.unit)
 
 
 class _Recorder:
