@@ -9,7 +9,7 @@ are found 11 % short with them, 6 % without, and 8 % by OpenCV's ECC (design see
 lights; scratch evaluation, November 2026).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -25,8 +25,17 @@ unregistered images. With four of them moves are found 6 % short, with eight 1 %
 first or second."""
 
 
-def translations(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intensity: FloatArray) -> FloatArray:
-    """Translation (F, 2), pixels of this grid in x and y, of each image's content against the first's.
+@dataclass(frozen=True)
+class Registration:
+    """Translation (F, 2), pixels of a grid in x and y, of each image's content against the first's; and the median
+    residual of pixels once that is undone, over that before."""
+
+    translations: FloatArray
+    residual_ratio: float
+
+
+def register(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intensity: FloatArray) -> Registration:
+    """Registers images with one another at pixels' depth (N,), m.
 
     `scene` has lamps and noise as estimated, `log_intensity` (F,) is divided out of the images. Of a mosaic's sites the
     cells are registered.
@@ -34,17 +43,19 @@ def translations(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intens
     if pixels.channel is not None:
         cells = resampling.coarsen(replace(pixels, ray=np.concatenate([pixels.ray, depth_m[None]])), mosaic.CELL)
         means = replace(cells, ray=cells.ray[:2].copy())
-        return mosaic.CELL * translations(means, cells.ray[2].copy(), scene, log_intensity)
+        found = register(means, cells.ray[2].copy(), scene, log_intensity)
+        return replace(found, translations=mosaic.CELL * found.translations)
     values = alternation.divide_intensity(pixels.values, log_intensity)
     stack = [pixels.image(one) for one in values]
     inside = pixels.image(np.ones(len(pixels.index), np.uint8))
     core = cv2.erode(inside, np.ones((5, 5), np.uint8), borderValue=0) > 0
-    total = np.zeros((len(values), 2))
+    total, residuals = np.zeros((len(values), 2)), list[float]()
     for _ in range(ROUNDS):
         moved = np.stack(
             [pixels.take(changed_images.shifted(one, -shift)) for one, shift in zip(stack, total, strict=True)]
         )
         estimate = pixel_solve.solve(pixels, moved.astype(np.float32), depth_m, scene)
+        residuals.append(float(np.median(estimate.residual)))
         predicted = np.einsum("fcn,cn->fn", estimate.light, estimate.g) + estimate.term_value
         step = np.array(
             [
@@ -55,7 +66,7 @@ def translations(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intens
         before, total = total, single_move(total + step)
         if np.max(np.abs(total - before)) < LEAST_STEP_PX:
             break
-    return total
+    return Registration(total, residuals[-1] / max(residuals[0], 1e-9))
 
 
 def single_move(translations: FloatArray) -> FloatArray:
