@@ -171,7 +171,7 @@ def solve(
         numbers.append(np.flatnonzero(mask)[block.sampled] + rows.start * shape[1])
         matrices.append(block.matrices)
     del views
-    integrability_share = integrability.project_integrable(
+    integrability.project_integrable(
         maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray
     )
     lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
@@ -216,7 +216,6 @@ def solve(
             "shot": float(np.mean(noise.shot)),
             "misfit": misfit,
             "structure_deg": structure_deg,
-            "integrability_share": integrability_share,
         },
         notes={
             "shift_m": state.shared.shift_m,

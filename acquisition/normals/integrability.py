@@ -48,9 +48,8 @@ STRIP_ROWS, OVERLAP_ROWS = 256, 12
 
 def project_integrable(
     normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, ray: Float32Array
-) -> float:
-    """Projects unit normals (H, W, 3), view frame, onto integrable ones by least squares, and lowers their σ, in place;
-    the share of `variance` that is left, mean over the pixels.
+) -> None:
+    """Projects unit normals (H, W, 3), view frame, onto integrable ones by least squares, and lowers their σ, in place.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal; `variance`
     (H, W) in rad² is the part of its square that comes from errors which pixels do not share, and is lowered as well;
@@ -58,8 +57,7 @@ def project_integrable(
     """
     height, width = variance.shape
     if min(height, width) < 2:
-        return 1.0
-    shares, count = 0.0, 0
+        return
     pitch = np.float32(abs(ray[0, height // 2, -1] - ray[0, height // 2, 0]) / (width - 1))
     above = normals[:0].copy(), variance[:0].copy()
     for start in range(0, height, STRIP_ROWS):
@@ -78,9 +76,6 @@ def project_integrable(
         removed = np.where(weakly_checked, 0, (1 - left) * before[first:last])
         sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - removed))
         variance[start:stop] -= removed
-        own = before[first:last] > 0
-        shares, count = shares + float(np.sum(left[own], dtype=np.float64)), count + int(np.count_nonzero(own))
-    return shares / count if count else 1.0
 
 
 def _project_strip(normals: Float32Array, variance: Float32Array, ray: Float32Array, pitch: np.float32) -> Float32Array:

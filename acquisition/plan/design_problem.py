@@ -15,7 +15,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
-from acquisition.plan import sample_pixels
+from acquisition.plan import sample_pixels, visibility
 from acquisition.plan.candidate_lights import CandidateLights
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.expected_sigma import ExpectedSigma, Prediction
@@ -67,7 +67,7 @@ class Problem:
             reach=candidates,
             captured=candidates.directions(positions_of([shot.light for shot in shots if shot.light is not None])),
             exposures=[sample_pixels.of_frames(observations.frames_of(shot)) for shot in shots],
-            images=PlannedImages.of(normal_map, calibration, recipe.exposure),
+            images=PlannedImages(visibility.surface(normal_map, calibration), calibration, recipe.exposure),
             expected=ExpectedSigma.of(
                 normal_map, lamp_pose.common_direction_sigma_rad(reach.candidates, reach.center, calibration)
             ),

@@ -95,8 +95,7 @@ def reweight(sample: Samples, normal_map: NormalMap, observations: Observations,
     direction = normal_map.noise.get("direction", usual.direction) * shaded.strength
     predicted = photometry.SETTINGS.predicted_indirect_sigma * indirect
     assumed = sensor + intensity**2 + direction**2 + predicted**2
-    left = normal_map.noise.get("integrability_share", planned_images.INTEGRABILITY_SHARE)
-    expected = planned_images.variance(shaded, sensor, calibration, indirect, left)
+    expected = planned_images.variance(shaded, sensor, calibration, indirect)
     before = np.sum(np.where(lit, shaded.strength**2 / assumed, 0.0), axis=0)
     after = np.sum(np.where(lit, shaded.strength**2 / expected, 0.0), axis=0)
     scale = np.divide(after, before, out=np.ones_like(before), where=before > 0)
