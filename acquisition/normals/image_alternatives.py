@@ -10,7 +10,7 @@ import numpy as np
 
 from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, FloatArray
-from acquisition.normals import changed_images, model_trial, registration, self_calibration
+from acquisition.normals import changed_images, model_trial, self_calibration
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.model_trial import Alternative, Solution
 
@@ -26,14 +26,12 @@ def moved_object(present: Solution) -> list[Alternative]:
     moved captures there, 1.0–1.2 of three that did not move and of two benchmarks.
     """
     problem = present.problem
+    # Registration takes time: not of what would not be tried.
     if MOVED in problem.corrected or len(present.scene.lamps) < photometry.REDUNDANT or not problem.thorough:
         return []
-    found = registration.register(
-        problem.level.coarse, present.state.depth_m, present.scene, present.state.shared.log_intensity
-    )
-    if not present.poor and found.residual_ratio >= 1:
+    if not present.poor and present.registration.residual_ratio >= 1:
         return []
-    moves = problem.level.factor * found.translations
+    moves = problem.level.factor * present.registration.translations
     distance = float(np.max(np.linalg.norm(moves, axis=1)))
     if distance <= 0.5:  # an image's own translation is uncertain by half a pixel
         return []

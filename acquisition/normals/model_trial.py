@@ -15,13 +15,14 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
-from acquisition.normals import alternation, final_solve, image_set, surface_diffusion, translucency
+from acquisition.normals import alternation, final_solve, image_set, registration, surface_diffusion, translucency
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.images import Images
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
+from acquisition.normals.registration import Registration
 from acquisition.normals.term_tests import TermScores
 from acquisition.normals.translucency import Leak
 
@@ -179,6 +180,13 @@ class Solution:
         calibration = self.problem.nominal.calibration
         return translucency.shading(
             self.problem.level.coarse, self.state.depth_m, self.state.normals, self.scene.lamps, calibration
+        )
+
+    @cached_property
+    def registration(self) -> Registration:
+        """The images registered with one another on the coarse grid."""
+        return registration.register(
+            self.problem.level.coarse, self.state.depth_m, self.scene, self.state.shared.log_intensity
         )
 
     @cached_property
