@@ -1,4 +1,4 @@
-"""Fixtures: one cell for all tests that leave it as they found it, a controller of its own for those that do not."""
+"""Fixtures: one cell for a module's tests that leave it as they found it, a controller of its own for the others."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -9,9 +9,10 @@ from hardware_sim.controller.process import ControllerProcess
 from tests.hardware_sim.controller.cells import Cell, at_home, connect, start, wait_until
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shared_cell() -> Iterator[Cell]:
-    """A controller with the real library's clients: constructing and disconnecting them takes seconds."""
+    """A controller with the real library's clients: constructing and disconnecting them takes two seconds, but idle they
+    take 0.15 of a core, so that they end with the module."""
     with ExitStack() as stack:
         yield connect(stack)
 
