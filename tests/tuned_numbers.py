@@ -11,6 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 ACQUISITION = Path(__file__).parents[1] / "acquisition"
@@ -148,14 +149,15 @@ def _modules() -> Iterator[tuple[str, ast.Module]]:
         yield name, ast.parse(path.read_text(encoding="utf-8"))
 
 
-def settings() -> list[Number]:
+@cache
+def settings() -> tuple[Number, ...]:
     """All tuned numbers, as modules and their order in these have them."""
     numbers: list[Number] = []
     for name, tree in _modules():
         for held in tree.body:
             if isinstance(held, ast.ClassDef) and _is_settings(held):
                 numbers += [replace(number, module=name) for number in _numbers(held)]
-    return numbers
+    return tuple(numbers)
 
 
 def _numbers(held: ast.ClassDef) -> Iterator[Number]:
@@ -209,7 +211,8 @@ def allowed() -> set[str]:
     return {name for names in REASONS.values() for name in names.split()}
 
 
-def set_at_import() -> set[str]:
+@cache
+def set_at_import() -> frozenset[str]:
     """Fields, `module.name`, that a module reads while it is imported (kernels, defaults, derived constants): another
     value in `SETTINGS` does not reach all of their uses."""
     found: set[str] = set()
@@ -230,7 +233,7 @@ def set_at_import() -> set[str]:
             elif isinstance(node.value, ast.Attribute) and node.value.attr == "SETTINGS":
                 owner = ast.unparse(node.value.value).rpartition(".")[2]
                 found.add(f"{names[owner]}.{node.attr}")
-    return found
+    return frozenset(found)
 
 
 def main() -> None:

@@ -21,7 +21,7 @@ def lamps_that_reach(scene: scenes.Scene, positions: np.ndarray) -> np.ndarray:
     return out.reshape(scene.pixels, scene.pixels)
 
 
-@pytest.mark.parametrize("seed", [0, 20])
+@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.long), 20])
 def test_solve_pixels_in_all_shadows_are_doubtful_and_of_large_sigma(seed: int) -> None:
     scene = scenes.scene("vessel", seed, "lambert", PIXELS)
     positions = patterns.fixed("two-rings", scene, 6, 0, 1)
@@ -38,7 +38,7 @@ def test_solve_pixels_in_all_shadows_are_doubtful_and_of_large_sigma(seed: int) 
     assert np.median(scene.truth.error_deg(solved.normals)[dark]) > 10  # or else a large σ would be wrong
 
 
-@pytest.mark.parametrize("family", ["blob", "knot"])
+@pytest.mark.parametrize("family", [pytest.param("blob", marks=pytest.mark.long), "knot"])
 def test_solve_dark_parts_of_bright_object_are_not_doubtful(family: str) -> None:
     """Two fifths of the pixels have a fifth of the others' albedo, and all lamps reach most of them."""
     scene = scenes.scene(family, 63, "lambert", PIXELS)

@@ -7,7 +7,13 @@ from tests.unseen.captures import capture
 
 
 @pytest.mark.parametrize(
-    ("family", "seed", "lights"), [("turned", 3, 8), ("turned", 12, 8), ("turned", 28, 8), ("sheet", 61, 10)]
+    ("family", "seed", "lights"),
+    [
+        pytest.param("turned", 3, 8, marks=pytest.mark.long),
+        pytest.param("turned", 12, 8, marks=pytest.mark.long),
+        ("turned", 28, 8),
+        ("sheet", 61, 10),
+    ],
 )
 def test_solve_rough_surface_is_found_and_nothing_else(family: str, seed: int, lights: int) -> None:
     """Turned profiles, which also seem coded, the last of them with little evidence of roughness, and a sheet, whose
@@ -17,7 +23,7 @@ def test_solve_rough_surface_is_found_and_nothing_else(family: str, seed: int, l
     assert with_fault.kinds(run.solve(scene, capture(scene, positions))) == [("rough surface", True)]
 
 
-@pytest.mark.parametrize("family", ["blob", "sheet"])
+@pytest.mark.parametrize("family", [pytest.param("blob", marks=pytest.mark.long), "sheet"])
 def test_solve_rough_surface_in_stray_light_is_as_without_it(family: str) -> None:
     pair = with_fault.solved(family, 60, "oren-nayar:0.5", "offset:0.03")
     assert {("rough surface", True), ("stray light", True)} <= set(with_fault.kinds(pair.faulty))

@@ -9,7 +9,12 @@ from tests.unseen import with_fault
 
 
 @pytest.mark.parametrize(
-    ("family", "fault"), [("machined", "turned:10"), ("machined", "turned:-45"), ("turned", "mirrored-x")]
+    ("family", "fault"),
+    [
+        ("machined", "turned:10"),
+        pytest.param("machined", "turned:-45", marks=pytest.mark.long),
+        ("turned", "mirrored-x"),
+    ],
 )
 def test_solve_under_turned_or_mirrored_lamps_is_as_under_stated_ones(family: str, fault: str) -> None:
     pair = with_fault.solved(family, 62, "lambert", fault)

@@ -11,8 +11,8 @@ from tests.hardware_sim.controller.cells import Cell, at_home, connect, start, w
 
 @pytest.fixture(scope="module")
 def shared_cell() -> Iterator[Cell]:
-    """A controller with the real library's clients: constructing and disconnecting them takes two seconds, but idle they
-    take 0.15 of a core, so that they end with the module."""
+    """A controller with the real library's clients: constructing and disconnecting them takes two seconds, but idle
+    they take 0.15 of a core, so that they end with the module."""
     with ExitStack() as stack:
         yield connect(stack)
 
