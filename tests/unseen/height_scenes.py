@@ -43,8 +43,10 @@ def height(rng: np.random.Generator, pieces: int = 0) -> Height:
     def top(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         heights = [z * np.sqrt(np.maximum(1 - ((x - u) ** 2 + (y - v) ** 2) / r**2, 0)) for u, v, r, z in caps]
         highest = np.max(heights, axis=0)
-        waves = wave * np.sin(x / length) * np.cos(y / length)
-        return np.where(highest > 0, np.maximum(highest + waves, 0.001), 0.0)
+        inside = highest > 0
+        waves = wave * np.sin(x[inside] / length) * np.cos(y[inside] / length)
+        highest[inside] = np.maximum(highest[inside] + waves, 0.001)
+        return highest
 
     return top
 
