@@ -82,7 +82,7 @@ def test_solve_wrong_intensities_leave_no_seams(gloss: float) -> None:
 
     A ball under lights that are 6 % off.
     """
-    size, ratios = 64, []
+    size, ratios = 48, []
     v, u = np.mgrid[:size, :size]
     x, y = (u - size / 2 + 0.5) / (size / 2), -(v - size / 2 + 0.5) / (size / 2)
     mask = np.hypot(x, y) < np.sin(np.radians(75))
