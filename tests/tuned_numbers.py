@@ -216,17 +216,10 @@ def set_at_import() -> frozenset[str]:
     """Fields, `module.name`, that a module reads while it is imported (kernels, defaults, derived constants): another
     value in `SETTINGS` does not reach all of their uses."""
     found: set[str] = set()
-    names = {name.rpartition(".")[2]: name for name, _ in _modules()}
+    names = {name.rpartition(".")[2]: name for name in paths()}
     for name, tree in _modules():
-        bodies = {
-            id(n)
-            for function in ast.walk(tree)
-            if isinstance(function, ast.FunctionDef | ast.Lambda)
-            for part in (function.body if isinstance(function, ast.FunctionDef) else [function.body])
-            for n in ast.walk(part)
-        }
-        for node in ast.walk(tree):
-            if not isinstance(node, ast.Attribute) or id(node) in bodies:
+        for node in _outside_functions(tree):
+            if not isinstance(node, ast.Attribute):
                 continue
             if isinstance(node.value, ast.Name) and node.value.id == "SETTINGS":
                 found.add(f"{name}.{node.attr}")
@@ -234,6 +227,16 @@ def set_at_import() -> frozenset[str]:
                 owner = ast.unparse(node.value.value).rpartition(".")[2]
                 found.add(f"{names[owner]}.{node.attr}")
     return frozenset(found)
+
+
+def _outside_functions(tree: ast.Module) -> Iterator[ast.AST]:
+    """The nodes of a module that are in no body of a function; decorators and defaults are among them."""
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        body = node.body if isinstance(node, ast.FunctionDef) else [node.body] if isinstance(node, ast.Lambda) else []
+        waiting += [child for child in ast.iter_child_nodes(node) if child not in body]
 
 
 def main() -> None:

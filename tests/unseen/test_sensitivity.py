@@ -52,7 +52,7 @@ def test_a_number_changes_the_result_of_a_capture_that_reads_it() -> None:
         usual = sensitivity.solve_with(None, blob, captured)
     assert PRIOR.key in read
     assert "grey_tile.min_share" not in read
-    halved = sensitivity.solve_with(Stage("", "", (sensitivity.changed(PRIOR, 0.01),)), blob, captured)
+    halved = sensitivity.solve_with(Stage("", "", (sensitivity.changed(PRIOR, 0.5),)), blob, captured)
     assert np.abs(halved.normals - usual.normals)[usual.mask].max() > 1e-4
     assert run.solve(blob, captured).normals.tobytes() == usual.normals.tobytes()
 
