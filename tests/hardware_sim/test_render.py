@@ -1,5 +1,7 @@
 """The rendered image against closed forms: every expected number here is computed without the renderer."""
 
+from functools import cache
+
 import cv2
 import numpy as np
 import pytest
@@ -27,10 +29,19 @@ def plate() -> SceneObject:
     return SceneObject("plate", sheets.box((-0.08, -0.08, 0.0), (0.08, 0.08, 0.01)), WHITE, 0.0, 30.0)
 
 
-def ball(gloss: float = 0.0) -> SceneObject:
+@cache
+def ball_mesh() -> sheets.Mesh:
     radius = 0.04
-    grids = [sheets.sheet(radius * unit + [0, 0, radius], unit) for unit in sheets.cube_directions(128)]
-    return SceneObject("ball", sheets.joined(grids), WHITE, gloss, 30.0)
+    return sheets.joined([sheets.sheet(radius * unit + [0, 0, radius], unit) for unit in sheets.cube_directions(128)])
+
+
+@cache
+def ball_tracer() -> Tracer:
+    return Tracer(ball_mesh())
+
+
+def ball(gloss: float = 0.0) -> SceneObject:
+    return SceneObject("ball", ball_mesh(), WHITE, gloss, 30.0)
 
 
 def lamp_at(position: np.ndarray, target: tuple[float, float, float], power: float = 1.0, lobe: float = 0.8) -> Lamp:
@@ -74,8 +85,8 @@ def test_direct_image_lamp_facing_away_is_dark() -> None:
 def test_lit_mask_attached_shadow_begins_at_terminator() -> None:
     camera, scene = lens(256), ball()
     position = np.array([0.35, 0.1, 0.25])
-    samples = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
-    free = render.lit_mask(samples.points, samples.normals, position, Tracer(scene.mesh), scene)
+    samples = render.object_samples(scene, ball_tracer(), camera.eye, _centres(camera))
+    free = render.lit_mask(samples.points, samples.normals, position, ball_tracer(), scene)
     exact = (samples.points - [0, 0, 0.04]) / 0.04
     cosine = np.einsum("ni,ni->n", exact, position - samples.points) / np.linalg.norm(position - samples.points, axis=1)
     assert free[cosine > 0.02].all()
@@ -85,7 +96,7 @@ def test_lit_mask_attached_shadow_begins_at_terminator() -> None:
 def test_lit_mask_sphere_casts_shadow_on_table() -> None:
     camera, scene = lens(256), ball()
     position = np.array([0.30, 0.0, 0.33])
-    tracer = Tracer(scene.mesh)
+    tracer = ball_tracer()
     view = render.trace_view(scene, tracer, camera, 2)
     free = render.lit_mask(view.table.points, view.table.normals, position, tracer, scene)
     # The way from a point to the lamp passes the sphere's centre at this distance.
@@ -100,7 +111,7 @@ def test_lit_mask_sphere_casts_shadow_on_table() -> None:
 
 def test_direct_image_shadow_edge_has_half_lit_pixels() -> None:
     camera, scene = lens(256), ball()
-    tracer = Tracer(scene.mesh)
+    tracer = ball_tracer()
     view = render.trace_view(scene, tracer, camera, 2)
     lamp = lamp_at(np.array([0.30, 0.0, 0.33]), (0, 0, 0.03))
     image = render.direct_image(view, scene, tracer, lamp)
@@ -117,7 +128,7 @@ def test_direct_image_shadow_edge_has_half_lit_pixels() -> None:
 
 def test_object_samples_sphere_normals_are_exact() -> None:
     camera, scene = lens(256), ball()
-    samples = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
+    samples = render.object_samples(scene, ball_tracer(), camera.eye, _centres(camera))
     # Where a ray meets a sphere, without any mesh.
     rays = _centres(camera)[samples.pixels].astype(float)
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -148,7 +159,7 @@ def test_direct_image_gloss_peaks_at_half_vector() -> None:
     shine = photograph(ball(0.2), lamp, camera) - photograph(ball(), lamp, camera)
     row, column = np.unravel_index(int(shine.argmax()), shine.shape)
     scene = ball()
-    samples = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
+    samples = render.object_samples(scene, ball_tracer(), camera.eye, _centres(camera))
     sample = int(np.nonzero(samples.pixels == row * 256 + column)[0][0])
     to_lamp, to_eye = lamp.position - samples.points[sample], camera.eye - samples.points[sample]
     half = to_lamp / np.linalg.norm(to_lamp) + to_eye / np.linalg.norm(to_eye)

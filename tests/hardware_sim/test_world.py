@@ -31,6 +31,11 @@ def direct(cell: CellConfig) -> World:
 
 
 @pytest.fixture(scope="module")
+def ideal(cell: CellConfig) -> World:
+    return World(cell, nominal.calibration(PIXELS), "bumps", 1, "ideal")
+
+
+@pytest.fixture(scope="module")
 def realistic(cell: CellConfig) -> World:
     return World(cell, nominal.calibration(PIXELS), "part", 1, "realistic")
 
@@ -40,10 +45,9 @@ def lamp(direction: np.ndarray) -> Lamp:
     return Lamp(np.array([0, 0, 0.03]) + 0.45 * direction, -direction, 1.0, 0.45, 0.8)
 
 
-def test_truth_normals_agree_with_textbook_solve(cell: CellConfig) -> None:
+def test_truth_normals_agree_with_textbook_solve(cell: CellConfig, ideal: World) -> None:
     """Near lights at known places, true depth, least squares: frames, signs and units all have to be right."""
-    scene = World(cell, nominal.calibration(PIXELS), "bumps", 1, "ideal")
-    true = scene.truth()
+    scene, true = ideal, ideal.truth()
     calibration = scene.calibration
     object_from_view = geometry.inverse(cell.object.keep_out.base_from_object.matrix) @ geometry.base_from_view(
         np.array(calibration.base_from_camera)
@@ -112,8 +116,7 @@ def test_frame_intensity_varies_by_its_sigma(direct: World) -> None:
     assert 0.006 < spread < 0.018
 
 
-def test_frame_signal_is_linear_in_exposure_and_level(cell: CellConfig) -> None:
-    ideal = World(cell, nominal.calibration(PIXELS), "bumps", 1, "ideal")
+def test_frame_signal_is_linear_in_exposure_and_level(ideal: World) -> None:
     mask = ideal.truth().mask
     one, two, half = (
         ideal.frame([ExposureInterval(1.0, JOINTS, level)], exposure, 0)[mask].astype(float) - 64
@@ -127,8 +130,7 @@ def test_frame_signal_is_linear_in_exposure_and_level(cell: CellConfig) -> None:
     assert np.all(dark == 64)
 
 
-def test_frame_moving_arm_smears(cell: CellConfig) -> None:
-    ideal = World(cell, nominal.calibration(PIXELS), "bumps", 1, "ideal")
+def test_frame_moving_arm_smears(ideal: World) -> None:
     ends = [(*JOINTS[:1], JOINTS[1] + shift, *JOINTS[2:]) for shift in (0.0, 0.2)]
     parts = [ideal.frame([ExposureInterval(1.0, joints, 1.0)], 0.04, 0).astype(float) for joints in ends]
     both = ideal.frame([ExposureInterval(0.5, joints, 1.0) for joints in ends], 0.04, 0)
