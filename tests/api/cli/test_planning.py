@@ -115,7 +115,11 @@ def write(path: Path, rows: np.ndarray, separator: str = " ") -> Path:
     return path
 
 
-@pytest.mark.parametrize(("kind", "separator"), [("near", " "), ("lp", ", "), ("near", "\t")])
+@pytest.mark.parametrize(
+    ("kind", "separator"),
+    [("near", " "), ("lp", ", "), ("near", "\t")]
+    + [pytest.param(*case, marks=pytest.mark.long) for case in (("lp", " "), ("near", ", "), ("lp", "\t"))],
+)
 def test_plan_candidates_of_file_are_numbered_by_line(
     kind: str, separator: str, made: dict[str, Path], tmp_path: Path
 ) -> None:
