@@ -94,8 +94,9 @@ class SharedSettings:
     edge_px: int = tuned(2, "px")
     """Pixels that an edge in the images takes: within which a sharp shadow border passes from dark to lit, below which
     a shadow is too short to tell depth, by which it has to contradict the depth, since relief is full of short shadows
-    that do not, and the width of the rim along the silhouette whose normals tell inside from out. With a rim of 3 27
-    captures of design seeds 101–104 are solved alike."""
+    that do not, which a bound by a shadow leaves out, and the width of the rim along the silhouette whose normals tell
+    inside from out. With a rim of 3 27 captures of design seeds 101–104 are solved alike; bounds that leave out half a
+    pixel give the errors of 128 captures of seeds 201–204 times 1.000 ± 0.005 (November 2026)."""
     min_sample: int = tuned(50, "measurements")
     """Pixels or measurements below which a statistic of them is not estimated. Of 50 Gaussian values a standard
     deviation has a standard error of 10 % (1/√(2 · 50)), a median one of 0.18 σ."""

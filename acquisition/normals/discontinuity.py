@@ -3,7 +3,9 @@
 Least squares over normals alone smears a depth discontinuity that the camera sees edge-on, since no normal shows it.
 Its cast shadow does: the ray from the lamp grazes the occluding edge and ends at the shadow's tip, so that the depth at
 the edge follows from the depth at the tip (shape from shadows). Each run of dark pixels between two sharp borders,
-along the image of the lamp's ray, is such an equation. Somewhere on it the surface may be discontinuous: where the
+along the image of the lamp's ray, is such an equation. The tip need not be seen: a shadow may leave the object, or end
+on a wall that hides its end. Its last dark pixel still lies behind the grazing ray, which bounds the depth at the edge
+from one side: a squared hinge in the least squares. Somewhere on the run the surface may be discontinuous: where the
 camera sees it most edge-on, which is the occluding contour of what is round, else right behind the edge. Only there is
 the prior weight of a pair of neighbours lowered, so that the equation lifts the whole surface behind the edge and not
 a single pixel. Discontinuities without a shadow are left to iteratively reweighted least squares (Cauchy weights). The
@@ -69,11 +71,22 @@ class ShadowImages:
 
 @dataclass(frozen=True)
 class _Equations:
-    """log Z at `edge` − log Z at `tip` is `step`, for E pairs of pixels (flat indices in the window)."""
+    """log Z at `edge` − log Z at `tip` is `step`, for E pairs of pixels (flat indices in the window), or at most that
+    where it is a `bound`."""
 
     edge: np.ndarray
     tip: np.ndarray
     step: np.ndarray
+    bound: BoolArray
+
+    def contradicted(self, log_depth: np.ndarray, least: float) -> BoolArray:
+        """Which equations (E,) a surface (h w,) misses, and which bounds it exceeds, by more than `least`."""
+        residual = log_depth[self.edge] - log_depth[self.tip] - self.step
+        return np.where(self.bound, residual, np.abs(residual)) > least
+
+    def subset(self, chosen: BoolArray) -> "_Equations":
+        """Those of them that are chosen (E,)."""
+        return _Equations(self.edge[chosen], self.tip[chosen], self.step[chosen], self.bound[chosen])
 
     def discontinuities(self, cosine: Float32Array) -> tuple[BoolArray, BoolArray]:
         """Whether the surface may be discontinuous between a pixel and its neighbour below, and to its right, each
@@ -114,13 +127,15 @@ def discontinuous_depth(
     equations = _equations(shadows, start_m)
     slopes = _slopes(pixels, normals, confidence)
     p, q = slopes.first, slopes.second
+    contradicted = equations.contradicted(
+        pixels.image(np.log(continuous_m)).ravel(), photometry.SETTINGS.edge_px * slopes.pitch
+    )
+    equations = equations.subset(contradicted | ~equations.bound)
+    if np.count_nonzero(contradicted) < max(photometry.SETTINGS.min_sample, len(equations.edge) / 2):
+        return None
     number = np.full(pixels.shape[0] * pixels.shape[1], -1)
     number[pixels.index] = np.arange(len(pixels.index))
     tip, edge = number[equations.tip], number[equations.edge]
-    smooth = np.log(continuous_m)
-    contradiction = np.abs(smooth[edge] - smooth[tip] - equations.step) > photometry.SETTINGS.edge_px * slopes.pitch
-    if np.count_nonzero(contradiction) < max(photometry.SETTINGS.min_sample, len(contradiction) / 2):
-        return None
     ray = photometry.ray_directions(pixels.ray)
     cosine = -np.sum(normals * ray, axis=0) / np.sqrt(np.sum(ray * ray, axis=0))
     below, right = equations.discontinuities(pixels.image(cosine.astype(np.float32), 1.0))
@@ -136,6 +151,7 @@ def discontinuous_depth(
             if iteration == 0 and rounds > 1
             else 1 / (1 + (residual / (2 * photometry.SETTINGS.edge_px)) ** 2)
         )
+        robust = robust * (~equations.bound | (residual > 0))  # a bound that is kept pulls at nothing
         continuity = np.maximum(slopes.continuity_weight(solution) * prior, WEIGHT_FLOOR)
         solution = _solve(
             np.concatenate([p, tip]),
@@ -229,12 +245,12 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
     across, down = np.polyfit(pixels.ray[0], column, 1), np.polyfit(pixels.ray[1], row, 1)
     rays = pixels.image(pixels.ray)
     depth_image = pixels.image(depth_m)
-    edges, tips, steps = [], [], []
+    edges, tips, steps, bounds = [], [], [], []
     for shading, position in zip(share, shadows.lamp[:, :3].astype(float), strict=True):
         lamp_x, lamp_y, lamp_z = position[0], -position[1], -position[2]  # OpenCV's frame
         target = (across[0] * lamp_x / lamp_z + across[1], down[0] * lamp_y / lamp_z + down[1])
         image = pixels.image(shading.astype(np.float32), -1.0)
-        edge, tip = _shadow_runs(
+        edge, tip, bound = _shadow_runs(
             image,
             target[0],
             target[1],
@@ -249,46 +265,54 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
         wide = np.abs(far[0] - near[0]) > np.abs(far[1] - near[1])
         r_tip, r_edge = np.where(wide, near[0], near[1]), np.where(wide, far[0], far[1])
         aim = np.where(wide, lamp_x, lamp_y)
-        # Both borders of the shadow lie half a pixel inside the lit pixels.
+        # Both borders of the shadow lie half a pixel inside the lit pixels. Of many bounds on one edge the tightest
+        # counts, so that each leaves out what is uncertain.
         apart = np.hypot(edge // image.shape[1] - tip // image.shape[1], edge % image.shape[1] - tip % image.shape[1])
         t = z * (r_tip - r_edge) / (r_edge * (lamp_z - z) - (aim - z * r_tip))
-        change = 1 + t * (1 - 1 / apart) * (lamp_z - z) / z
+        change = 1 + t * (1 - np.where(bound, photometry.SETTINGS.edge_px, 1) / apart) * (lamp_z - z) / z
         good = (t > 0) & (t < 0.3) & (change > 0)
         edges.append(edge[good])
         tips.append(tip[good])
         steps.append(np.log(change[good]))
+        bounds.append(bound[good])
     if not edges:
-        return _Equations(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
-    return _Equations(np.concatenate(edges), np.concatenate(tips), np.concatenate(steps))
+        return _Equations(np.zeros(0, int), np.zeros(0, int), np.zeros(0), np.zeros(0, np.bool_))
+    return _Equations(np.concatenate(edges), np.concatenate(tips), np.concatenate(steps), np.concatenate(bounds))
 
 
 @numba.njit(
-    "Tuple((int64[::1], int64[::1]))(float32[:,::1], float64, float64, float64, float64, int64, float64)",
+    "Tuple((int64[::1], int64[::1], bool_[::1]))(float32[:,::1], float64, float64, float64, float64, int64, float64)",
     cache=True,
     error_model="numpy",
 )
 def _shadow_runs(  # noqa: PLR0912 - one fused kernel is the point
     share: Float32Array, target_u: float, target_v: float, dark: float, lit: float, border: int, shortest: float
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Scan for cast shadows towards the lamp's image at (target_u, target_v): lit pixels at their far and near end.
 
     `share` (h, w) is each pixel's value over its largest one, −1 outside the object. Flat indices of the occluding
-    edges and of the shadows' tips.
+    edges and of the shadows' tips, and whether it is a bound: from the shadow's last dark pixel, seen tip or not.
     """
     height, width = share.shape
-    edges = np.empty(height * width, np.int64)
-    tips = np.empty(height * width, np.int64)
+    edges = np.empty(2 * height * width, np.int64)
+    tips = np.empty(2 * height * width, np.int64)
+    bounds = np.empty(2 * height * width, np.bool_)
     count = 0
     for v in range(height):
         for u in range(width):
-            if share[v, u] < lit:
+            leaves = 0 <= share[v, u] < dark  # where the pixel before it is none of the object's
+            if not leaves and share[v, u] < lit:
                 continue
             across, down = target_u - u, target_v - v
             length = np.sqrt(across * across + down * down)
             if length < 1:
                 continue
             across, down = across / length, down / length
-            state, first, gap = 0, 0.0, 0
+            if leaves:
+                c, r = int(np.round(u - across)), int(np.round(v - down))
+                if not (c < 0 or r < 0 or c >= width or r >= height or share[r, c] < 0):
+                    continue
+            state, first, gap, last = int(leaves), 0.0, 0, v * width + u
             s = 0.0
             while s < length:
                 s += 1.0
@@ -298,13 +322,16 @@ def _shadow_runs(  # noqa: PLR0912 - one fused kernel is the point
                 value = share[r, c]
                 if state == 0:  # before the shadow: it must begin within the border
                     if value < dark:
-                        state, first, gap = 1, s, 0
+                        state, first, gap, last = 1, s, 0, r * width + c
                     elif value >= lit or s > border:
                         break
                 elif value >= lit:
                     if s - first >= shortest:
-                        edges[count], tips[count] = r * width + c, v * width + u
+                        edges[count], tips[count], bounds[count] = r * width + c, last, True
                         count += 1
+                        if not leaves:
+                            edges[count], tips[count], bounds[count] = r * width + c, v * width + u, False
+                            count += 1
                     break
                 elif value >= dark:
                     gap += 1
@@ -312,7 +339,7 @@ def _shadow_runs(  # noqa: PLR0912 - one fused kernel is the point
                         break
                 else:
                     gap = 0
-    return edges[:count].copy(), tips[:count].copy()
+    return edges[:count].copy(), tips[:count].copy(), bounds[:count].copy()
 
 
 KERNELS = (_shadow_runs,)
