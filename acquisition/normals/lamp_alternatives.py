@@ -35,9 +35,10 @@ def other_axes(present: Solution) -> list[Alternative]:
     opposite, where the normals of the outline point inwards and neither fit nor light from near says that they do, or
     where the images fit badly and far better then.
 
-    In a poor fit metal and coded values compete with them: a wrong reflectance can leave normals whose circulation says
-    anything, and coded values of a dome fit a bowl under opposite lamps better. Of metal that fits they are tried only
-    where the circulation is significant, because highlights alone fit a surface under other axes as well.
+    What a score demands competes with them, gloss where it gains most, and in a poor fit metal and coded values: a
+    wrong reflectance can leave normals whose circulation says anything, and coded values of a dome fit a bowl under
+    opposite lamps better. Of metal that fits they are tried only where the circulation is significant, because
+    highlights alone fit a surface under other axes as well.
     """
     problem, coarse, normals = present.problem, present.problem.level.coarse, present.state.normals
     found, scored = light_tests.integrable_axes(coarse, normals), _scored_axes(present)
@@ -66,7 +67,7 @@ def other_axes(present: Solution) -> list[Alternative]:
     alternatives += quarters
     if not alternatives:
         return []
-    others = _others(present) if quarters or sure else term_alternatives.scored_terms(present)
+    others = [*_scored(present), *(_unscored(present) if present.poor and (quarters or sure) else [])]
     return [*(model_trial.decisive(alternatives) if sure else alternatives), *others]
 
 
@@ -98,23 +99,30 @@ def _scored_axes(present: Solution) -> FloatArray | None:
     return light_tests.turned_by(turn_deg) if abs(turn_deg) > REFINED_DEG else None
 
 
-def _others(present: Solution) -> list[Alternative]:
-    """What else a capture may be than one under other axes: what a score demands, and in a poor fit all that is not
-    told from them; gloss where it gains more than ambient and stray light."""
-    scored = [] if present.unjudged else term_alternatives.scored_terms(present)
-    if not present.poor:
-        return scored
-    scores = present.scores
-    most_gained = scores is not None and scores.gloss.gain > max(scores.offset.gain, scores.ambient.gain)
-    gloss = term_alternatives.gloss(present) if most_gained else []
+def _scored(present: Solution) -> list[Alternative]:
+    """Terms that a score demands: gloss where it gains most, ambient and stray light, roughness."""
+    if present.unjudged:
+        return []
+    return [*(one for one in _most_gained_gloss(present) if one.demanded), *term_alternatives.scored_terms(present)]
+
+
+def _unscored(present: Solution) -> list[Alternative]:
+    """What else a poor fit may be that is not told from other axes: gloss, other images, metal and coded values."""
     return [
-        *gloss,
-        *scored,
+        *(one for one in _most_gained_gloss(present) if not one.demanded),
         *image_alternatives.bad_image(present),
         *image_alternatives.moved_object(present),
         *term_alternatives.metal(present),
         *term_alternatives.coded(present),
     ]
+
+
+def _most_gained_gloss(present: Solution) -> list[Alternative]:
+    """Gloss, where it gains more than ambient and stray light."""
+    scores = present.scores
+    if scores is None or scores.gloss.gain <= max(scores.offset.gain, scores.ambient.gain):
+        return []
+    return term_alternatives.gloss(present)
 
 
 def _relit(

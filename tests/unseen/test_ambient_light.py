@@ -1,9 +1,20 @@
-"""Ambient light on a path-traced object whose images turned lamps fit better than the plain model does."""
+"""Ambient light, and gloss that resembles it, on path-traced objects whose images turned lamps seem to explain."""
 
-from tests.unseen import with_fault
+import numpy as np
+
+from tests.unseen import patterns, run, scenes, with_fault
+from tests.unseen.captures import capture
 
 
 def test_solve_ambient_light_is_not_taken_for_turned_lamps() -> None:
     pair = with_fault.solved("turned", 63, "lambert", "ambient:0.1")
     assert with_fault.kinds(pair.faulty) == [("ambient light", True)]
     assert pair.error_ratio < 1.3
+
+
+def test_solve_gloss_that_scores_as_turned_lamps_is_not_taken_for_ambient_light() -> None:
+    """Six images of a sheet: a turn of the lamps and ambient light gain likelihood, and gloss more than either."""
+    scene = scenes.scene("sheet", 202, "ggx:0.33", with_fault.PIXELS)
+    solved = run.solve(scene, capture(scene, patterns.fixed("two-rings", scene, 6, 0, 1)))
+    assert with_fault.kinds(solved) == [("gloss", True)]
+    assert np.mean(scene.truth.error_deg(solved.normals)[scene.truth.within_78_deg & solved.mask]) < 0.5

@@ -308,12 +308,10 @@ def test_solve_dielectric_that_halves_the_misfit_is_compared_with_no_other_refle
 def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(
     cushion: scenes.Scene, images: Images, tried: list[Trial]
 ) -> None:
-    """A tone curve, and a dark image: when that has been scaled, the fit is as poor as to call for all again."""
-    values = images.whole.values.copy()
-    values[3] *= 0.3
-    solved(
-        cushion, scenes.with_values(images, (np.log1p(10 * np.maximum(values, 0)) / np.log1p(10)).astype(np.float32))
-    )
+    """A tone curve, and two images exchanged: when these are as stated, the fit is as poor as to call for all again."""
+    values = np.log1p(10 * np.maximum(images.whole.values, 0)) / np.float32(np.log1p(10))
+    values[[3, 6]] = values[[6, 3]]
+    solved(cushion, scenes.with_values(images, values))
     first, second, *_ = list({id(before): before for _, before, _ in tried}.values())
     assert second.poor
     fits_worse: dict[str, list[bool]] = {}
@@ -322,9 +320,9 @@ def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(
             fits_worse.setdefault(alternative.kind, []).append(trial.fit.misfit >= before.fit.misfit)
     no_better = {kind for kind, worse in fits_worse.items() if any(worse)}
     again = {alternative.kind for alternative, before, _ in tried if before is second}
-    assert no_better >= {"gloss", "stray light"}
+    assert no_better >= {"axes of the lamps", "stray light"}
     assert not no_better & again
-    assert again >= {"coded values", "metal"}  # they had fitted better
+    assert "metal" in again  # it had fitted better
 
 
 def test_solve_stray_light_and_a_dark_image_are_put_right(
