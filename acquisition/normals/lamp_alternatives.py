@@ -67,7 +67,7 @@ def other_axes(present: Solution) -> list[Alternative]:
     alternatives += quarters
     if not alternatives:
         return []
-    others = [*_scored(present), *(_unscored(present) if present.poor and (quarters or sure) else [])]
+    others = _others(present, unscored=present.poor and (sure or bool(quarters)))
     return [*(model_trial.decisive(alternatives) if sure else alternatives), *others]
 
 
@@ -99,30 +99,23 @@ def _scored_axes(present: Solution) -> FloatArray | None:
     return light_tests.turned_by(turn_deg) if abs(turn_deg) > REFINED_DEG else None
 
 
-def _scored(present: Solution) -> list[Alternative]:
-    """Terms that a score demands: gloss where it gains most, ambient and stray light, roughness."""
-    if present.unjudged:
-        return []
-    return [*(one for one in _most_gained_gloss(present) if one.demanded), *term_alternatives.scored_terms(present)]
-
-
-def _unscored(present: Solution) -> list[Alternative]:
-    """What else a poor fit may be that is not told from other axes: gloss, other images, metal and coded values."""
+def _others(present: Solution, *, unscored: bool) -> list[Alternative]:
+    """What else a capture may be than one under other axes: what a score demands, gloss where it gains more than
+    ambient and stray light; and, `unscored`, all else that a poor fit may be: other images, metal and coded values."""
+    scores = present.scores
+    most_gained = scores is not None and scores.gloss.gain > max(scores.offset.gain, scores.ambient.gain)
+    gloss = term_alternatives.gloss(present) if most_gained else []
+    scored = [] if present.unjudged else term_alternatives.scored_terms(present)
+    if not unscored:
+        return [*(one for one in gloss if one.demanded), *scored]
     return [
-        *(one for one in _most_gained_gloss(present) if not one.demanded),
+        *gloss,
+        *scored,
         *image_alternatives.bad_image(present),
         *image_alternatives.moved_object(present),
         *term_alternatives.metal(present),
         *term_alternatives.coded(present),
     ]
-
-
-def _most_gained_gloss(present: Solution) -> list[Alternative]:
-    """Gloss, where it gains more than ambient and stray light."""
-    scores = present.scores
-    if scores is None or scores.gloss.gain <= max(scores.offset.gain, scores.ambient.gain):
-        return []
-    return term_alternatives.gloss(present)
 
 
 def _relit(
