@@ -29,11 +29,12 @@ from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
 from tests.acquisition.normals.test_solve import ROUGH_DEPTH_M, two_rings
 
-SIZE, FULL_SIZE = 64, 80
-"""Pixels along an image of the cushion: the default, and what weak faults and long tests need."""
+STRONG_FAULT_SIZE, SIZE, FULL_SIZE = 48, 64, 80
+"""Pixels along an image of the cushion: for strong faults, the default, and for weak ones and long tests."""
 SMOOTH_SIZE, FULL_SMOOTH_SIZE = 48, 64
 """Of dish and ball."""
 
+strong_fault_size = pytest.mark.parametrize("size", [STRONG_FAULT_SIZE])
 full_size = pytest.mark.parametrize("size", [FULL_SIZE])
 full_smooth_size = pytest.mark.parametrize("smooth_size", [FULL_SMOOTH_SIZE])
 
@@ -228,9 +229,11 @@ def coded(images: Images, exponent: float = 2.2) -> Images:
 def linearised() -> Tried:
     """The result of values that are coded with 1/2.2, and all that is tried for it."""
     with recorded_trials() as tried:
-        return solved(object_of(scenes.bumps, SIZE), coded(images_of(scenes.bumps, SIZE))), tried
+        size = STRONG_FAULT_SIZE
+        return solved(object_of(scenes.bumps, size), coded(images_of(scenes.bumps, size))), tried
 
 
+@strong_fault_size
 def test_solve_coded_values_are_linearised(cushion: scenes.Scene, sound: NormalMap, linearised: Tried) -> None:
     result, _ = linearised
     assert kinds(result) == [("coded values", True)]
@@ -284,6 +287,7 @@ def test_solve_blurred_image_is_left_out_or_harmless(cushion: scenes.Scene, imag
     assert mean_deg(cushion, result) < 1.4 * mean_deg(cushion, sound)
 
 
+@strong_fault_size
 def test_solve_moved_object_is_registered(cushion: scenes.Scene, images: Images, sound: NormalMap) -> None:
     values = images.whole.values.copy()
     values[4:] = np.roll(values[4:], (1, -1), axis=(1, 2))
@@ -485,7 +489,8 @@ def test_solve_hollow_metal_is_solved_as_metal_and_not_by_lamps_from_the_other_s
     assert mean_deg(dish, result) < 2
 
 
-@pytest.mark.parametrize("alpha", [0.12, pytest.param(0.15, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("alpha", [0.12, 0.15])
 def test_solve_smooth_hollow_metal_is_solved_as_metal(dish: scenes.Scene, dish_images: Images, alpha: float) -> None:
     """Hardly a pixel has four highlights: no misfit is known of the Lambertian solve."""
     result = solved(dish, reflected(dish, dish_images, Reflectance("metal", alpha)))
