@@ -211,7 +211,7 @@ def scene(family: str, seed: int, reflectance: str | None = None, pixels: int = 
     """
     if seed >= REPORT_SEEDS_FROM and not _report_seeds_allowed:
         raise ValueError(f"seed {seed} is for the report: use seeds below {REPORT_SEEDS_FROM}, or the bench's --report")
-    made = families.make(family, seed)
+    made = _made(family, seed)
     material = made.reflectance if reflectance is None else Reflectance.parse(reflectance)
     rng = np.random.default_rng([families.NAMES.index(family), seed, 17])
     corners = made.mesh.triangles.reshape(-1, 3)
@@ -234,6 +234,10 @@ def scene(family: str, seed: int, reflectance: str | None = None, pixels: int = 
         sensor=_sensor(float(np.exp(rng.uniform(*np.log(NOISE))))),
         rough_depth_m=distance + float(rng.uniform(-ROUGH_DEPTH_M, ROUGH_DEPTH_M)),
     )
+
+
+_made = functools.lru_cache(maxsize=1)(families.make)
+"""Making the last object takes up to 3 s, whatever its reflectance and its images."""
 
 
 def _camera(corners: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:

@@ -23,6 +23,7 @@ from tests.unseen.scenes import Scene
 
 KIND = "translucent surface"
 LENGTH_PX = 1.2
+PIXELS = 80
 
 
 def captured(family: str, seed: int, reflectance: str | None, pixels: int) -> tuple[Scene, Capture]:
@@ -133,7 +134,7 @@ def test_sharpened_images_have_sharper_shadows_and_no_other_texture() -> None:
 
 
 def test_solve_translucent_cluster_is_sharpened(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, made = captured("cluster", 15, None, 96)
+    scene, made = captured("cluster", 15, None, PIXELS)
     normal_map = solve(scene, made)
     assert [(one.kind, one.corrected) for one in normal_map.findings] == [(KIND, True)]
     assert normal_map.findings[0].value == pytest.approx(1e3 * scene.reflectance.scatter_m, rel=0.3)
@@ -141,7 +142,7 @@ def test_solve_translucent_cluster_is_sharpened(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_solve_opaque_cluster_is_not_sharpened() -> None:
-    normal_map = solve(*captured("cluster", 15, "lambert", 96))
+    normal_map = solve(*captured("cluster", 15, "lambert", PIXELS))
     assert KIND not in [one.kind for one in normal_map.findings]
 
 
