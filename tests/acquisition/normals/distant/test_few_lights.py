@@ -76,7 +76,7 @@ def test_solve_rough_surface_twelve_lights_finds_roughness() -> None:
     assert scene.errors_deg(result.normals).mean() < 0.3 * scene.errors_deg(plain.normals).mean()
 
 
-@pytest.mark.parametrize("gloss", [0.0, 0.3])
+@pytest.mark.parametrize("gloss", [0.0, pytest.param(0.3, marks=pytest.mark.long)])
 def test_solve_wrong_intensities_leave_no_seams(gloss: float) -> None:
     """Change of the normals' error between neighbours where the lights used change, over that elsewhere.
 

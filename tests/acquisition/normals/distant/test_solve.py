@@ -112,7 +112,7 @@ def test_solve_noisy_images_sigma_is_calibrated(solver: distant.Solver) -> None:
 
 
 def test_solve_glossy_surface_is_far_better_than_least_squares() -> None:
-    normals, mask = ball(24)
+    normals, mask = ball(16)
     directions = lights()
     half = directions + np.array([0, 0, 1.0])
     half /= np.linalg.norm(half, axis=1, keepdims=True)
