@@ -11,7 +11,7 @@ PIXELS = 64
 
 
 def solved(name: str, y: np.ndarray, seed: int = 0) -> tuple[NormalMap, bench.Grade]:
-    true = bench.truth(name, PIXELS)
+    true = bench.truth(name, y.shape[-1])
     captured = captures.capture(y, bench.two_rings(len(y)), seed)
     normal_map = normals.solve_stack(
         captured.stack, captured.calibration, SolveSettings(), normals.ObjectPlace(0.9, silhouette=true.mask)
@@ -53,8 +53,8 @@ def test_solve_direct_light_only_subtracts_nothing() -> None:
 
 def test_solve_glossy_object_recovers_lobe() -> None:
     lights = bench.two_rings(8)
-    y = bench.render("animal", lights, pixels=PIXELS, bounces=False, samples=16)
-    normal_map, grade = solved("animal", y + bench.gloss("animal", lights, pixels=PIXELS))
+    y = bench.render("animal", lights, pixels=48, bounces=False, samples=16)
+    normal_map, grade = solved("animal", y + bench.gloss("animal", lights, pixels=48))
     assert normal_map.notes["lobe"]["strength"] == pytest.approx(0.2, abs=0.03)
     assert 12 < normal_map.notes["lobe"]["exponent"] < 60
     assert grade.mean_deg < 1.3

@@ -36,7 +36,7 @@ def whitened(found: LobeFit, truth: Truth) -> float:
 
 
 def test_lobe_of_led_is_found_to_a_per_cent() -> None:
-    truth, images, placings, known = captured(1, noise=FINE)
+    truth, images, placings, known = captured(1, count=16, noise=FINE)
     found = lamp_lobe.fit(images, placings, known)
     assert found.lamp_intensity == pytest.approx(truth.intensity, rel=0.008)
     assert found_factors(found, ANGLES) == pytest.approx(truth.factors(ANGLES), rel=0.01)
@@ -56,7 +56,7 @@ def test_lobe_of_sagging_plane_keeps_its_depth_out_of_flat_field(sags: float) ->
 
 
 def test_lobe_verifies_on_placing_that_took_no_part() -> None:
-    _, images, placings, known = captured(2)
+    _, images, placings, known = captured(2, count=16)
     used = [image for image in images if image.placing == 0]
     unused = [image for image in images if image.placing == 1]
     found = lamp_lobe.fit(used, placings[:1], known)
