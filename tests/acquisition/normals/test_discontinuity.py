@@ -13,7 +13,7 @@ from acquisition.normals import discontinuity
 from acquisition.plan import baselines
 from tests.acquisition import scenes
 
-SIZE = 128
+SIZE = 96
 RADIUS_M, HALF_LENGTH_M, AXIS_M, PLATE_M = 0.008, 0.022, 0.022, 0.006
 DISC_RADIUS_M, DISC_HEIGHT_M = 0.015, 0.03
 

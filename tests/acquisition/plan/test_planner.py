@@ -14,6 +14,8 @@ from acquisition.plan import baselines, sample_pixels
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
+SIZE = 96
+
 # ---------------------------------------------------------------------------------------------------- complete plans
 
 
@@ -24,7 +26,7 @@ def reach() -> scenes.Dome:
 
 @pytest.fixture(scope="module")
 def cushion() -> scenes.Scene:
-    return scenes.scene(scenes.bumps, scenes.calibration(128))
+    return scenes.scene(scenes.bumps, scenes.calibration(SIZE))
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +85,7 @@ def test_choose_side_unlit_by_pilot_gets_light(cushion: scenes.Scene, reach: sce
     """After pilot lights from the right only, most of the added lights are on the left."""
     right = [light for light in scenes.ring(12, 55.0) if light.position[0] > 0.15]
     assert len(right) >= 3
-    normal_map = replace(cases.known_map(cushion, right), flags=np.full((len(right), 128, 128), LIT, np.uint8))
+    normal_map = replace(cases.known_map(cushion, right), flags=np.full((len(right), SIZE, SIZE), LIT, np.uint8))
     observations = replace(
         cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(right)]
     )
@@ -185,7 +187,7 @@ def test_choose_never_predicts_more_loss_than_completed_rings(
 ) -> None:
     """Completed rings are a start of the search: also where eighty lights leave next to nothing to gain."""
     lights = [*scenes.ring(27, 25.0), *scenes.ring(53, 55.0, turn=0.1)] if evenly else scenes.ring(4, 45.0)
-    normal_map = replace(cases.known_map(cushion, lights), flags=np.full((len(lights), 128, 128), LIT, np.uint8))
+    normal_map = replace(cases.known_map(cushion, lights), flags=np.full((len(lights), SIZE, SIZE), LIT, np.uint8))
     observations = replace(
         cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)]
     )
@@ -224,9 +226,9 @@ def test_choose_certificate_bounds_plan_and_pattern(
 def test_choose_region_of_interest_moves_lights(cushion: scenes.Scene, reach: scenes.Dome) -> None:
     """Lights for the left flank are on the left, for the right flank on the right."""
     normal_map = cases.known_map(cushion, scenes.ring(3, 15.0), step=1)
-    columns = np.arange(128)[None, :] * np.ones((128, 1))
+    columns = np.arange(SIZE)[None, :] * np.ones((SIZE, 1))
     share: dict[str, float] = {}
-    for side, region in (("left", columns < 48), ("right", columns > 80)):
+    for side, region in (("left", columns < 0.375 * SIZE), ("right", columns > 0.625 * SIZE)):
         observations = cases.NO_OBSERVATIONS
         chosen = plan.choose(
             plan.Problem.of(normal_map, observations, Recipe(), reach, cushion.calibration, region=region),
@@ -241,7 +243,7 @@ def test_choose_region_of_interest_moves_lights(cushion: scenes.Scene, reach: sc
 def test_choose_empty_or_misshapen_region_is_refused(
     empty: bool, piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
-    region = np.zeros((128, 128) if empty else (64, 64), np.bool_)
+    region = np.zeros((SIZE, SIZE) if empty else (SIZE // 2, SIZE // 2), np.bool_)
     with pytest.raises(RigError, match="region") as caught:
         plan.choose(
             plan.Problem.of(piloted, cases.NO_OBSERVATIONS, Recipe(), reach, cushion.calibration, region=region), 4
@@ -274,7 +276,7 @@ def test_choose_few_candidates_shortens_forecast_only(piloted: NormalMap, cushio
 
 def test_choose_one_usable_pilot_light_warns(cushion: scenes.Scene, reach: scenes.Dome) -> None:
     lights = pilot.pattern(Recipe(), reach)
-    flags = np.zeros((4, 128, 128), np.uint8)
+    flags = np.zeros((4, SIZE, SIZE), np.uint8)
     flags[0] = LIT
     normal_map = replace(cases.known_map(cushion, lights[:1]), flags=flags)
     chosen = plan.choose(
