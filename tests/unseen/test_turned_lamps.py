@@ -13,7 +13,7 @@ from tests.unseen import with_fault
     [
         ("machined", "turned:10"),
         pytest.param("machined", "turned:-45", marks=pytest.mark.long),
-        ("turned", "mirrored-x"),
+        pytest.param("turned", "mirrored-x", marks=pytest.mark.long),
     ],
 )
 def test_solve_under_turned_or_mirrored_lamps_is_as_under_stated_ones(family: str, fault: str) -> None:
