@@ -199,14 +199,6 @@ class Solution:
         return translucency.leak(coarse, values, self.shading, over)
 
     @property
-    def sharp(self) -> bool:
-        """Whether shadows with sharp edges show that nothing has blurred the images, neither light below the surface
-        nor the lens. Sharpened ones were blurred, and on a grid of several pixels less than it would show."""
-        if translucency.KIND in self.problem.corrected or self.problem.level.factor > 1:
-            return False
-        return self.leak is not None and self.leak.excluded
-
-    @property
     def well_fitting(self) -> bool:
         """Whether there are images enough to judge the fit, and more than a few sound captures fit as badly."""
         return self.fit.redundant and self.fit.probability >= SETTINGS.min_probability

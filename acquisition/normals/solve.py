@@ -154,7 +154,7 @@ def solve_stack(
     chosen = solution.problem
     normal_map = final_solve.solve(
         chosen.masked, chosen.level, solution.state, solution.scene, size,
-        sharp=solution.sharp, capture_sigma_deg=photometry.capture_sigma_deg(findings), block_map=block_map,
+        capture_sigma_deg=photometry.capture_sigma_deg(findings), block_map=block_map,
     )  # fmt: skip
     return replace(
         colour_albedo.of_sites(normal_map, calibration),

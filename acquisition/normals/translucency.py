@@ -77,11 +77,6 @@ class Leak:
     length_px: float
 
     @property
-    def excluded(self) -> bool:
-        """Whether, two standard errors on, it is less than a blur would make that images are sharpened for."""
-        return self.coefficient + 2 * self.standard_error < SETTINGS.min_coefficient
-
-    @property
     def sought(self) -> bool:
         """Whether it is so much that images are worth to be sharpened."""
         return self.length_px > 0 and self.coefficient >= SETTINGS.min_coefficient

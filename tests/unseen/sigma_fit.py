@@ -37,7 +37,7 @@ SHARE = 0.69
 PIXELS = 800
 """Pixels of each capture."""
 
-NAMES = ("posterior A", "misfit B", "crease M²", "detail L²", "few lights E²")
+NAMES = ("posterior A", "misfit B", "crease M²", "detail M²", "few lights E²")
 """The posterior's is A = 1 where the others are right to scale."""
 
 CREASES_DEG = (8.0, 12.0, 16.0, 20.0, 24.0)
@@ -141,7 +141,7 @@ def summary(captures: Sequence[Errors], tail: float = TAIL) -> str:
     weights = fits[best][0]
     lines.append(
         f"best Δ₀ {best:.0f}°: A {weights[0]:.2f}, B {weights[1]:.2f}, M {weights[2] ** 0.5:.2f}, "
-        f"L {weights[3] ** 0.5:.2f}, E {weights[4] ** 0.5:.1f}°"
+        f"of detail {weights[3] ** 0.5:.2f}, E {weights[4] ** 0.5:.1f}°"
     )
     for number, name in enumerate(NAMES):
         value = fit(sound, best, number, tail=tail)[1]
@@ -195,11 +195,11 @@ def _solve(scene: Scene, count: int, fault: str | None) -> dict[str, np.ndarray]
     model."""
     recorded: list[FloatArray] = []
 
-    def record(*maps: np.ndarray, sharp: bool, capture_deg: float) -> tuple[np.ndarray, float]:
-        parts = error_variance.components(*maps, sharp=sharp)
+    def record(*maps: np.ndarray, capture_deg: float) -> tuple[np.ndarray, float]:
+        parts = error_variance.components(*maps)
         parts[CHANGE] = error_variance.crease_deg2(maps[-1], np.isfinite(maps[0]))
         recorded.append(parts)
-        return original(*maps, sharp=sharp, capture_deg=capture_deg)
+        return original(*maps, capture_deg=capture_deg)
 
     original = error_variance.sigma_deg
     captured = capture(scene, fixed("two-rings", scene, count, scene.seed % 4, 4), fault=faults.named(fault))

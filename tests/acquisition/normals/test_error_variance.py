@@ -32,7 +32,7 @@ def sigma(
 
     return error_variance.sigma_deg(
         full(posterior_deg), full(residual), np.full(SHAPE, lights, np.uint8), full(stated_share), bent(0),
-        sharp=False, capture_deg=capture_deg,
+        capture_deg=capture_deg,
     )[0]  # fmt: skip
 
 
@@ -89,7 +89,7 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
     posterior = np.ones(SHAPE, np.float32)
     posterior[STRIP_ROWS, 9:12] = np.nan
     ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
-    result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), sharp=False, capture_deg=0.0)[0]
+    result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), capture_deg=0.0)[0]
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
     excess = (9 * 8) / (6 * 5) - 1
     assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(1.0 + MISFIT * 8 * excess), rel=1e-4)
@@ -99,27 +99,16 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
 
 @pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])
 def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None:
-    result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), sharp=False, capture_deg=0.0)[0]
+    result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), capture_deg=0.0)[0]
     crease = np.degrees(2 * np.sin(np.radians(45)) / 2)
     tuned = error_variance.SETTINGS
     # A normal and the mean of four neighbours, one of which is 90° away, lie atan(1/3) apart.
-    detail = np.degrees(np.arctan(1 / 3))
+    detail = np.degrees(np.arctan(1 / 3)) / 2
     raised = bounded(
         1.0 + tuned.structure_share**2 * (crease**2 - tuned.min_crease_deg**2 + detail**2 - error_variance.NOISE_DETAIL)
     )
     assert result[row - 1 : row + 1, 1:-1] == pytest.approx(raised, rel=1e-4)
     assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(1.0), rel=1e-5)
-
-
-def test_sigma_of_sharp_images_does_not_follow_detail_but_creases() -> None:
-    normals = bent(20)
-    soft, sharp = (
-        error_variance.sigma_deg(*_plain_maps(), normals, sharp=one, capture_deg=0.0)[0] for one in (False, True)
-    )
-    assert np.all(soft[STRIP_ROWS - 1 : STRIP_ROWS + 1, 1:-1] > 1.2)
-    assert sharp == pytest.approx(bounded(1.0), rel=1e-5)
-    creased = error_variance.sigma_deg(*_plain_maps(), bent(90), sharp=True, capture_deg=0.0)[0]
-    assert np.all(creased[STRIP_ROWS - 1 : STRIP_ROWS + 1, 1:-1] > 10)
 
 
 @pytest.mark.parametrize("step_deg", [1.0, 10.0, 40.0])
@@ -148,13 +137,13 @@ def _plain_maps() -> tuple[np.ndarray, ...]:
     return ones, np.zeros(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8), ones
 
 
-def test_detail_of_one_tilted_normal_is_its_angle_and_a_part_of_it_beside() -> None:
+def test_detail_of_one_tilted_normal_is_half_its_angle_and_a_part_of_it_beside() -> None:
     normals = bent(0)
     angle = np.radians(8.0)
     normals[20, 10] = 0, np.sin(angle), np.cos(angle)
     detail = error_variance.detail_deg2(normals, np.ones(SHAPE, bool))
-    assert np.sqrt(detail[20, 10]) == pytest.approx(8.0, rel=1e-3)
-    beside = np.degrees(np.arctan2(np.sin(angle), 3 + np.cos(angle)))
+    assert np.sqrt(detail[20, 10]) == pytest.approx(4.0, rel=1e-3)
+    beside = np.degrees(np.arctan2(np.sin(angle), 3 + np.cos(angle))) / 2
     assert np.sqrt(detail[[19, 21, 20, 20], [10, 10, 9, 11]]) == pytest.approx(beside, rel=1e-3)
     assert np.count_nonzero(detail > 0.01) == 5
 
@@ -167,18 +156,15 @@ def test_detail_beside_unknown_pixels_is_that_of_the_known() -> None:
 
 def test_structure_of_one_crease_is_its_share_of_the_pixels_and_noise_makes_none() -> None:
     flat, crease = (
-        error_variance.sigma_deg(*_plain_maps(), normals, sharp=False, capture_deg=0.0)[1]
-        for normals in (bent(0), bent(90))
+        error_variance.sigma_deg(*_plain_maps(), normals, capture_deg=0.0)[1] for normals in (bent(0), bent(90))
     )
     assert flat == 0.0
-    tuned, detail = error_variance.SETTINGS, np.degrees(np.arctan(1 / 3))
+    tuned, detail = error_variance.SETTINGS, np.degrees(np.arctan(1 / 3)) / 2
     turn = np.degrees(np.sin(np.radians(45))) ** 2 - tuned.min_crease_deg**2
     each = tuned.structure_share * np.sqrt(turn + detail**2 - error_variance.NOISE_DETAIL)
     assert crease == pytest.approx(2 / SHAPE[0] * each, rel=0.01)
     noisy = bent(0) + np.random.default_rng(0).normal(0, np.radians(2.0) / np.sqrt(2), (*SHAPE, 3)) * [1, 1, 0]
     noisy = (noisy / np.linalg.norm(noisy, axis=-1, keepdims=True)).astype(np.float32)
     residual, lights, share = _plain_maps()[1:]
-    found = error_variance.sigma_deg(
-        np.full(SHAPE, 2.0, np.float32), residual, lights, share, noisy, sharp=False, capture_deg=0.0
-    )
+    found = error_variance.sigma_deg(np.full(SHAPE, 2.0, np.float32), residual, lights, share, noisy, capture_deg=0.0)
     assert found[1] < 0.4 * tuned.structure_share * 2.0

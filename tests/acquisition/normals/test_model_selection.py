@@ -15,7 +15,6 @@ from acquisition.models.light_plan import Light
 from acquisition.models.result import ATTACHED, CAST, NormalMap, SolveSettings
 from acquisition.normals import (
     Images,
-    error_variance,
     lamp_alternatives,
     light_tests,
     model_selection,
@@ -381,23 +380,6 @@ def test_solve_stray_light_and_a_dark_image_are_put_right(
     result = solved(cushion, scenes.with_values(images, values))
     assert kinds(result) == [("stray light", True)]
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
-
-
-def test_solve_states_to_sigma_whether_shadows_show_sharp_images(
-    cushion: scenes.Scene, images: Images, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    stated: list[bool] = []
-    original = error_variance.sigma_deg
-
-    def recording(*maps: np.ndarray, sharp: bool, capture_deg: float) -> tuple[np.ndarray, float]:
-        stated.append(sharp)
-        return original(*maps, sharp=sharp, capture_deg=capture_deg)
-
-    monkeypatch.setattr(error_variance, "sigma_deg", recording)
-    solved(cushion, images)
-    blurred = np.stack([cv2.GaussianBlur(one, (0, 0), 1.2) for one in images.whole.values])
-    solved(cushion, scenes.with_values(images, blurred))
-    assert stated == [True, False]
 
 
 @pytest.mark.parametrize(

@@ -203,7 +203,11 @@ def test_missing_side_repeated_cast_shadow_gives_none(ball: NormalMap) -> None:
             ),
             "fit the model badly",
         ),
-        (lambda ball: replace(ball, sigma_deg=8 + ball.sigma_deg), "uncertain by more than"),
+        (lambda ball: replace(ball, sigma_deg=8 + ball.sigma_deg), "uncertain by more than 5°: add lights"),
+        (
+            lambda ball: replace(ball, sigma_deg=8 + ball.sigma_deg, noise={"structure_deg": 7.0}),
+            "larger images help, not more lights",
+        ),
         (lambda ball: replace(ball, doubtful=ball.mask & (ball.normals[..., 0] > 0)), "σ means nothing"),
         (lambda ball: replace(ball, indirect=0.4 * ball.mask.astype(np.float32)), "from other surfaces"),
         (lambda ball: flagged(ball, ball.mask, slice(5, 6), 0), "5.png lights only"),
