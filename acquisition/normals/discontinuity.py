@@ -119,8 +119,8 @@ def discontinuous_depth(
 ) -> tuple[Float32Array, Float32Array] | None:  # fmt: skip
     """Normal integration with shadow equations by `rounds` of IRLS: depth (N,) in m and continuity weight (N,), 0–1.
 
-    None unless most shadows contradict `continuous_m` (N,), the depth from normals alone. `normals` (3, N) in
-    the view frame, `confidence` (N,) 0–1; `start_m` (N,) gives the mean, the shadows' rays and, in a single round, the
+    None where hardly a shadow contradicts `continuous_m` (N,), the depth from normals alone. `normals` (3, N) in the
+    view frame, `confidence` (N,) 0–1; `start_m` (N,) gives the mean, the shadows' rays and, in a single round, the
     discontinuities known so far.
     """
     pixels = shadows.pixels
@@ -131,7 +131,7 @@ def discontinuous_depth(
         pixels.image(np.log(continuous_m)).ravel(), photometry.SETTINGS.edge_px * slopes.pitch
     )
     equations = equations.subset(contradicted | ~equations.bound)
-    if np.count_nonzero(contradicted) < max(photometry.SETTINGS.min_sample, len(equations.edge) / 2):
+    if np.count_nonzero(contradicted) < photometry.SETTINGS.min_sample:
         return None
     number = np.full(pixels.shape[0] * pixels.shape[1], -1)
     number[pixels.index] = np.arange(len(pixels.index))

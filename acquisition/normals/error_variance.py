@@ -62,7 +62,7 @@ class ErrorVarianceSettings:
 
     structure_share: float = tuned(0.4, "share")
     """M: 1 σ of the normal as a share of Δ, half of the angle of a crease, and of λ, half of that to the mean of its
-    neighbours' normals. Set on 109 captures of design seeds 205–215 and 225, where 0.5 is as likely, and judged on 35
+    neighbours' normals. Set on 109 captures of design seeds 205–215 and 225, where 0.5 is as likely, and judged on 64
     of seeds 216–219 (8 and 20 lights by two rings), whose errors are a little likelier with 0.4 (decision 75)."""
     min_crease_deg: float = tuned(12.0, "deg")
     """Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell. It is one of 8, 12, 16, 20 and

@@ -38,6 +38,13 @@ def slot(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.where((block > 0) & (np.abs(y) < 0.008), PLATE_M, block)
 
 
+def terraces(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Height (m) of level terraces, 3 mm apart."""
+    step = 0.003
+    waves = 0.009 * (np.cos(70 * x) * np.cos(60 * y + 0.5) + 1)
+    return np.where(x**2 + y**2 < 0.05**2, PLATE_M + step * np.floor(waves / step), 0.0)
+
+
 def solved(true: scenes.Scene, units: np.ndarray) -> NormalMap:
     """Normals of a capture without errors, under lamps in the directions (F, 3)."""
     center = scenes.Dome(refused=0).center
@@ -79,6 +86,14 @@ def test_solve_disc_whose_shadows_leave_the_plate_is_as_high_as_they_say() -> No
     rise = np.median(result.depth[on_plate]) - np.median(result.depth[on_disc])
     least = (0.05 - DISC_RADIUS_M) / np.tan(np.radians(63))
     assert 0.9 * least < rise < 1.1 * DISC_HEIGHT_M
+
+
+def test_solve_terraces_have_the_heights_that_their_shadows_say() -> None:
+    """Most shadows contradict normals that are all level no longer, once these are those of the right depth."""
+    true = scenes.scene(terraces, scenes.calibration(SIZE))
+    result = solved(true, ring(8, 50))
+    inside = (np.hypot(*true.points[:2]) < 0.045) & result.mask
+    assert np.std(result.depth[inside] - true.depth[inside]) < 0.5 * np.std(true.depth[inside])
 
 
 @pytest.mark.parametrize(("height", "tips_are_seen"), [(rod, True), (disc, True), (slot, False)])
