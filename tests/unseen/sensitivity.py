@@ -193,8 +193,15 @@ def _ratios(lines: Sequence[Line], base: Sequence[Line], number: str, change: st
 
 
 def write(figures: dict[str, Any], section: str = "solver") -> None:
-    """Writes the `solver`'s or `planner`'s figures of what the page of tuned numbers is generated from."""
+    """Writes the `solver`'s or `planner`'s figures of what the page of tuned numbers is generated from.
+
+    What was measured of other numbers on the same captures stays.
+    """
     known = json.loads(PAGE.read_text(encoding="utf-8")) if PAGE.exists() else {}
+    before = known.get(section, {})
+    if "captures" in figures and figures["captures"] == before.get("captures"):
+        commits = sorted({*before["commits"], *figures["commits"]})
+        figures = figures | {"commits": commits, "numbers": before["numbers"] | figures["numbers"]}
     PAGE.write_text(json.dumps(known | {section: figures}, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 

@@ -108,7 +108,8 @@ def test_page_of_tuned_numbers_shows_figures_and_reasons(tmp_path: Path, monkeyp
     page.parent.mkdir(parents=True)
     monkeypatch.setattr(sensitivity, "PAGE", page)
     monkeypatch.setattr(generated_blocks, "ROOT", tmp_path)
-    sensitivity.write(sensitivity.moved(lines(), [PRIOR, OFFSET]))
+    for measured in ([PRIOR], [OFFSET]):  # what was measured before stays
+        sensitivity.write(sensitivity.moved(lines(), measured))
     assert json.loads(page.read_text(encoding="utf-8"))["solver"]["commits"] == ["abc1234"]
     text = generated_blocks.tuned_numbers()
     row = next(row for row in text.splitlines() if row.startswith("| `prior_scale`"))
