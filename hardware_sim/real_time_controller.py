@@ -10,9 +10,9 @@ import sys
 from collections.abc import Generator
 from contextlib import contextmanager
 
-from acquisition.devices import process_priority
-from acquisition.devices.process_priority import RealTime
+from acquisition import process_priority
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.process_priority import RealTime
 from hardware_sim.controller.__main__ import main
 from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess

@@ -16,7 +16,7 @@ from typing import cast
 
 import cv2
 
-from acquisition.devices import process_priority
+from acquisition import process_priority
 from acquisition.models import cell_config
 from acquisition.models.camera_config import SimCameraConfig
 from acquisition.models.cell_config import CellConfig

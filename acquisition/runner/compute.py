@@ -21,7 +21,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from acquisition.devices import process_priority
+from acquisition import process_priority
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 _log = logging.getLogger(__name__)

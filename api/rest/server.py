@@ -19,7 +19,7 @@ import uvicorn
 from fastapi import FastAPI
 from uvicorn.config import STARTUP_FAILURE
 
-from acquisition.devices import process_priority
+from acquisition import process_priority
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest import capacity, http_protocol, keys, logs, standard_error, tls, wiring
 from api.rest import settings as settings_

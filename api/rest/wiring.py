@@ -20,7 +20,6 @@ from acquisition.devices.camera_micromanager import MicromanagerCamera
 from acquisition.devices.camera_pylon import PylonCamera
 from acquisition.devices.camera_sim import SimCamera
 from acquisition.devices.frame_accounting import AccountedCamera
-from acquisition.devices.process_priority import RealTime
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models import cell_config
@@ -37,6 +36,7 @@ from acquisition.models.camera_config import (
 )
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.process_priority import RealTime
 from acquisition.runner.compute import Compute
 from acquisition.runner.re_solve import ReSolveService
 from acquisition.runner.runner import Runner

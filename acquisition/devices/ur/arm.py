@@ -19,13 +19,13 @@ from multiprocessing.connection import Connection
 from typing import cast
 
 from acquisition.devices import ArmIdentity, ArmReading, DriverPriority, Finding, MotionLimits, RecoveryStep, StopToken
-from acquisition.devices.process_priority import Priority, RealTime
 from acquisition.devices.ur import motion_limits, preflight, primary, probe, protocol, readings, states
 from acquisition.devices.ur.program_stop import ProgramStop
 from acquisition.devices.ur.protocol import Done, Failed, Field, Inspection, Interrupted, Sample, SharedMemory
 from acquisition.models.base import FloatArray, Vector3
 from acquisition.models.cell_config import ArmConfig, JointGeometry
 from acquisition.models.errors import ErrorCode, Halted, RigError
+from acquisition.process_priority import Priority, RealTime
 
 _log = logging.getLogger(__name__)
 

@@ -12,12 +12,12 @@ import time
 from collections.abc import Generator
 from typing import cast
 
-from acquisition.devices.process_priority import RealTime
 from acquisition.devices.ur import protocol, states
 from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
 from acquisition.devices.ur.protocol import Done, Link, Vector6
 from acquisition.devices.ur.tcp import refuse_foreign
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.process_priority import RealTime
 
 _log = logging.getLogger(__name__)
 

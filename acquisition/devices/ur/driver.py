@@ -28,13 +28,13 @@ import rtde_control
 import rtde_io
 import rtde_receive
 
-from acquisition.devices import process_priority
-from acquisition.devices.process_priority import Priority, RealTime
+from acquisition import process_priority
 from acquisition.devices.ur import protocol
 from acquisition.devices.ur.controller import Controller, Task
 from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
 from acquisition.devices.ur.protocol import Done, Failed, Field, Interrupted, Link, Request, SharedMemory
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.process_priority import Priority, RealTime
 
 _log = logging.getLogger(__name__)
 

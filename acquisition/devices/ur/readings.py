@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from acquisition import geometry
 from acquisition.devices import ArmReading, DriverPriority, TrackPoint
-from acquisition.devices.process_priority import Priority
 from acquisition.devices.ur.protocol import Link, Sample
+from acquisition.process_priority import Priority
 
 PRIORITIES: dict[Priority, DriverPriority] = {
     Priority.ORDINARY: "ordinary",

@@ -12,9 +12,9 @@ from typing import Literal
 import anyio.to_process
 from zipstream import ZIP_STORED, ZipStream
 
+from acquisition import process_priority
 from acquisition.archive import exports
 from acquisition.archive.archive import Archive
-from acquisition.devices import process_priority
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest.archive_page.reading import SCRATCH, ReadArchive
 from api.rest.turns import refuse_crowd

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-BEGIN = "import json, os, threading, time; from acquisition.devices.process_priority import RealTime, set_niceness\n"
+BEGIN = "import json, os, threading, time; from acquisition.process_priority import RealTime, set_niceness\n"
 THREADED = f"""{BEGIN}
 waiting = threading.Event()
 threading.Thread(target=waiting.wait).start()
