@@ -7,7 +7,7 @@ masses is published by `dynamics`, where somebody reads it.
 from hardware_sim.controller import poses
 from hardware_sim.controller.arm import Arm
 from hardware_sim.controller.modes import JOINT_MODE, JOINT_POWER_OFF, SAFETY_BITS, RobotMode
-from hardware_sim.controller.registers import Registers
+from hardware_sim.controller.registers import OFFSETS, Registers
 from hardware_sim.controller.robot import Robot
 
 _STEADY_VALUES: dict[str, tuple[float, ...]] = {
@@ -43,33 +43,35 @@ def pose(arm: Arm, registers: Registers) -> None:
 
 
 def modes(robot: Robot, pace: float) -> None:
-    """Sets what may change in every tick; `pace` is the share of the programmed speed that is in force."""
+    """Sets what may change in every tick; `pace` is the share of the programmed speed that is in force.
+
+    Single values are written straight into the list: this is most of what a tick of a resting arm costs.
+    """
     put, arm, inputs, outputs = robot.registers.set, robot.arm, robot.inputs, robot.outputs
-    powered = robot.safety.robot_mode >= RobotMode.POWER_ON
-    joint_mode = JOINT_MODE.get(robot.safety.robot_mode, JOINT_POWER_OFF)
-    put("timestamp", robot.timestamp)
-    put("runtime_state", robot.runtime_state)
-    put("robot_mode", robot.safety.robot_mode)
-    put("safety_mode", robot.safety.safety_mode)
-    put("safety_status", robot.safety.safety_mode)
-    put("safety_status_bits", SAFETY_BITS[robot.safety.safety_mode])
-    put("robot_status_bits", int(powered) | int(robot.playing) << 1 | int(powered) << 3)
+    values, at, safety = robot.registers.values, OFFSETS, robot.safety
+    powered, playing = safety.robot_mode >= RobotMode.POWER_ON, robot.playing
+    joint_mode = JOINT_MODE.get(safety.robot_mode, JOINT_POWER_OFF)
+    values[at["timestamp"]] = robot.timestamp
+    values[at["runtime_state"]] = robot.runtime_state
+    values[at["robot_mode"]] = safety.robot_mode
+    values[at["safety_mode"]] = values[at["safety_status"]] = safety.safety_mode
+    values[at["safety_status_bits"]] = SAFETY_BITS[safety.safety_mode]
+    values[at["robot_status_bits"]] = powered | playing << 1 | powered << 3
     put("joint_mode", *[joint_mode] * 6)
-    put("tool_mode", joint_mode)
-    put("speed_scaling", pace if robot.playing else 0.0)
-    put("target_speed_fraction", robot.slider)
-    put("actual_digital_input_bits", inputs.levels)
-    put("actual_digital_output_bits", outputs.levels)
+    values[at["tool_mode"]] = joint_mode
+    values[at["speed_scaling"]] = pace if playing else 0.0
+    values[at["target_speed_fraction"]] = robot.slider
+    values[at["actual_digital_input_bits"]] = inputs.levels
+    values[at["actual_digital_output_bits"]] = outputs.levels
     put("standard_analog_input0", *inputs.analog[:2])
     put("tool_analog_input0", *inputs.analog[2:])
-    put("standard_analog_output0", outputs.analog(0), outputs.analog(1))
-    put("analog_io_types", _bits(*inputs.analog_is_voltage[:2], *outputs.analog_is_voltage))
-    put("tool_analog_input_types", _bits(*inputs.analog_is_voltage[2:]))
-    put("tool_output_voltage", outputs.tool_voltage)
-    put("payload", arm.payload)
+    values[at["standard_analog_output0"]] = outputs.analog(0)
+    values[at["standard_analog_output1"]] = outputs.analog(1)
+    standard0, standard1, tool0, tool1 = inputs.analog_is_voltage
+    output0, output1 = outputs.analog_is_voltage
+    values[at["analog_io_types"]] = standard0 | standard1 << 1 | output0 << 2 | output1 << 3
+    values[at["tool_analog_input_types"]] = tool0 | tool1 << 1
+    values[at["tool_output_voltage"]] = outputs.tool_voltage
+    values[at["payload"]] = arm.payload
     put("payload_cog", *arm.payload_center)
     put("payload_inertia", *arm.payload_inertia)
-
-
-def _bits(*levels: bool) -> int:
-    return sum(level << bit for bit, level in enumerate(levels))
