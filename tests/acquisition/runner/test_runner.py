@@ -1,15 +1,19 @@
-"""The runner against the simulated cell: concurrent requests, stop, pause and resume, refusals, review of the plan."""
+"""The runner against the simulated cell: concurrent requests, stop, pause and resume, refusals, review of the plan,
+and parking."""
 
 import threading
 import time
 from collections.abc import Generator
+from contextlib import suppress
 
 import pytest
 
+from acquisition.models import cell_config
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session import ENDED, State, Trigger, same_joints
 from tests.acquisition.runner.simulated_rig import (
+    CELL_FILE,
     LONG,
     Rig,
     after_first_image,
@@ -21,6 +25,8 @@ from tests.acquisition.runner.simulated_rig import (
     simulated_rig,
     wait_for,
 )
+
+HOME = cell_config.load(CELL_FILE).arm.home
 
 
 @pytest.fixture(scope="module")
@@ -188,3 +194,84 @@ def test_replace_plan_under_review_uses_reachable_user_lights(rig: Rig) -> None:
     with pytest.raises(RigError) as refused:
         rig.runner.planning.replace_plan(session_id, 0, own, "a")
     assert refused.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
+
+
+def park(rig: Rig) -> int:
+    """Starts parking; a link that the busy machine has interrupted is acknowledged before, as an operator does.
+
+    Returns the number of the newest event before it.
+    """
+    deadline = time.monotonic() + 60
+    while True:
+        before = rig.store.journal.last_event_id()
+        try:
+            rig.runner.moves.park("a")
+        except RigError as error:
+            lost = error.code in (ErrorCode.DEVICE_DISCONNECTED, ErrorCode.SAFETY_NOT_ACKNOWLEDGED)
+            if not lost or time.monotonic() > deadline:
+                raise
+            time.sleep(0.05)
+            with suppress(RigError):  # refused as long as the link is away
+                rig.runner.acknowledge("a")
+            continue
+        return before
+
+
+def outcome(rig: Rig, after: int) -> str:
+    """Outcome of the parking that has begun after an event; waits for it."""
+    deadline = time.monotonic() + 90
+    while not (ended := list(rig.store.journal.events(after, types=("rig.parked",)))):
+        assert time.monotonic() < deadline, "parking did not end"
+        time.sleep(0.02)
+    return str(ended[-1].body["outcome"])
+
+
+def left_at(rig: Rig, joints: tuple[float, ...]) -> None:
+    """Somebody stops the program at the pendant, moves the arm by hand, and says that all is clear."""
+    rig.control.fault("program_stop")
+    rig.control.fault("hand_move", joints=list(joints), seconds=0.0)
+    rig.control.fault("clear")
+    deadline = time.monotonic() + 60
+    while not same_joints(rig.runner.status().reading.joints, joints):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    rig.runner.acknowledge("a")
+
+
+def test_park_displaced_arm_returns_home(rig: Rig) -> None:
+    assert outcome(rig, park(rig)) == "at home"
+    left_at(rig, (HOME[0] + 1.2, HOME[1] - 0.3, *HOME[2:5], HOME[5] + 0.5))
+    assert outcome(rig, park(rig)) == "at home"
+    assert same_joints(tuple(rig.control.state()["joints"]), HOME)
+    assert rig.control.state()["collisions"] == 0
+
+
+def test_park_stop_halts_the_arm(rig: Rig) -> None:
+    left_at(rig, (HOME[0] + 2.5, *HOME[1:]))
+    rig.control.fault("speed_slider", fraction=0.04)  # several seconds away, however busy the machine is
+    begun = park(rig)
+    deadline = time.monotonic() + 60
+    while max(map(abs, rig.control.state()["joint_speeds"])) < 0.02:
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    rig.runner.halt("b")
+    assert outcome(rig, begun).startswith("halted")
+    before = rig.control.state()["joints"]
+    time.sleep(0.3)
+    assert rig.control.state()["joints"] == before
+    rig.control.fault("speed_slider", fraction=1.0)
+    assert not same_joints(tuple(before), HOME)
+    with pytest.raises(RigError) as refused:
+        rig.runner.moves.park("a")
+    assert refused.value.code is ErrorCode.SAFETY_NOT_ACKNOWLEDGED
+    assert outcome(rig, park(rig)) == "at home"
+
+
+def test_park_without_free_path_raises_collision(rig: Rig) -> None:
+    near_the_table = (HOME[0] + 1.5, -0.135, 0.3, 0.0, 0.0, 0.0)  # 9 mm above it
+    left_at(rig, near_the_table)
+    with pytest.raises(RigError) as refused:
+        park(rig)
+    assert refused.value.code is ErrorCode.WAYPOINTS_COLLISION
+    assert "by hand" in refused.value.detail
+    assert same_joints(tuple(rig.control.state()["joints"]), near_the_table)
