@@ -47,7 +47,7 @@ from tests.acquisition.devices.arm_scenes import (
     wait_until_moving,
 )
 
-ADDRESS, SAFETY, LOST, SERVICE = "127.0.3.30", "127.0.3.31", "127.0.3.32", "127.0.3.33"
+ADDRESS, LOST, SERVICE = "127.0.3.30", "127.0.3.32", "127.0.3.33"
 STOPPED_WITHIN_S = 2.0
 STOPPED, PLAYING = 1, 2
 
@@ -237,35 +237,35 @@ def test_pendant_stop_during_move_raises_move_failed(arm: UrArm, control: Contro
         ("emergency_stop", ErrorCode.ARM_EMERGENCY_STOP),
     ],
 )
-def test_safety_stop_during_move_raises_its_code(fault: str, code: ErrorCode) -> None:
-    with controller(SAFETY) as control, connected(UrArm(arm_config(SAFETY), CELL.lamp.output)) as arm:
-        made_ready(arm, control)
-        journey, moving = under_way(arm, control)
-        monitor = SafetyMonitor(arm, lambda latch: None)
-        monitor.start()
-        control.fault(fault)
-        assert_stopped(control, moving)
-        error = journey.end()
-        assert isinstance(error, RigError)
-        assert error.code == code
-        monitor.close()
-        assert monitor.latch is not None
-        assert monitor.latch.code == code
-        # A paused program would go on where it was when somebody presses play: it is ended.
-        wait_for(lambda: control.state()["runtime_state"] == STOPPED)
-        with pytest.raises(RigError) as caught:
-            arm.move([FAR], [LIMITS], StopToken())
-        assert caught.value.code == code
-        with pytest.raises(RigError) as caught:
-            arm.prepare()
-        assert caught.value.code == code
-        if fault == "safeguard_stop":
-            control.fault("release_safeguard_stop")
-            wait_for(lambda: arm.reading.safety_bits == 1)
-            assert stays_at_rest(control)
-            assert control.state()["runtime_state"] == STOPPED, "only connect or prepare may start it again"
-            until_undisturbed(arm.prepare)
-            moved(arm)
+def test_safety_stop_during_move_raises_its_code(
+    arm: UrArm, control: ControlClient, fault: str, code: ErrorCode
+) -> None:
+    journey, moving = under_way(arm, control)
+    monitor = SafetyMonitor(arm, lambda latch: None)
+    monitor.start()
+    control.fault(fault)
+    assert_stopped(control, moving)
+    error = journey.end()
+    assert isinstance(error, RigError)
+    assert error.code == code
+    monitor.close()
+    assert monitor.latch is not None
+    assert monitor.latch.code == code
+    # A paused program would go on where it was when somebody presses play: it is ended.
+    wait_for(lambda: control.state()["runtime_state"] == STOPPED)
+    with pytest.raises(RigError) as caught:
+        arm.move([FAR], [LIMITS], StopToken())
+    assert caught.value.code == code
+    with pytest.raises(RigError) as caught:
+        arm.prepare()
+    assert caught.value.code == code
+    if fault == "safeguard_stop":
+        control.fault("release_safeguard_stop")
+        wait_for(lambda: arm.reading.safety_bits == 1)
+        assert stays_at_rest(control)
+        assert control.state()["runtime_state"] == STOPPED, "only connect or prepare may start it again"
+        until_undisturbed(arm.prepare)
+        moved(arm)
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,11 @@ def test_picture_is_of_the_normals_else_of_the_first_image(http: httpx.Client):
 
 @pytest.mark.parametrize(
     ("form", "wanted"),
-    [("folder", "recipe.json"), ("bagit", "data/ro-crate-metadata.json"), ("relight", "lights.lp")],
+    [
+        ("folder", "recipe.json"),
+        pytest.param("bagit", "data/ro-crate-metadata.json", marks=pytest.mark.long),
+        pytest.param("relight", "lights.lp", marks=pytest.mark.long),
+    ],
 )
 def test_export_is_a_zip_of_the_form(http: httpx.Client, form: str, wanted: str):
     session = first(http)

@@ -128,8 +128,8 @@ def test_demo_beside_running_demo_keeps_its_cell(tmp_path: Path) -> None:
     truth.parent.mkdir()
     truth.write_bytes(b"of the running one")
     with contextlib.closing(Store(tmp_path / "data")):
-        done = lightpose("demo", "--object", "sphere", "--pixels", "96", "--data", str(tmp_path))
-    assert done.returncode == 2
+        done = CliRunner().invoke(app, ["demo", "--object", "sphere", "--pixels", "96", "--data", str(tmp_path)])
+    assert done.exit_code == 2
     assert "store.locked" in done.stdout + done.stderr
     assert truth.read_bytes() == b"of the running one"
 

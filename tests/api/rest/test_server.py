@@ -118,7 +118,7 @@ def test_signal_while_lock_is_held_halts_the_arm(own: Any) -> None:
     own.server._captured_signals.clear()  # so that uvicorn does not raise it again in this process
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.long)])
 def test_shutdown_with_open_event_stream_is_orderly(cell_file: Path, tmp_path: Path, number: int) -> None:
     with (
         process(cell_file, tmp_path / "data") as (started, url),
