@@ -39,6 +39,7 @@ ADDRESS, STRANGERS, ABSENT = "127.0.3.20", "127.0.3.21", "127.0.3.22"
 
 @pytest.fixture(scope="module")
 def control() -> Iterator[ControlClient]:
+    """The controller of most tests; those with one of their own come first, so that it does not run beside them."""
     with controller(ADDRESS) as client:
         yield client
 
@@ -56,6 +57,63 @@ def arm(shared_arm: UrArm, control: ControlClient) -> UrArm:
     control.fault("speed_slider", fraction=1.0)
     shared_arm.connect()
     return shared_arm
+
+
+def test_preflight_other_arm_model_is_reported() -> None:
+    with (
+        real_time_controller.start(STRANGERS, ControllerOptions(home=HOME, model="ur10e")),
+        connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm,
+    ):
+        differences = arm.preflight()
+    assert differences[0].what == "The arm is a UR10, the cell file says ur5e."
+
+
+def test_connect_foreign_program_is_not_stopped(tmp_path: Path) -> None:
+    with controller(STRANGERS) as control:
+        stranger = rtde_control.RTDEControlInterface(STRANGERS)
+        stranger.moveJ(list(FAR), 0.2, 0.5, True)
+        arm = UrArm(arm_config(STRANGERS), CELL.lamp.output)
+        try:
+            with pytest.raises(RigError) as caught:
+                arm.connect()
+            assert caught.value.code == ErrorCode.ARM_IN_USE
+            assert control.state()["program_running"]
+        finally:
+            arm.close()
+            stranger.stopScript()
+            stranger.disconnect()
+
+
+def test_connect_without_controller_raises_arm_unreachable() -> None:
+    arm = UrArm(arm_config(ABSENT), CELL.lamp.output)
+    with pytest.raises(RigError) as caught:
+        arm.connect()
+    assert caught.value.code == ErrorCode.ARM_UNREACHABLE
+    assert not arm.reading.connected
+    arm.halt()
+    with pytest.raises(RigError) as caught:
+        arm.move([NEAR], [LIMITS], StopToken())
+    assert caught.value.code == ErrorCode.DRIVER_LOST
+    arm.close()
+
+
+def test_connect_arm_without_power_refuses_moves() -> None:
+    with controller(STRANGERS) as control:
+        control.fault("power_off")
+        with connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm:
+            assert arm.reading.connected
+            assert "powered off" in arm.preflight()[0].what
+            with pytest.raises(RigError) as caught:
+                arm.move([NEAR], [LIMITS], StopToken())
+            assert caught.value.code == ErrorCode.ARM_NOT_READY
+            assert stays_at_rest(control)
+            assert control.state()["robot_mode"] == 3, "power is a person's to give"
+
+
+def test_arm_stop_longer_than_watchdog_raises_config_invalid() -> None:
+    with pytest.raises(RigError) as caught:
+        UrArm(arm_config(ADDRESS).model_copy(update={"stop_deceleration_rad_s2": 2.0}), CELL.lamp.output)
+    assert caught.value.code == ErrorCode.CONFIG_INVALID
 
 
 def test_move_successive_paths_end_at_their_goals(arm: UrArm, control: ControlClient) -> None:
@@ -260,15 +318,6 @@ def test_preflight_changed_tool_is_reported(arm: UrArm, line: str, word: str) ->
     assert arm.preflight() == []
 
 
-def test_preflight_other_arm_model_is_reported() -> None:
-    with (
-        real_time_controller.start(STRANGERS, ControllerOptions(home=HOME, model="ur10e")),
-        connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm,
-    ):
-        differences = arm.preflight()
-    assert differences[0].what == "The arm is a UR10, the cell file says ur5e."
-
-
 def test_pendant_stop_program_stays_stopped_until_connect(arm: UrArm, control: ControlClient) -> None:
     control.fault("program_stop")
     wait_for(lambda: not arm.reading.program_running)
@@ -301,51 +350,3 @@ def test_connect_second_client_raises_arm_in_use(arm: UrArm) -> None:
         other.close()
     arm.move([NEAR], [LIMITS], StopToken())  # ours is not disturbed
     assert arm.preflight() == []
-
-
-def test_connect_foreign_program_is_not_stopped(tmp_path: Path) -> None:
-    with controller(STRANGERS) as control:
-        stranger = rtde_control.RTDEControlInterface(STRANGERS)
-        stranger.moveJ(list(FAR), 0.2, 0.5, True)
-        arm = UrArm(arm_config(STRANGERS), CELL.lamp.output)
-        try:
-            with pytest.raises(RigError) as caught:
-                arm.connect()
-            assert caught.value.code == ErrorCode.ARM_IN_USE
-            assert control.state()["program_running"]
-        finally:
-            arm.close()
-            stranger.stopScript()
-            stranger.disconnect()
-
-
-def test_connect_without_controller_raises_arm_unreachable() -> None:
-    arm = UrArm(arm_config(ABSENT), CELL.lamp.output)
-    with pytest.raises(RigError) as caught:
-        arm.connect()
-    assert caught.value.code == ErrorCode.ARM_UNREACHABLE
-    assert not arm.reading.connected
-    arm.halt()
-    with pytest.raises(RigError) as caught:
-        arm.move([NEAR], [LIMITS], StopToken())
-    assert caught.value.code == ErrorCode.DRIVER_LOST
-    arm.close()
-
-
-def test_connect_arm_without_power_refuses_moves() -> None:
-    with controller(STRANGERS) as control:
-        control.fault("power_off")
-        with connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm:
-            assert arm.reading.connected
-            assert "powered off" in arm.preflight()[0].what
-            with pytest.raises(RigError) as caught:
-                arm.move([NEAR], [LIMITS], StopToken())
-            assert caught.value.code == ErrorCode.ARM_NOT_READY
-            assert stays_at_rest(control)
-            assert control.state()["robot_mode"] == 3, "power is a person's to give"
-
-
-def test_arm_stop_longer_than_watchdog_raises_config_invalid() -> None:
-    with pytest.raises(RigError) as caught:
-        UrArm(arm_config(ADDRESS).model_copy(update={"stop_deceleration_rad_s2": 2.0}), CELL.lamp.output)
-    assert caught.value.code == ErrorCode.CONFIG_INVALID

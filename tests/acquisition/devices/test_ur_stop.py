@@ -54,6 +54,7 @@ STOPPED, PLAYING = 1, 2
 
 @pytest.fixture(scope="module")
 def control() -> Generator[ControlClient]:
+    """The controller of most tests; those with one of their own come first, so that it does not run beside them."""
     with controller(ADDRESS) as client:
         yield client
 
@@ -91,6 +92,78 @@ def assert_stopped(control: ControlClient, before: dict[str, Any]) -> dict[str, 
     wait_for(lambda: control.state()["digital_outputs"] == 0)
     assert stays_at_rest(control)
     return control.state()
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [({"kind": "cut"}, "is closed|driver ended"), ({"kind": "stall", "seconds": 2.0}, "sends nothing|driver ended")],
+)
+def test_lost_link_during_move_stops_the_arm(fault: dict[str, Any], sentence: str) -> None:
+    with controller(LOST) as control, connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm:
+        made_ready(arm, control)
+        journey, moving = under_way(arm, control)
+        control.fault(port=30004, **fault)
+        assert_stopped(control, moving)
+        error = journey.end()
+        assert isinstance(error, RigError)
+        assert error.code in (ErrorCode.DEVICE_DISCONNECTED, ErrorCode.DRIVER_LOST, ErrorCode.ARM_MOVE_FAILED)
+        wait_for(lambda: not arm.reading.connected)
+        assert re.search(sentence, arm.reading.lost)
+        wait_for(lambda: control.state()["runtime_state"] == STOPPED)
+        assert stays_at_rest(control, 1.0)
+
+
+def test_power_loss_of_controller_is_reported() -> None:
+    with (
+        real_time_controller.start(LOST, ControllerOptions(home=HOME)) as process,
+        process.control() as control,
+        connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm,
+    ):
+        made_ready(arm, control)
+        journey, _ = under_way(arm, control)
+        process.kill()
+        error = journey.end()
+        assert isinstance(error, RigError)
+        assert error.code in (ErrorCode.DEVICE_DISCONNECTED, ErrorCode.DRIVER_LOST)
+        wait_for(lambda: not arm.reading.connected)
+        arm.halt()
+        with pytest.raises(RigError) as caught:
+            arm.connect()
+        assert caught.value.code == ErrorCode.ARM_UNREACHABLE
+
+
+@contextmanager
+def service() -> Generator[tuple[subprocess.Popen[bytes], ControlClient]]:
+    """A process of its own that moves the arm."""
+    with controller(SERVICE) as control:
+        code = SERVICE_CODE.format(address=SERVICE)
+        root = Path(__file__).parents[3]
+        process = subprocess.Popen([sys.executable, "-c", code], cwd=root, stderr=subprocess.PIPE)
+        try:
+            yield process, control
+        finally:
+            process.kill()
+            process.communicate()
+
+
+def test_killed_service_stops_the_arm() -> None:
+    with service() as (process, control):
+        moving = wait_until_moving(control)
+        process.kill()
+        assert_stopped(control, moving)
+        wait_for(lambda: control.state()["runtime_state"] == STOPPED)  # the driver has gone, its kicks with it
+
+
+def test_hanging_service_expired_lease_stops_the_arm() -> None:
+    with service() as (process, control):
+        moving = wait_until_moving(control)
+        process.send_signal(signal.SIGSTOP)
+        after = assert_stopped(control, moving)
+        assert after["runtime_state"] == PLAYING, "the lease stopped the arm, not the watchdog"
+        process.send_signal(signal.SIGCONT)
+        _, stderr = process.communicate(timeout=90)
+        assert b"fell silent" in stderr
+        assert stays_at_rest(control)
 
 
 def test_halt_by_driver_alone_stops_the_arm(shared_arm: UrArm, control: ControlClient) -> None:
@@ -266,78 +339,6 @@ def test_safety_stop_during_move_raises_its_code(
         assert control.state()["runtime_state"] == STOPPED, "only connect or prepare may start it again"
         until_undisturbed(arm.prepare)
         moved(arm)
-
-
-@pytest.mark.parametrize(
-    ("fault", "sentence"),
-    [({"kind": "cut"}, "is closed|driver ended"), ({"kind": "stall", "seconds": 2.0}, "sends nothing|driver ended")],
-)
-def test_lost_link_during_move_stops_the_arm(fault: dict[str, Any], sentence: str) -> None:
-    with controller(LOST) as control, connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm:
-        made_ready(arm, control)
-        journey, moving = under_way(arm, control)
-        control.fault(port=30004, **fault)
-        assert_stopped(control, moving)
-        error = journey.end()
-        assert isinstance(error, RigError)
-        assert error.code in (ErrorCode.DEVICE_DISCONNECTED, ErrorCode.DRIVER_LOST, ErrorCode.ARM_MOVE_FAILED)
-        wait_for(lambda: not arm.reading.connected)
-        assert re.search(sentence, arm.reading.lost)
-        wait_for(lambda: control.state()["runtime_state"] == STOPPED)
-        assert stays_at_rest(control, 1.0)
-
-
-def test_power_loss_of_controller_is_reported() -> None:
-    with (
-        real_time_controller.start(LOST, ControllerOptions(home=HOME)) as process,
-        process.control() as control,
-        connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm,
-    ):
-        made_ready(arm, control)
-        journey, _ = under_way(arm, control)
-        process.kill()
-        error = journey.end()
-        assert isinstance(error, RigError)
-        assert error.code in (ErrorCode.DEVICE_DISCONNECTED, ErrorCode.DRIVER_LOST)
-        wait_for(lambda: not arm.reading.connected)
-        arm.halt()
-        with pytest.raises(RigError) as caught:
-            arm.connect()
-        assert caught.value.code == ErrorCode.ARM_UNREACHABLE
-
-
-@contextmanager
-def service() -> Generator[tuple[subprocess.Popen[bytes], ControlClient]]:
-    """A process of its own that moves the arm."""
-    with controller(SERVICE) as control:
-        code = SERVICE_CODE.format(address=SERVICE)
-        root = Path(__file__).parents[3]
-        process = subprocess.Popen([sys.executable, "-c", code], cwd=root, stderr=subprocess.PIPE)
-        try:
-            yield process, control
-        finally:
-            process.kill()
-            process.communicate()
-
-
-def test_killed_service_stops_the_arm() -> None:
-    with service() as (process, control):
-        moving = wait_until_moving(control)
-        process.kill()
-        assert_stopped(control, moving)
-        wait_for(lambda: control.state()["runtime_state"] == STOPPED)  # the driver has gone, its kicks with it
-
-
-def test_hanging_service_expired_lease_stops_the_arm() -> None:
-    with service() as (process, control):
-        moving = wait_until_moving(control)
-        process.send_signal(signal.SIGSTOP)
-        after = assert_stopped(control, moving)
-        assert after["runtime_state"] == PLAYING, "the lease stopped the arm, not the watchdog"
-        process.send_signal(signal.SIGCONT)
-        _, stderr = process.communicate(timeout=90)
-        assert b"fell silent" in stderr
-        assert stays_at_rest(control)
 
 
 @pytest.mark.long

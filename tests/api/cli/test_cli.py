@@ -71,7 +71,7 @@ def test_command_bad_input_exits_2_and_names_remedy(
 
 
 def test_command_error_exits_without_traceback() -> None:
-    done = lightpose("solve", "no-such-folder")
+    done = lightpose("archive", "list", "no-such-folder")
     assert done.returncode == 2
     assert "no-such-folder" in done.stderr
     assert "What to do" in done.stderr

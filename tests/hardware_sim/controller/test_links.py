@@ -20,33 +20,10 @@ NEAR = [q + 0.1 for q in HOME]
 
 @pytest.fixture(scope="module")
 def controller() -> Iterator[ControllerProcess]:
-    """One controller for clients that come and go."""
+    """One controller for clients that come and go; what uses the shared cell comes last, for that cell takes a quarter
+    of a core."""
     with start() as process:
         yield process
-
-
-def test_interfaces_connect_and_read_arm(cell: Cell) -> None:
-    """Check 1; how fast they construct is in the benchmarks."""
-    import script_client
-
-    script = script_client.ScriptClient(cell.address, 5, 11)
-    script.connect()
-    assert all(client.isConnected() for client in (cell.control, cell.receive, cell.io, cell.dashboard, script))
-    assert cell.control.isProgramRunning()
-    assert cell.receive.getRobotStatus() == cell.control.getRobotStatus() == 0b1011
-    assert script.sendScriptCommand("sec quick():\n  set_digital_out(6, True)\nend\n")
-    wait_until(lambda: cell.receive.getDigitalOutState(6))
-    script.disconnect()
-
-
-def test_second_clients_are_refused(shared_cell: Cell) -> None:
-    """Check 22; a new one after a disconnect is below."""
-    import rtde_control
-    import rtde_io
-
-    for interface in (rtde_control.RTDEControlInterface, rtde_io.RTDEIOInterface):
-        with pytest.raises(RuntimeError, match="already in use"):
-            interface(shared_cell.address)
 
 
 def test_packets_reach_three_clients_at_500_hz(controller: ControllerProcess) -> None:
@@ -228,3 +205,27 @@ def test_speed_factor_shortens_moves_only() -> None:
         assert moving[-1] - moving[0] == pytest.approx((1.0 / 1.05 + 1.05 / 1.4) / 8.0, abs=0.01)
         assert truth.state()["joints"][0] == 1.0
         assert {round(b[0] - a[0], 9) for a, b in itertools.pairwise(samples)} == {0.002}
+
+
+def test_interfaces_connect_and_read_arm(cell: Cell) -> None:
+    """Check 1; how fast they construct is in the benchmarks."""
+    import script_client
+
+    script = script_client.ScriptClient(cell.address, 5, 11)
+    script.connect()
+    assert all(client.isConnected() for client in (cell.control, cell.receive, cell.io, cell.dashboard, script))
+    assert cell.control.isProgramRunning()
+    assert cell.receive.getRobotStatus() == cell.control.getRobotStatus() == 0b1011
+    assert script.sendScriptCommand("sec quick():\n  set_digital_out(6, True)\nend\n")
+    wait_until(lambda: cell.receive.getDigitalOutState(6))
+    script.disconnect()
+
+
+def test_second_clients_are_refused(shared_cell: Cell) -> None:
+    """Check 22; a new one after a disconnect is below."""
+    import rtde_control
+    import rtde_io
+
+    for interface in (rtde_control.RTDEControlInterface, rtde_io.RTDEIOInterface):
+        with pytest.raises(RuntimeError, match="already in use"):
+            interface(shared_cell.address)

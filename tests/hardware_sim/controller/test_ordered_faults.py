@@ -93,6 +93,91 @@ def run(code: str, address: str) -> list[str]:
     return [line for line in client.finish() if "econnect" not in line]
 
 
+@pytest.mark.parametrize("fault", ["cut", pytest.param("half_packet", marks=pytest.mark.long)])
+def test_link_cut_in_move_reconnects_control(controller: ControllerProcess, fault: str) -> None:
+    """The control client reconnects; its move says either, by chance, and the arm goes on.
+
+    The receive client stays cut off. The IO client says that it is connected, and what it writes is lost.
+    """
+    lines = run(
+        f"""
+control.moveJ([0.0, *far[1:]], 3.0, 20.0)
+io.setStandardDigitalOut(1, False)
+fault_in_move("{fault}", **({{"port": 30004}} if "{fault}" == "cut" else {{}}))
+tell(control.moveJ(far, 1.05, 1.4) in (True, False))
+while faults.state()["joints"][0] != 1.0:
+    time.sleep(0.01)
+tell(control.isConnected(), receive.isConnected(), io.isConnected(), control.isProgramRunning())
+tell(io.setStandardDigitalOut(1, True))
+time.sleep(0.05)
+tell(faults.state()["digital_outputs"])
+""",
+        controller.address,
+    )
+    lost = "0" if fault == "cut" else lines[-1]  # half a packet goes only to those who read packets
+    assert lines == ["True", "True False True True", "True", lost]
+
+
+@pytest.mark.long
+def test_control_client_after_cut_serves_again(controller: ControllerProcess) -> None:
+    """Its calls say False, or last seconds, until it has reconnected to the end and uploaded anew."""
+    lines = run(
+        """
+faults.fault("cut", port=30004)
+deadline = time.monotonic() + 60
+while not control.moveJ(far, 3.0, 20.0) and time.monotonic() < deadline:
+    time.sleep(0.1)
+tell(time.monotonic() < deadline, control.isConnected(), faults.state()["joints"][0])
+""",
+        controller.address,
+    )
+    assert lines[-1] == "True True 1.0"
+
+
+def test_script_port_cut_loses_next_upload(controller: ControllerProcess) -> None:
+    """Commands go on working; the next upload says True and is lost with the program that it was to replace."""
+    lines = run(
+        """
+faults.fault("cut", port=30003)
+tell(control.moveJ([0.1, *far[1:]], 3.0, 20.0), control.reuploadScript())
+while control.isProgramRunning():
+    time.sleep(0.01)
+tell(control.isProgramRunning(), control.moveJ(far, 3.0, 20.0))
+""",
+        controller.address,
+    )
+    assert lines == ["True True", "False False"]
+
+
+def test_controller_restart_needs_new_clients() -> None:
+    """All is cut and the arm without power; clients of before never come back by themselves."""
+    with start() as process:
+        lines = run_restart(process.address)
+    assert lines == ["False", "False False False 1"]
+
+
+def run_restart(address: str) -> list[str]:
+    return run(
+        """
+faults.fault("restart", at_s=0.3)
+tell(control.moveJ(far, 1.05, 1.4))
+restarted = False
+while not restarted:
+    try:
+        again = rtde_receive.RTDEReceiveInterface(address)
+    except RuntimeError:
+        time.sleep(0.05)
+        continue
+    # On a busy machine the restart can cut this new client too, which would then wait for a mode that never comes.
+    while again.isConnected() and not restarted:
+        restarted = again.getRobotMode() == 3
+        time.sleep(0.01)
+tell(control.isConnected(), receive.isConnected(), control.moveJ(far, 1.05, 1.4), again.getSafetyMode())
+""",
+        address,
+    )
+
+
 def test_faults_are_each_observed_in_a_test() -> None:
     assert set(" ".join(OBSERVED_IN.values()).split()) == set(FAULTS)
 
@@ -197,62 +282,6 @@ def test_slow_link_delays_calls(cell: Cell) -> None:
     assert cell.control.getTCPOffset() == [0.0] * 6
 
 
-@pytest.mark.parametrize("fault", ["cut", pytest.param("half_packet", marks=pytest.mark.long)])
-def test_link_cut_in_move_reconnects_control(controller: ControllerProcess, fault: str) -> None:
-    """The control client reconnects; its move says either, by chance, and the arm goes on.
-
-    The receive client stays cut off. The IO client says that it is connected, and what it writes is lost.
-    """
-    lines = run(
-        f"""
-control.moveJ([0.0, *far[1:]], 3.0, 20.0)
-io.setStandardDigitalOut(1, False)
-fault_in_move("{fault}", **({{"port": 30004}} if "{fault}" == "cut" else {{}}))
-tell(control.moveJ(far, 1.05, 1.4) in (True, False))
-while faults.state()["joints"][0] != 1.0:
-    time.sleep(0.01)
-tell(control.isConnected(), receive.isConnected(), io.isConnected(), control.isProgramRunning())
-tell(io.setStandardDigitalOut(1, True))
-time.sleep(0.05)
-tell(faults.state()["digital_outputs"])
-""",
-        controller.address,
-    )
-    lost = "0" if fault == "cut" else lines[-1]  # half a packet goes only to those who read packets
-    assert lines == ["True", "True False True True", "True", lost]
-
-
-@pytest.mark.long
-def test_control_client_after_cut_serves_again(controller: ControllerProcess) -> None:
-    """Its calls say False, or last seconds, until it has reconnected to the end and uploaded anew."""
-    lines = run(
-        """
-faults.fault("cut", port=30004)
-deadline = time.monotonic() + 60
-while not control.moveJ(far, 3.0, 20.0) and time.monotonic() < deadline:
-    time.sleep(0.1)
-tell(time.monotonic() < deadline, control.isConnected(), faults.state()["joints"][0])
-""",
-        controller.address,
-    )
-    assert lines[-1] == "True True 1.0"
-
-
-def test_script_port_cut_loses_next_upload(controller: ControllerProcess) -> None:
-    """Commands go on working; the next upload says True and is lost with the program that it was to replace."""
-    lines = run(
-        """
-faults.fault("cut", port=30003)
-tell(control.moveJ([0.1, *far[1:]], 3.0, 20.0), control.reuploadScript())
-while control.isProgramRunning():
-    time.sleep(0.01)
-tell(control.isProgramRunning(), control.moveJ(far, 3.0, 20.0))
-""",
-        controller.address,
-    )
-    assert lines == ["True True", "False False"]
-
-
 def test_dashboard_port_cut_raises(cell: Cell) -> None:
     """Every later call of that client is an error until it connects again."""
     with cell.process.control() as faults:
@@ -263,32 +292,3 @@ def test_dashboard_port_cut_raises(cell: Cell) -> None:
     cell.dashboard.disconnect()
     cell.dashboard.connect()
     assert cell.dashboard.robotmode() == "Robotmode: RUNNING"
-
-
-def test_controller_restart_needs_new_clients() -> None:
-    """All is cut and the arm without power; clients of before never come back by themselves."""
-    with start() as process:
-        lines = run_restart(process.address)
-    assert lines == ["False", "False False False 1"]
-
-
-def run_restart(address: str) -> list[str]:
-    return run(
-        """
-faults.fault("restart", at_s=0.3)
-tell(control.moveJ(far, 1.05, 1.4))
-restarted = False
-while not restarted:
-    try:
-        again = rtde_receive.RTDEReceiveInterface(address)
-    except RuntimeError:
-        time.sleep(0.05)
-        continue
-    # On a busy machine the restart can cut this new client too, which would then wait for a mode that never comes.
-    while again.isConnected() and not restarted:
-        restarted = again.getRobotMode() == 3
-        time.sleep(0.01)
-tell(control.isConnected(), receive.isConnected(), control.moveJ(far, 1.05, 1.4), again.getSafetyMode())
-""",
-        address,
-    )
