@@ -20,8 +20,10 @@ from api.rest import keys, server, settings
 from api.rest.server import Server
 from api.rest.settings import Settings
 from api.rest.wiring import Service
+from hardware_sim.cell import Cell, CellOptions
 
 REPOSITORY = Path(__file__).parents[2]
+CELL_FILE = REPOSITORY / "tests" / "data" / "cell.test.toml"
 NOBODY = "127.0.4.1"
 SERVICE = "127.0.4.2"
 MOST_STOPS = 8
@@ -82,6 +84,18 @@ def running(
     """Runs a service for a cell at `address`, with its data in `folder`/data."""
     cell = write_cell(folder, address)
     return serve(settings.read(cell=cell, data=folder / "data", host=SERVICE, port=port, **more), key)
+
+
+@contextmanager
+def at_simulated_cell(folder: Path, address: str, pixels: int) -> Generator[Running]:
+    """Runs a service at a simulated cell of its own, once it is ready."""
+    options = CellOptions(address, "sphere", 1, "ideal", 20, pixels=pixels, cell_file=CELL_FILE)
+    with (
+        Cell(options, folder / "cell") as cell,
+        serve(settings.read(cell=cell.cell_file, data=folder / "data", host=SERVICE, port=0)) as service,
+    ):
+        service.client.wait_ready()
+        yield service
 
 
 def plan_under_review(client: Client, recipe: Recipe) -> str:

@@ -1,7 +1,7 @@
 """A runner on a simulated cell, and what its tests do with sessions: start, wait, look for the reason, acknowledge."""
 
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.runner.runner import Runner
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session import ENDED, State, Trigger, same_joints
 from acquisition.store import Store
 from api.rest import settings, wiring
 from hardware_sim.cell import Cell, CellOptions
@@ -92,6 +92,15 @@ def rests(rig: Rig) -> bool:
     before = rig.control.state()["joints"]
     time.sleep(0.1)
     return rig.control.state()["joints"] == pytest.approx(before, abs=1e-5)
+
+
+def move_by_hand(rig: Rig, joints: Sequence[float]) -> None:
+    """Moves the arm to `joints` (rad) by hand; the runner reads them then."""
+    rig.control.fault("hand_move", joints=list(joints), seconds=0)
+    deadline = time.monotonic() + 60
+    while not same_joints(rig.runner.status().reading.joints, tuple(joints)):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
 
 
 def refusal(rig: Rig, session_id: str) -> RigError:

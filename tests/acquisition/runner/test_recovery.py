@@ -22,6 +22,7 @@ from tests.acquisition.runner.simulated_rig import (
     after_first_image,
     end_what_is_left,
     interrupted,
+    move_by_hand,
     new,
     reason_of,
     refusal,
@@ -49,11 +50,7 @@ def _at_ease(rig: Rig) -> None:
 def test_resume_displaced_arm_requires_from_here(rig: Rig) -> None:
     session_id = interrupted(rig)
     joints = list(rig.control.state()["joints"])
-    rig.control.fault("hand_move", joints=[joints[0] + 0.3, *joints[1:]], seconds=0)
-    deadline = time.monotonic() + 60
-    while rig.runner.status().reading.joints[0] < joints[0] + 0.299:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    move_by_hand(rig, [joints[0] + 0.3, *joints[1:]])
     error = refusal(rig, session_id)
     assert error.code is ErrorCode.ARM_ELSEWHERE
     assert 0.1 < error.context["distance_rad"] <= 0.3 + 1e-3
@@ -311,11 +308,7 @@ def test_arm_moved_away_in_mid_bracket_returns_to_the_light(rig: Rig) -> None:
     wait_for(rig, session_id, State.INTERRUPTED)
     acknowledge(rig)
     joints = list(rig.control.state()["joints"])
-    rig.control.fault("hand_move", joints=[joints[0] + 0.3, *joints[1:]], seconds=0)
-    deadline = time.monotonic() + 60
-    while rig.runner.status().reading.joints[0] < joints[0] + 0.299:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    move_by_hand(rig, [joints[0] + 0.3, *joints[1:]])
     rig.runner.act(session_id, Trigger.RESUME, "a", from_here=True)
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
     assert_each_light_is_complete(rig.store.journal.shots(session_id))

@@ -18,6 +18,7 @@ from tests.acquisition.runner.simulated_rig import (
     Rig,
     after_first_image,
     end_what_is_left,
+    move_by_hand,
     new,
     reason_of,
     refusal,
@@ -229,12 +230,8 @@ def outcome(rig: Rig, after: int) -> str:
 def left_at(rig: Rig, joints: tuple[float, ...]) -> None:
     """Somebody stops the program at the pendant, moves the arm by hand, and says that all is clear."""
     rig.control.fault("program_stop")
-    rig.control.fault("hand_move", joints=list(joints), seconds=0.0)
+    move_by_hand(rig, joints)
     rig.control.fault("clear")
-    deadline = time.monotonic() + 60
-    while not same_joints(rig.runner.status().reading.joints, joints):
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
     rig.runner.acknowledge("a")
 
 

@@ -19,24 +19,17 @@ from acquisition.models.recipe import Recipe
 from acquisition.session import Stage, State
 from acquisition.store import Store
 from api import ProblemError
-from api.rest import settings
-from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
+from tests.api.conftest import at_simulated_cell
 
 CELL = "127.0.4.10"
-CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 RECIPE = Recipe(pilot_lights=3, planned_lights=1, label="whole")
 
 
 @pytest.fixture(scope="module")
-def live(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Generator[Any]:
+def live(tmp_path_factory: pytest.TempPathFactory) -> Generator[Any]:
     """A service at a simulated cell."""
-    folder = tmp_path_factory.mktemp("whole")
-    with (
-        Cell(CellOptions(CELL, "sphere", 1, "ideal", 20, pixels=128, cell_file=CELL_FILE), folder / "cell") as cell,
-        serving(settings.read(cell=cell.cell_file, data=folder / "data", host="127.0.4.2", port=0)) as service,
-    ):
-        service.client.wait_ready()
+    with at_simulated_cell(tmp_path_factory.mktemp("whole"), CELL, 128) as service:
         yield service
 
 

@@ -8,7 +8,6 @@ import asyncio
 import json
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -20,27 +19,19 @@ from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import ENDED, State
 from api import ProblemError
-from api.rest import settings
 from api.rest.joint_readings import EVENT_TYPE, JointReadingResource
-from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
-from tests.api.conftest import plan_under_review
+from tests.api.conftest import at_simulated_cell, plan_under_review
 from tests.api.rest.test_scene import link_poses, scene_of
 
 CELL = "127.0.4.14"
-CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 RECIPE = Recipe(pilot_lights=3, planned_lights=2, review_plan=True)
 
 
 @pytest.fixture(scope="module")
-def live(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Generator[Any]:
+def live(tmp_path_factory: pytest.TempPathFactory) -> Generator[Any]:
     """A service at a simulated cell."""
-    folder = tmp_path_factory.mktemp("cell")
-    with (
-        Cell(CellOptions(CELL, "sphere", 1, "ideal", 20, pixels=96, cell_file=CELL_FILE), folder / "cell") as cell,
-        serving(settings.read(cell=cell.cell_file, data=folder / "data", host="127.0.4.2", port=0)) as service,
-    ):
-        service.client.wait_ready()
+    with at_simulated_cell(tmp_path_factory.mktemp("cell"), CELL, 96) as service:
         yield service
 
 
