@@ -62,8 +62,8 @@ class ErrorVarianceSettings:
 
     structure_share: float = tuned(0.4, "share")
     """M: 1 σ of the normal as a share of Δ, half of the angle of a crease, and of λ, half of that to the mean of its
-    neighbours' normals. Set on 109 captures of design seeds 205–215 and 225, where 0.5 is as likely, and judged on 64
-    of seeds 216–219 (8 and 20 lights by two rings), whose errors are a little likelier with 0.4 (decision 75)."""
+    neighbours' normals. Of 109 captures of design seeds 205–215 and 225 errors are likelier with 0.5, by 0.010 of
+    the mean log likelihood, of 64 of seeds 216–219 with 0.4, by 0.018 (8 and 20 lights by two rings; decision 75)."""
     min_crease_deg: float = tuned(12.0, "deg")
     """Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell. It is one of 8, 12, 16, 20 and
     24°, which `python -m tests.unseen fit-sigma` compares by the likelihood of errors, and belongs to a fit to 190
