@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
+from scipy.sparse.linalg import LinearOperator, cg
 
 from acquisition import photometry
 from acquisition.models.base import Float32Array
@@ -91,22 +92,20 @@ def _project_strip(normals: Float32Array, variance: Float32Array, ray: Float32Ar
     shape = (height + 1, width + 1)  # a multiplier for each cell of 2 × 2 pixels, and zeros at the border
     circulation, slack, inverse = (np.zeros(shape, np.float32) for _ in range(3))
     _circulations(slope, photometry.CAUCHY_SCALE, SETTINGS.curvature_sigma, circulation, slack, inverse)
-    multiplier, change = np.zeros(shape, np.float32), np.empty((2, height, width), np.float32)
-    direction, image = inverse * circulation, np.zeros(shape, np.float32)
-    residual = circulation
-    power = float(np.vdot(residual, direction))
-    for _ in range(ITERATIONS):
-        if power <= 0:
-            break
-        _slope_changes(direction, slope, change)
-        _apply(change, direction, slack, image)
-        step = np.float32(power / float(np.vdot(direction, image)))
-        multiplier += step * direction
-        residual -= step * image
-        conditioned = inverse * residual
-        before, power = power, float(np.vdot(residual, conditioned))
-        direction *= np.float32(power / before)
-        direction += conditioned
+    change, image = np.empty((2, height, width), np.float32), np.zeros(shape, np.float32)
+
+    def applied(multiplier: Float32Array) -> Float32Array:
+        _slope_changes(multiplier.reshape(shape), slope, change)
+        _apply(change, multiplier.reshape(shape), slack, image)
+        return image.ravel()
+
+    count = circulation.size
+    found, _ = cg(
+        LinearOperator((count, count), matvec=applied, dtype=np.float32),
+        circulation.ravel(), rtol=0, atol=np.finfo(np.float32).tiny, maxiter=ITERATIONS,
+        M=LinearOperator((count, count), matvec=lambda residual: inverse.ravel() * residual, dtype=np.float32),
+    )  # fmt: skip
+    multiplier = np.asarray(found, np.float32).reshape(shape)
     _slope_changes(multiplier, slope, change)
     left = np.empty((height, width), np.float32)
     _update_normals(normals, rays, slope, change, slack, inverse, left)
