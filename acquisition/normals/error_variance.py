@@ -5,7 +5,7 @@ predicted, a pixel that mixes two surfaces. What tells is how badly the pixel's 
 changes from pixel to pixel:
 
     σ² = 1 / (1/v + 1/V²),
-    v = (1 + B m max(χ² − s, 0)) σ₀² + M² max(Δ² − Δ₀², 0) + M² max(λ² − 5/16 σ₀², 0) + E² [unchecked]
+    v = (1 + B m max(χ² − s, 0)) σ₀² + M² max(Δ² − Δ₀², 0) + M² max(λ² − 5/16 σ₀², 0) + ω (90° − ω)/2 + E² [unchecked]
 
 V = 49° is 1 σ of a normal of which no image tells anything (`photometry.bounded_variance`): without it pixels in
 cavities that are hardly lit and fit badly have σ up to 480°, and 2–9 % of the pixels make up half of the mean σ.
@@ -24,6 +24,11 @@ that it is on neither. A crease of angle 2Δ anywhere in a pixel leaves an rms o
 what noise alone makes of λ². Light that spreads below the surface, or a lens out of focus, smooths what is there
 without a trace in the residuals, and a pixel is a mean of all detail below its size: errors follow λ in both. Sharp
 edges of shadows, which exclude blur, do not make them follow it less (decision 75).
+
+ω is the line at the pixel: what its normal deviates, over one pixel or two, from the mean of those on both sides that
+agree, as at the walls of a terrace or a groove narrower than that. Of a pixel of which such a wall, inclined by A,
+takes the share f, images show fA = ω, and the surface has 0 or A: the mean square of the error is ω (A − ω), and
+ω (90° − ω)/2 over all A that are possible. λ and Δ are small there (decision 76).
 
 E is that of a normal which nothing has checked (`photometry.SharedSettings.unchecked_sigma_deg`): fewer than four
 lights reach the pixel, or of the whole capture something remains wrong; half of it where the surface is metal
@@ -68,19 +73,27 @@ class ErrorVarianceSettings:
     """Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell. It is one of 8, 12, 16, 20 and
     24°, which `python -m tests.unseen fit-sigma` compares by the likelihood of errors, and belongs to a fit to 190
     captures of design seeds 40–43 and 60–63 (two rings of 6, 8 and 20 lights, November 2026)."""
+    line_deviations: float = tuned(2.0, "1")
+    """How many times what noise and what the normals beyond either side change the square of ω has taken off."""
 
 
 SETTINGS = ErrorVarianceSettings()
 
-CREASE, DETAIL = 2, 3
+CREASE, DETAIL, LINE = 2, 3, 4
 """Numbers of some of the `components`."""
 
 NOISE_DETAIL = 5 / 16
 """λ² of noise alone over σ₀²: a quarter of the variances of a normal and of the mean of four others, which add up."""
 
+NOISE_LINE = 3 / 2
+"""Square of noise alone in ω over σ₀²: the variances of a normal and of the mean of two others."""
+
+LINES_PX = ((1, 1), (1, 2), (2, 1))
+"""Distances, pixels, to either side of a line of one pixel, and of the first and the second pixel of two."""
+
 FOUR_NEIGHBOURS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], np.float32)
 
-STRIP_ROWS, NEIGHBOUR_ROWS = 256, 2
+STRIP_ROWS, NEIGHBOUR_ROWS = 256, 3
 """Rows that are evaluated at once, and rows beyond them that they look at."""
 
 
@@ -89,7 +102,7 @@ def sigma_deg(
     normals: Float32Array, *, capture_deg: float,
 ) -> tuple[Float32Array, float]:  # fmt: skip
     """σ (H, W) in degrees over both tangential directions: the weighted `components`, whose arguments these are; and
-    the mean of what creases and detail make of it, beyond what noise does, for forecasts.
+    the mean of what creases, detail and lines make of it, beyond what noise does, for forecasts.
 
     `capture_deg` is E of the whole capture.
     """
@@ -104,22 +117,22 @@ def sigma_deg(
         by_images = np.asarray(np.tensordot(weight, parts, 1) + capture_deg**2, np.float64)
         variance = photometry.bounded_variance(by_images)
         out[start:stop] = np.where(known, np.sqrt(variance), np.nan)
-        structure = np.sqrt(weight[CREASE] * parts[CREASE] + weight[DETAIL] * parts[DETAIL])
+        structure = np.sqrt(np.tensordot(weight[CREASE : LINE + 1], parts[CREASE : LINE + 1], 1))
         total, count = total + float(np.sum(structure, dtype=np.float64)), count + int(np.count_nonzero(known))
     return out, total / max(count, 1)
 
 
 def weights() -> Float32Array:
-    """1, B, M², M² and E² of `components`."""
+    """1, B, M², M², 1/2 and E² of `components`."""
     shared, structure = photometry.SETTINGS, SETTINGS.structure_share**2
-    return np.array([1.0, shared.misfit_factor, structure, structure, shared.unchecked_sigma_deg**2], np.float32)
+    return np.array([1.0, shared.misfit_factor, structure, structure, 0.5, shared.unchecked_sigma_deg**2], np.float32)
 
 
 def components(
     posterior_deg: Float32Array, residual: Float32Array, lights: np.ndarray, stated_share: Float32Array,
     normals: Float32Array,
 ) -> Float32Array:  # fmt: skip
-    """What 1, B, M², M² and E² of the module's docstring multiply (5, H, W): deg², and 0 or 1.
+    """What 1, B, M², M², 1/2 and E² of the module's docstring multiply (6, H, W): deg², and 0 or 1.
 
     `posterior_deg` (H, W) is σ after the integrability projection, NaN where there is no normal; `residual` the rms of
     whitened residuals, `lights` how many measurements each pixel rests on, `stated_share` the share of the stated noise
@@ -132,8 +145,10 @@ def components(
     excess = np.maximum(_summed(unexplained) / np.maximum(_summed(freedom), 1), 0)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
     detail = np.maximum(detail_deg2(normals, known) - NOISE_DETAIL * base, 0)
+    line = line_deg(normals, known, base)
     few = lights < photometry.OVERDETERMINED
-    return np.stack([base, lights * excess * base, crease, detail, few]).astype(np.float32)
+    parts = [base, lights * excess * base, crease, detail, line * np.maximum(90 - line, 0), few]
+    return np.stack(parts).astype(np.float32)
 
 
 def misfit(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
@@ -174,6 +189,34 @@ def detail_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
     chord = _length(normals - around / np.maximum(length, np.float32(1e-6))[..., None])
     half = np.degrees(np.arcsin(np.minimum(chord / 2, 1)))
     return np.where(known & (length > 0), half**2, 0).astype(np.float32)
+
+
+def line_deg(normals: Float32Array, known: BoolArray, variance_deg2: Float32Array) -> Float32Array:
+    """ω (H, W), degrees, of normals (H, W, 3) of variance σ₀² (H, W), the largest of rows and columns and of `LINES_PX`;
+    0 where a side is not known."""
+    most = np.zeros(known.shape, np.float32)
+    for axis in (0, 1):
+        n, k, noise, out = (np.swapaxes(one, 0, axis) for one in (normals, known, variance_deg2, most))
+        cosine = {apart: _cosine(n[apart:], n[:-apart]) for apart in (1, 2, 3)}
+        step = np.zeros((len(n) + 1, *n.shape[1:2]), np.float32)  # chord² from each normal's predecessor
+        step[1:-1] = np.where(k[1:] & k[:-1], 2 - 2 * cosine[1], 0)
+        for before, after in LINES_PX:
+            count = len(n) - before - after
+            here, last = slice(before, before + count), before + after
+            sides = 2 + 2 * cosine[last]  # squared length of their sum
+            towards = cosine[before][:count] + cosine[after][here]
+            deviation = 2 - 2 * towards / np.sqrt(np.maximum(sides, np.float32(1e-6)))
+            beyond = step[:count] + step[last + 1 :]
+            chance = np.float32(NOISE_LINE * np.radians(1) ** 2) * noise[here] + beyond
+            square = deviation - (4 - sides) - np.float32(SETTINGS.line_deviations**2) * chance
+            square *= k[here] & k[:count] & k[last:]
+            np.maximum(out[here], square, out=out[here])
+    return np.float32(np.degrees(1)) * np.sqrt(most)
+
+
+def _cosine(one: np.ndarray, other: np.ndarray) -> Float32Array:
+    """Scalar products (...,) of vectors (..., 3), faster than `numpy.einsum`."""
+    return np.asarray(one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1] + one[..., 2] * other[..., 2])
 
 
 def _length(vectors: np.ndarray) -> Float32Array:

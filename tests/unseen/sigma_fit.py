@@ -37,7 +37,7 @@ SHARE = 0.69
 PIXELS = 800
 """Pixels of each capture."""
 
-NAMES = ("posterior A", "misfit B", "crease M²", "detail M²", "few lights E²")
+NAMES = ("posterior A", "misfit B", "crease M²", "detail M²", "line 1/2", "few lights E²")
 """The posterior's is A = 1 where the others are right to scale."""
 
 CREASES_DEG = (8.0, 12.0, 16.0, 20.0, 24.0)
@@ -49,7 +49,7 @@ CHANGE = 2
 
 @dataclass(frozen=True)
 class Errors:
-    """A sample of one capture's pixels: errors e (N,), degrees, components (5, N), the third of them Δ²; the σ that the
+    """A sample of one capture's pixels: errors e (N,), degrees, components (6, N), the third of them Δ²; the σ that the
     solve gave (N,)."""
 
     family: str
@@ -61,7 +61,7 @@ class Errors:
     sigma_deg: FloatArray
 
     def regressors(self, crease_deg: float) -> FloatArray:
-        """The components (5, N) for Δ₀."""
+        """The components (6, N) for Δ₀."""
         out = self.components.copy()
         out[CHANGE] = np.maximum(out[CHANGE] - crease_deg**2, 0)
         return out
@@ -81,7 +81,7 @@ def read(folder: Path) -> list[Errors]:
 def fit(
     captures: Sequence[Errors], crease_deg: float, without: int | None = None, *, tail: float = TAIL
 ) -> tuple[FloatArray, float]:
-    """Weights (5,) of greatest likelihood over captures without findings, and the mean negative log likelihood; one of
+    """Weights (6,) of greatest likelihood over captures without findings, and the mean negative log likelihood; one of
     the weights held near zero on demand."""
     data = [(one.regressors(crease_deg), one.error_deg**2) for one in captures]
     bounds = [(-12.0, -12.0 if number == without else 6.0) for number in range(len(NAMES))]

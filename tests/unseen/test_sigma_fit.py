@@ -10,7 +10,7 @@ from acquisition.normals import error_variance
 from tests.unseen import run, sigma_fit
 from tests.unseen.sigma_fit import Errors
 
-WEIGHTS = np.array([0.9, 0.3, 0.09, 0.15, 25.0])
+WEIGHTS = np.array([0.9, 0.3, 0.09, 0.15, 0.4, 25.0])
 CREASE_DEG = 12.0
 
 
@@ -21,7 +21,8 @@ def drawn(seed: int, *, added_deg: float = 0.0, unsound: bool = False) -> Errors
     change = np.where(rng.random(3000) < 0.2, rng.uniform(0, 60, 3000) ** 2, 1.0)
     excess = np.maximum(rng.chisquare(4, 3000) / 4 - 1, 0)
     detail = np.exp(rng.normal(1, 1.5, 3000))
-    parts = np.stack([base, base * 8 * excess, change, detail, rng.random(3000) < 0.1])
+    line = np.where(rng.random(3000) < 0.1, rng.uniform(0, 2025, 3000), 0)
+    parts = np.stack([base, base * 8 * excess, change, detail, line, rng.random(3000) < 0.1])
     one = Errors("blob", seed, 8, unsound, np.zeros(3000), parts, np.ones(3000))
     variance = photometry.bounded_variance(WEIGHTS @ one.regressors(CREASE_DEG) + added_deg**2)
     return Errors("blob", seed, 8, unsound, np.sqrt(variance * rng.exponential(1.0, 3000)), parts, np.sqrt(variance))
@@ -42,7 +43,7 @@ def test_fit_any_errors_scales_sigma_to_the_stated_share() -> None:
 
 def test_fit_without_a_component_is_less_likely() -> None:
     captures = [drawn(seed) for seed in range(3)]
-    values = [sigma_fit.fit(captures, CREASE_DEG, without=number)[1] for number in range(5)]
+    values = [sigma_fit.fit(captures, CREASE_DEG, without=number)[1] for number in range(6)]
     assert min(values) > sigma_fit.fit(captures, CREASE_DEG)[1] + 0.005
 
 

@@ -164,6 +164,51 @@ def test_detail_beside_unknown_pixels_is_that_of_the_known() -> None:
     assert error_variance.detail_deg2(bent(90), known) == pytest.approx(0, abs=1e-3)
 
 
+def tilted_rows(rows: slice, angle_deg: float) -> np.ndarray:
+    """A plane's normals, those of some rows turned by an angle, as of a wall along them."""
+    normals, angle = bent(0), np.radians(angle_deg)
+    normals[rows] = 0, np.sin(angle), np.cos(angle)
+    return normals
+
+
+@pytest.mark.parametrize("wide", [1, 2])
+@pytest.mark.parametrize("row", [20, STRIP_ROWS - 1, STRIP_ROWS])
+def test_sigma_of_a_wall_narrower_than_pixels_is_that_of_any_inclination(row: int, wide: int) -> None:
+    """A deviation of 15° may be half of a pixel at 30° or a fifth at 75°: ω (90° − ω)/2."""
+    result = error_variance.sigma_deg(*_plain_maps(), tilted_rows(slice(row, row + wide), 15.0), capture_deg=0.0)[0]
+    chance = error_variance.SETTINGS.line_deviations**2 * error_variance.NOISE_LINE
+    line = np.sqrt(np.degrees(2 * np.sin(np.radians(7.5))) ** 2 - chance)
+    assert result[row : row + wide] == pytest.approx(bounded(1.0 + line * (90 - line) / 2), rel=0.02)
+    assert np.max(result[[row - 1, row + wide]]) < 1.5 * bounded(1.0)
+    assert np.delete(result, np.arange(row - 1, row + wide + 1), axis=0) == pytest.approx(bounded(1.0), rel=1e-5)
+
+
+def test_line_of_rows_and_columns_is_the_same() -> None:
+    known, normals = np.ones((20, 20), bool), tilted_rows(slice(10, 12), 25.0)[:20, :20]
+    found = error_variance.line_deg(normals, known, np.ones((20, 20), np.float32))
+    turned = error_variance.line_deg(np.swapaxes(normals, 0, 1).copy(), known, np.ones((20, 20), np.float32))
+    assert np.swapaxes(turned, 0, 1) == pytest.approx(found)
+    assert np.all(found[10:12] > 20)
+
+
+@pytest.mark.parametrize("of", ["bend", "wide step", "curvature", "noise", "edge of the object"])
+def test_line_of_what_is_no_line_is_none(of: str) -> None:
+    known, variance = np.ones(SHAPE, bool), np.zeros(SHAPE, np.float32)
+    normals = {"bend": bent(40), "wide step": tilted_rows(slice(20, 23), 30.0)}.get(of, bent(0))
+    if of == "curvature":
+        angle = np.radians(10.0) * np.arange(SHAPE[0])
+        normals = np.repeat(np.stack([0 * angle, np.sin(angle), np.cos(angle)], -1)[:, None], SHAPE[1], axis=1)
+    if of == "noise":  # of 2° over both directions, of which a hundredth looks like lines of some degrees
+        normals = normals + np.random.default_rng(0).normal(0, np.radians(2.0) / np.sqrt(2), (*SHAPE, 3)) * [1, 1, 0]
+        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+        variance += 4.0
+    if of == "edge of the object":
+        normals = tilted_rows(slice(20, 21), 30.0)
+        known[21:] = False
+    found = error_variance.line_deg(normals.astype(np.float32), known, variance)
+    assert np.mean(found > 0.1) <= (0.02 if of == "noise" else 0.0)
+
+
 def test_structure_of_one_crease_is_its_share_of_the_pixels_and_noise_makes_none() -> None:
     flat, crease = (
         error_variance.sigma_deg(*_plain_maps(), normals, capture_deg=0.0)[1] for normals in (bent(0), bent(90))
