@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Where the environment forbids bytecode, hundreds of processes would each compile the same modules.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo test test-long check bench openapi page docs ur-sim-wheel clean
+.PHONY: setup demo test test-long check check-python check-page bench openapi page docs ur-sim-wheel clean
 
 # All that tests and checks need.
 setup: .venv/ready
@@ -51,12 +51,16 @@ test-long: setup
 bench: setup
 	$(BIN)/pytest tests/benchmarks --benchmark-enable --benchmark-only --timeout 900
 
-check: .venv/packages
+check: check-python check-page
+
+check-python: .venv/packages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/pyright
 	$(BIN)/pip check
+
+check-page:
 	if command -v npm > /dev/null; then cd api/page && npm ci --silent --ignore-scripts && npm run --silent check; fi
 
 openapi: setup
