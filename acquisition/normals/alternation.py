@@ -18,6 +18,7 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import (
     discontinuity,
+    error_variance,
     image_terms,
     integration,
     interreflection,
@@ -79,8 +80,8 @@ PROBE_PIXELS = 1000
 class AlternationResult:
     """The state that the final solve starts from, at N pixels: those of the coarse grid, or interpolated to others.
 
-    Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities; the
-    parameters shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that
+    Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities;
+    `mixed` (N,), 1 at pixels that mix surfaces and 0 at others; the parameters shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that
     all pixels share; indirect irradiance (F, N) or none where it is insignificant, and the scale that its prediction
     was multiplied by; the median of the pixels' albedo; the noise of coarse pixels; normals (3, M) of the coarse
     pixels, never others.
@@ -88,6 +89,7 @@ class AlternationResult:
 
     depth_m: Float32Array
     continuity_weight: Float32Array
+    mixed: Float32Array
     shared: SharedParameters
     shared_variance: Float32Array
     indirect_irradiance: Float32Array | None
@@ -102,6 +104,7 @@ class AlternationResult:
             self,
             depth_m=interpolate(self.depth_m),
             continuity_weight=interpolate(self.continuity_weight),
+            mixed=interpolate(self.mixed),
             shared_variance=interpolate(self.shared_variance),
             indirect_irradiance=None if self.indirect_irradiance is None else interpolate(self.indirect_irradiance),
         )
@@ -170,7 +173,8 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             shadows = ShadowImages(coarse, measured - estimate.nondiffuse_value, estimate.light, present.lamps)
         cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
         depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadows, cuts)
-        chosen = drawn[~dark[drawn]]
+        mixed = _mixed(coarse, normals, variance)
+        chosen = drawn[unmixed(mixed, dark)[drawn]]
         sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], depth[chosen], nominal)
 
         indirect = _indirect_light(
@@ -193,6 +197,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     return AlternationResult(
         depth_m=depth,
         continuity_weight=continuity_weight,
+        mixed=mixed.astype(np.float32),
         shared=shared,
         shared_variance=(
             np.zeros_like(depth)
@@ -277,6 +282,22 @@ def hardly_lit(
     if received is None:
         return np.zeros(values.shape[1], np.bool_)
     return interreflection.hardly_lit(received, values - estimate.nondiffuse_value, typical_albedo)
+
+
+def _mixed(coarse: Pixels, normals: Float32Array, variance: Float32Array) -> BoolArray:
+    """Whether pixels (N,) mix surfaces, by their normals (3, N) of a variance (N,), rad²: whether they are on a line
+    that is narrower (`error_variance.line_deg`)."""
+    known = coarse.image(np.ones(len(coarse.index), np.bool_))
+    variance_deg2 = np.float32(np.degrees(1) ** 2) * coarse.image(variance)
+    line = error_variance.line_deg(np.moveaxis(coarse.image(normals), 0, -1), known, variance_deg2)
+    return coarse.take(line) > 0
+
+
+def unmixed(mixed: BoolArray, dark: BoolArray) -> BoolArray:
+    """Pixels (N,) that tell what all of them share: neither dark nor mixed, which no term describes; where these are
+    too few, mixed ones, too."""
+    clear = ~(mixed | dark)
+    return clear if np.count_nonzero(clear) >= photometry.SETTINGS.min_sample else ~dark
 
 
 def _typical_albedo(estimate: Estimate, terms: ImageTerms) -> float:

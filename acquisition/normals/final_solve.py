@@ -117,7 +117,7 @@ def noise_sample(count: int) -> np.ndarray:
 
 def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> tuple[Scene, Pixels, PixelSolution]:
     """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, the
-    sample's pixels that lamps reach, and their solution."""
+    sample's pixels that lamps reach and that mix no surfaces, and their solution."""
 
     def step(noise: image_values.Noise) -> tuple[image_values.Noise, PixelSolution]:
         """Solves the sample in a noise, and estimates the noise from its residuals."""
@@ -128,8 +128,9 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
         return estimated, solution
 
     noise, solution = step(replace(scene.noise, intensity=state.noise.intensity, direction=state.noise.direction))
-    if np.any(solution.hardly_lit):
-        lit = np.flatnonzero(~solution.hardly_lit)
+    telling = alternation.unmixed(state.mixed > 0.5, solution.hardly_lit)
+    if not np.all(telling):
+        lit = np.flatnonzero(telling)
         sample, state = sample.subset(lit), state.resampled(lambda values: np.ascontiguousarray(values[..., lit]))
     noise, solution = step(noise)
     albedo = pixel_solve.median_albedo(solution.estimate, solution.measured, sample.clipped)

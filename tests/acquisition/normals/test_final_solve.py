@@ -56,6 +56,7 @@ def refined(gathered: PyramidLevel, noise: image_values.Noise, received: float) 
     return AlternationResult(
         depth_m=wave.astype(np.float32),
         continuity_weight=np.where(wave > 0.862, 0.5, 1).astype(np.float32),
+        mixed=np.zeros(count, np.float32),
         shared=replace(SharedParameters.nominal(lights), log_intensity=np.linspace(-0.01, 0.01, lights)),
         shared_variance=np.full(count, 1e-5, np.float32),
         indirect_irradiance=None if light is None else light.astype(np.float32),
