@@ -81,10 +81,10 @@ class AlternationResult:
     """The state that the final solve starts from, at N pixels: those of the coarse grid, or interpolated to others.
 
     Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities;
-    `mixed` (N,), 1 at pixels that mix surfaces and 0 at others; the parameters shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that
-    all pixels share; indirect irradiance (F, N) or none where it is insignificant, and the scale that its prediction
-    was multiplied by; the median of the pixels' albedo; the noise of coarse pixels; normals (3, M) of the coarse
-    pixels, never others.
+    `mixed` (N,), 1 at pixels that mix surfaces and 0 at others; the parameters shared by all pixels; the variance (N,),
+    rad², of the normals by errors of lamps and indirect light that all pixels share; indirect irradiance (F, N) or none
+    where it is insignificant, and the scale that its prediction was multiplied by; the median of the pixels' albedo;
+    the noise of coarse pixels; normals (3, M) of the coarse pixels, never others.
     """
 
     depth_m: Float32Array
@@ -168,12 +168,12 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         typical = _typical_albedo(estimate, shared.terms)
         dark = hardly_lit(received, measured, estimate, nominal.terms, typical)
         variance = np.where(dark, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
+        mixed = _mixed(coarse, normals, variance)
         shadows = None
         if discontinuous:
             shadows = ShadowImages(coarse, measured - estimate.nondiffuse_value, estimate.light, present.lamps)
         cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
         depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadows, cuts)
-        mixed = _mixed(coarse, normals, variance)
         chosen = drawn[unmixed(mixed, dark)[drawn]]
         sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], depth[chosen], nominal)
 

@@ -192,8 +192,8 @@ def detail_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
 
 
 def line_deg(normals: Float32Array, known: BoolArray, variance_deg2: Float32Array) -> Float32Array:
-    """ω (H, W), degrees, of normals (H, W, 3) of variance σ₀² (H, W), the largest of rows and columns and of `LINES_PX`;
-    0 where a side is not known."""
+    """ω (H, W), degrees, of normals (H, W, 3) of variance σ₀² (H, W), the largest over rows, columns and `LINES_PX`; 0
+    where a side is not known."""
     most = np.zeros(known.shape, np.float32)
     for axis in (0, 1):
         n, k, noise, out = (np.swapaxes(one, 0, axis) for one in (normals, known, variance_deg2, most))

@@ -6,10 +6,10 @@ v is the posterior's variance and m the number of lights that will reach the pix
 the whole object, since few images have few residuals; what raises it is shared by images, so that its part does not
 fall with their number. C is what the calibration
 leaves uncertain of all lamps alike, E that of normals which nothing checks: by fewer than four lights, or in a capture
-of which something is wrong (`photometry.capture_sigma_deg`). S is what
-creases, detail and lines make of σ in the images so far, mean over the pixels; without it the mean error that is forecast is
-0.61 of what is found, with it 0.83 (geometric means of 16 plans of eight lights, design seeds 46 and 47; scratch
-evaluation, November 2026). As in a result, σ stays below that of a normal of which nothing is known.
+of which something is wrong (`photometry.capture_sigma_deg`). S is what creases, detail and lines make of σ in the
+images so far, mean over the pixels; without it the mean error that is forecast is 0.61 of what is found, with it 0.83,
+lines left out (geometric means of 16 plans of eight lights, design seeds 46 and 47; scratch evaluation,
+November 2026). As in a result, σ stays below that of a normal of which nothing is known.
 """
 
 from dataclasses import dataclass
