@@ -81,7 +81,7 @@ class AlternationResult:
     """The state that the final solve starts from, at N pixels: those of the coarse grid, or interpolated to others.
 
     Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities;
-    `mixed` (N,), 1 at pixels that mix surfaces and 0 at others; the parameters shared by all pixels; the variance (N,),
+    `mixed` (N,), 1 at pixels that are left out of the rest because they mix surfaces, 0 at others; the parameters shared by all pixels; the variance (N,),
     rad², of the normals by errors of lamps and indirect light that all pixels share; indirect irradiance (F, N) or none
     where it is insignificant, and the scale that its prediction was multiplied by; the median of the pixels' albedo;
     the noise of coarse pixels; normals (3, M) of the coarse pixels, never others.
@@ -168,13 +168,13 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         typical = _typical_albedo(estimate, shared.terms)
         dark = hardly_lit(received, measured, estimate, nominal.terms, typical)
         variance = np.where(dark, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
-        mixed = _mixed(coarse, normals, variance)
+        mixed = _mixed(coarse, normals, variance, dark)
         shadows = None
         if discontinuous:
             shadows = ShadowImages(coarse, measured - estimate.nondiffuse_value, estimate.light, present.lamps)
         cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
         depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadows, cuts)
-        chosen = drawn[unmixed(mixed, dark)[drawn]]
+        chosen = drawn[~(dark | mixed)[drawn]]
         sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], depth[chosen], nominal)
 
         indirect = _indirect_light(
@@ -284,20 +284,15 @@ def hardly_lit(
     return interreflection.hardly_lit(received, values - estimate.nondiffuse_value, typical_albedo)
 
 
-def _mixed(coarse: Pixels, normals: Float32Array, variance: Float32Array) -> BoolArray:
-    """Whether pixels (N,) mix surfaces, by their normals (3, N) of a variance (N,), rad²: whether they are on a line
-    that is narrower (`error_variance.line_deg`)."""
+def _mixed(coarse: Pixels, normals: Float32Array, variance: Float32Array, dark: BoolArray) -> BoolArray:
+    """Pixels (N,) that mix surfaces, to which light answers as no term describes: those on a line that is narrower
+    (`error_variance.line_deg`), by normals (3, N) of a variance (N,), rad². None where too few others are left that are
+    not `dark` (N,)."""
     known = coarse.image(np.ones(len(coarse.index), np.bool_))
     variance_deg2 = np.float32(np.degrees(1) ** 2) * coarse.image(variance)
     line = error_variance.line_deg(np.moveaxis(coarse.image(normals), 0, -1), known, variance_deg2)
-    return coarse.take(line) > 0
-
-
-def unmixed(mixed: BoolArray, dark: BoolArray) -> BoolArray:
-    """Pixels (N,) that tell what all of them share: neither dark nor mixed, which no term describes; where these are
-    too few, mixed ones, too."""
-    clear = ~(mixed | dark)
-    return clear if np.count_nonzero(clear) >= photometry.SETTINGS.min_sample else ~dark
+    mixed = coarse.take(line) > 0
+    return mixed if np.count_nonzero(~(mixed | dark)) >= SAMPLE_PIXELS else np.zeros_like(mixed)
 
 
 def _typical_albedo(estimate: Estimate, terms: ImageTerms) -> float:

@@ -128,9 +128,9 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
         return estimated, solution
 
     noise, solution = step(replace(scene.noise, intensity=state.noise.intensity, direction=state.noise.direction))
-    telling = alternation.unmixed(state.mixed > 0.5, solution.hardly_lit)
-    if not np.all(telling):
-        lit = np.flatnonzero(telling)
+    left_out = solution.hardly_lit | (state.mixed > 0.5)
+    if np.any(left_out):
+        lit = np.flatnonzero(~left_out)
         sample, state = sample.subset(lit), state.resampled(lambda values: np.ascontiguousarray(values[..., lit]))
     noise, solution = step(noise)
     albedo = pixel_solve.median_albedo(solution.estimate, solution.measured, sample.clipped)
