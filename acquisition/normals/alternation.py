@@ -81,10 +81,11 @@ class AlternationResult:
     """The state that the final solve starts from, at N pixels: those of the coarse grid, or interpolated to others.
 
     Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities;
-    `mixed` (N,), 1 at pixels that are left out of the rest because they mix surfaces, 0 at others; the parameters shared by all pixels; the variance (N,),
-    rad², of the normals by errors of lamps and indirect light that all pixels share; indirect irradiance (F, N) or none
-    where it is insignificant, and the scale that its prediction was multiplied by; the median of the pixels' albedo;
-    the noise of coarse pixels; normals (3, M) of the coarse pixels, never others.
+    `mixed` (N,), 1 at pixels that are left out of what follows because they mix surfaces, 0 at others; the parameters
+    shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that all pixels
+    share; indirect irradiance (F, N) or none where it is insignificant, and the scale that its prediction was
+    multiplied by; the median of the pixels' albedo; the noise of coarse pixels; normals (3, M) of the coarse pixels,
+    never others.
     """
 
     depth_m: Float32Array
