@@ -48,6 +48,7 @@ def test_what_modules_read_at_import_is_measured_in_a_process_of_its_own() -> No
     assert all(isinstance(own_benches.BENCHES[key], Fresh) for key in compiled)
 
 
+@pytest.mark.long
 def test_masks_before_tables_tell_the_least_contrast() -> None:
     before = silhouette.SETTINGS
     figures = own_benches.measured(CONTRAST, Drawn("tables", height_scenes.before_table, 10))

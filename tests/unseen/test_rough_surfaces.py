@@ -23,7 +23,8 @@ def test_solve_rough_surface_is_found_and_nothing_else(family: str, seed: int, l
     assert with_fault.kinds(run.solve(scene, capture(scene, positions))) == [("rough surface", True)]
 
 
-@pytest.mark.parametrize("family", [pytest.param("blob", marks=pytest.mark.long), "sheet"])
+@pytest.mark.long
+@pytest.mark.parametrize("family", ["blob", "sheet"])
 def test_solve_rough_surface_in_stray_light_is_as_without_it(family: str) -> None:
     pair = with_fault.solved(family, 60, "oren-nayar:0.5", "offset:0.03")
     assert {("rough surface", True), ("stray light", True)} <= set(with_fault.kinds(pair.faulty))

@@ -48,7 +48,7 @@ def test_lobe_of_led_is_found_to_a_per_cent() -> None:
     assert min(found.held_out.values()) < 0.8 * found.held_out[4]
 
 
-@pytest.mark.parametrize("sags", [-4.0, 4.0])
+@pytest.mark.parametrize("sags", [-4.0, pytest.param(4.0, marks=pytest.mark.long)])
 def test_lobe_of_sagging_plane_keeps_its_depth_out_of_flat_field(sags: float) -> None:
     truth, images, placings, known = captured(1, count=16, placings=1, sags=sags)
     found = lamp_lobe.fit(images, placings, known)

@@ -248,6 +248,7 @@ def test_solve_weakly_coded_values_are_linearised(
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
+@pytest.mark.long
 def test_solve_coded_values_of_a_ball_are_not_taken_for_a_bowl_under_opposite_lamps() -> None:
     """The bowl fits them better than the ball."""
     ball = object_of(scenes.sphere, SMOOTH_SIZE)
@@ -463,6 +464,7 @@ def metal_dish() -> Tried:
         return solved(dish, reflected(dish, images, Reflectance("metal", 0.35))), tried
 
 
+@pytest.mark.long
 def test_solve_hollow_metal_is_solved_as_metal_and_not_by_lamps_from_the_other_side(
     dish: scenes.Scene, metal_dish: Tried
 ) -> None:
@@ -480,6 +482,7 @@ def test_solve_smooth_hollow_metal_is_solved_as_metal(dish: scenes.Scene, dish_i
     assert mean_deg(dish, result) < 2
 
 
+@pytest.mark.long
 def test_solve_smooth_metal_that_fits_is_not_tried_under_other_axes(dish: scenes.Scene, dish_images: Images) -> None:
     """The few highlights of α = 0.1 fit a surface of other axes better, 45° off."""
     result = solved(dish, reflected(dish, dish_images, Reflectance("metal", 0.1)))
