@@ -159,6 +159,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     normals = np.zeros_like(ray_direction)
     radiance = np.zeros_like(coarse.values)
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
+    mixed = np.zeros(len(depth), np.bool_)
     calibrations = 0
     for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
         measured = divide_intensity(coarse.values, shared.log_intensity)

@@ -199,7 +199,8 @@ def line_deg(normals: Float32Array, known: BoolArray, variance_deg2: Float32Arra
     where a side is not known."""
     most = np.zeros(known.shape, np.float32)
     for axis in (0, 1):
-        n, k, noise, out = (np.swapaxes(one, 0, axis) for one in (normals, known, variance_deg2, most))
+        n, k = np.swapaxes(normals, 0, axis), np.swapaxes(known, 0, axis)
+        noise, out = np.swapaxes(variance_deg2, 0, axis), np.swapaxes(most, 0, axis)
         cosine = {apart: _cosine(n[apart:], n[:-apart]) for apart in (1, 2, 3)}
         step = np.zeros((len(n) + 1, *n.shape[1:2]), np.float32)  # chord² from each normal's predecessor
         step[1:-1] = np.where(k[1:] & k[:-1], 2 - 2 * cosine[1], 0)
