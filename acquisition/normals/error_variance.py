@@ -43,10 +43,10 @@ fits on design seeds, November 2026).
 
 The constants are rounded from those that make the errors of 117 captures of design seeds 65, 70, 71, 73 and 75, of 6,
 8, 12 and 20 lights, likeliest under Rayleigh's law with a heavy tail (bivariate t, 20 degrees of freedom), all of them
-multiplied so that the factor of σ₀² itself is 1: B 0.26, E 8.9° of few lights; M anew on 109 others, where P(e < σ) is
-0.71, P(e < 2σ) 0.945. `python -m tests.unseen fit-sigma` fits such captures, and prints how much less likely the errors
-are without each component. The constants depend on the tail that is assumed (`tests.unseen.sigma_fit`). How they do on
-captures that they were not fitted to stands in `tests/unseen/reports.md`.
+multiplied so that the factor of σ₀² itself is 1: B 0.26, E 8.9° of few lights; M anew on 109 others, where, with ω,
+P(e < σ) is 0.71 and P(e < 2σ) 0.949. `python -m tests.unseen fit-sigma` fits such captures, and prints how much less
+likely the errors are without each component. The constants depend on the tail that is assumed
+(`tests.unseen.sigma_fit`). How they do on captures that they were not fitted to stands in `tests/unseen/reports.md`.
 
 B and E are `photometry`'s, because a plan's forecast takes them into account as well.
 """
@@ -67,8 +67,9 @@ class ErrorVarianceSettings:
 
     structure_share: float = tuned(0.4, "share")
     """M: 1 σ of the normal as a share of Δ, half of the angle of a crease, and of λ, half of that to the mean of its
-    neighbours' normals. Of 109 captures of design seeds 205–215 and 225 errors are likelier with 0.5, by 0.010 of
-    the mean log likelihood, of 64 of seeds 216–219 with 0.4, by 0.018 (8 and 20 lights by two rings; decision 75)."""
+    neighbours' normals. Of 110 captures of design seeds 205–215 and 225 errors are likelier with 0.5, by 0.008 of
+    the mean log likelihood, of 64 of seeds 216–219 with 0.4, by 0.022 (8 and 20 lights by two rings; 0.010 and 0.018
+    before lines counted, decision 75)."""
     min_crease_deg: float = tuned(12.0, "deg")
     """Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell. It is one of 8, 12, 16, 20 and
     24°, which `python -m tests.unseen fit-sigma` compares by the likelihood of errors, and belongs to a fit to 190
@@ -201,7 +202,7 @@ def line_deg(normals: Float32Array, known: BoolArray, variance_deg2: Float32Arra
     for axis in (0, 1):
         n, k = np.swapaxes(normals, 0, axis), np.swapaxes(known, 0, axis)
         noise, out = np.swapaxes(variance_deg2, 0, axis), np.swapaxes(most, 0, axis)
-        cosine = {apart: _cosine(n[apart:], n[:-apart]) for apart in (1, 2, 3)}
+        cosine = {apart: _dot(n[apart:], n[:-apart]) for apart in (1, 2, 3)}
         step = np.zeros((len(n) + 1, *n.shape[1:2]), np.float32)  # chord² from each normal's predecessor
         step[1:-1] = np.where(k[1:] & k[:-1], 2 - 2 * cosine[1], 0)
         for before, after in LINES_PX:
@@ -218,15 +219,14 @@ def line_deg(normals: Float32Array, known: BoolArray, variance_deg2: Float32Arra
     return np.float32(np.degrees(1)) * np.sqrt(most)
 
 
-def _cosine(one: np.ndarray, other: np.ndarray) -> Float32Array:
-    """Scalar products (...,) of vectors (..., 3), faster than `numpy.einsum`."""
+def _dot(one: np.ndarray, other: np.ndarray) -> Float32Array:
+    """Scalar products (...,) of vectors (..., 3), in a quarter of the time that `numpy.einsum` takes."""
     return np.asarray(one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1] + one[..., 2] * other[..., 2])
 
 
 def _length(vectors: np.ndarray) -> Float32Array:
     """Lengths (...,) of vectors (..., 3), in a sixth of the time that `numpy.linalg.norm` takes."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    return np.asarray(np.sqrt(x * x + y * y + z * z), np.float32)
+    return np.asarray(np.sqrt(_dot(vectors, vectors)), np.float32)
 
 
 def _summed(values: Float32Array) -> Float32Array:
