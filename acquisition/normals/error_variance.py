@@ -206,8 +206,9 @@ def line_deg(normals: Float32Array, known: BoolArray, variance_deg2: Float32Arra
         step = np.zeros((len(n) + 1, *n.shape[1:2]), np.float32)  # chord² from each normal's predecessor
         step[1:-1] = np.where(k[1:] & k[:-1], 2 - 2 * cosine[1], 0)
         for before, after in LINES_PX:
-            count = len(n) - before - after
-            here, last = slice(before, before + count), before + after
+            last = before + after
+            count = max(len(n) - last, 0)
+            here = slice(before, before + count)
             sides = 2 + 2 * cosine[last]  # squared length of their sum
             towards = cosine[before][:count] + cosine[after][here]
             deviation = 2 - 2 * towards / np.sqrt(np.maximum(sides, np.float32(1e-6)))

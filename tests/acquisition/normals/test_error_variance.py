@@ -191,6 +191,13 @@ def test_line_of_rows_and_columns_is_the_same() -> None:
     assert np.all(found[10:12] > 20)
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (2, 5), (3, 2), (5, 1)])
+def test_line_of_an_object_too_narrow_for_sides_is_none(shape: tuple[int, int]) -> None:
+    normals = np.zeros((*shape, 3), np.float32)
+    normals[..., 2] = 1
+    assert not np.any(error_variance.line_deg(normals, np.ones(shape, bool), np.zeros(shape, np.float32)))
+
+
 @pytest.mark.parametrize("of", ["bend", "wide step", "curvature", "noise", "edge of the object"])
 def test_line_of_what_is_no_line_is_none(of: str) -> None:
     known, variance = np.ones(SHAPE, bool), np.zeros(SHAPE, np.float32)
