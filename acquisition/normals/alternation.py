@@ -25,6 +25,7 @@ from acquisition.normals import (
     pixel_solve,
     residual_noise,
     self_calibration,
+    shadow_light,
 )
 from acquisition.normals.discontinuity import ShadowImages
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
@@ -32,6 +33,7 @@ from acquisition.normals.interreflection import Surface
 from acquisition.normals.pixel_solve import Estimate, Pixels, Scene
 from acquisition.normals.pyramid import PyramidLevel
 from acquisition.normals.self_calibration import Priors, SharedParameters
+from acquisition.normals.shadow_light import ShadowEquations
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,8 @@ class AlternationResult:
     depth_m: Float32Array
     continuity_weight: Float32Array
     mixed: Float32Array
+    sky_share: Float32Array
+    in_shadows: ShadowEquations
     shared: SharedParameters
     shared_variance: Float32Array
     indirect_irradiance: Float32Array | None
@@ -106,6 +110,7 @@ class AlternationResult:
             depth_m=interpolate(self.depth_m),
             continuity_weight=interpolate(self.continuity_weight),
             mixed=interpolate(self.mixed),
+            sky_share=interpolate(self.sky_share),
             shared_variance=interpolate(self.shared_variance),
             indirect_irradiance=None if self.indirect_irradiance is None else interpolate(self.indirect_irradiance),
         )
@@ -159,8 +164,8 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     normals = np.zeros_like(ray_direction)
     radiance = np.zeros_like(coarse.values)
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
-    mixed = np.zeros(len(depth), np.bool_)
-    calibrations = 0
+    mixed, measured, in_shadows = np.zeros(len(depth), np.bool_), coarse.values, ShadowEquations.none()
+    calibrations, from_elsewhere = 0, priors.terms.ambient > 0 or priors.terms.offset > 0
     for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
         measured = divide_intensity(coarse.values, shared.log_intensity)
         values = measured - radiance
@@ -184,6 +189,10 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             expected=indirect is not None and indirect.significant,
         )  # fmt: skip
         radiance = indirect.radiance
+        if from_elsewhere:
+            coarse = replace(coarse, sky=interreflection.sky_share(coarse, depth, normals, level.table))
+            in_shadows = shadow_light.equations(coarse, measured, radiance, estimate, present.noise)
+            priors = replace(priors, shadows=in_shadows)
         direct_diffuse = not indirect.significant and not shared.terms.specular
 
         values = (measured - radiance)[:, chosen]
@@ -196,10 +205,15 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         converged = turn >= scene.settings.depth_rounds and _mean_angle_deg(previous, normals) < CONVERGED_DEG
         if converged or (direct_diffuse and calibrations >= scene.settings.depth_rounds):
             break
+    if estimate is not None and not from_elsewhere:
+        coarse = replace(coarse, sky=interreflection.sky_share(coarse, depth, normals, level.table))
+        in_shadows = shadow_light.equations(coarse, measured, radiance, estimate, present.noise)
     return AlternationResult(
         depth_m=depth,
         continuity_weight=continuity_weight,
         mixed=mixed.astype(np.float32),
+        sky_share=np.ones_like(depth) if coarse.sky is None else coarse.sky,
+        in_shadows=in_shadows,
         shared=shared,
         shared_variance=(
             np.zeros_like(depth)
@@ -247,7 +261,8 @@ def _indirect_light(
     Unless it is `expected`, a few pixels decide first whether it is significant.
     """
     coarse = level.coarse
-    diffuse, direct = measured - estimate.nondiffuse_value, direct - estimate.nondiffuse_value
+    lit_by_lamps = measured - estimate.nondiffuse_value
+    diffuse, direct = measured - estimate.mirrored_value, direct - estimate.mirrored_value
 
     def predicted(every: int) -> _IndirectLight:
         surface = Surface(depth_m, normals, estimate.albedo, level.table)
@@ -257,7 +272,7 @@ def _indirect_light(
         radiance = interreflection.reflected_radiosity(
             irradiance, np.sum(diffuse, axis=0), np.sum(direct, axis=0), estimate.albedo
         )
-        scale = interreflection.prediction_scale(coarse, diffuse, radiance, estimate)
+        scale = shadow_light.prediction_scale(coarse, lit_by_lamps, radiance, estimate)
         radiance = (np.float32(scale) * radiance).astype(np.float32)
         share = np.sum(radiance[:, ::every], axis=0) / np.maximum(np.sum(diffuse[:, ::every], axis=0), 1e-6)
         significant = float(np.quantile(share, 0.98)) > 2 * photometry.SETTINGS.flat_field_sigma

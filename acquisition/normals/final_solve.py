@@ -322,6 +322,7 @@ def _stated_share(solution: PixelSolution, scene: Scene) -> Float32Array:
 
 def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> PixelSolution:
     """Solves pixels by fixed-point iteration: indirect light depends on the albedo."""
+    pixels = replace(pixels, sky=state.sky_share)
     measured = alternation.divide_intensity(pixels.values, state.shared.log_intensity)
     lighting = Lighting.at(pixels, state.depth_m, scene)
 
@@ -332,7 +333,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     estimate = once(values, None, pixel_solve.IRLS_ITERATIONS if irradiance is None else PRELIMINARY_ITERATIONS)
     if irradiance is not None:
         for iterations in (PRELIMINARY_ITERATIONS, pixel_solve.IRLS_ITERATIONS):
-            other = np.sum(np.broadcast_to(estimate.nondiffuse_value, values.shape), axis=0)
+            other = np.sum(np.broadcast_to(estimate.mirrored_value, values.shape), axis=0)
             indirect = interreflection.reflected_radiosity(
                 irradiance, np.sum(measured, axis=0) - other, np.sum(values, axis=0) - other, estimate.albedo
             )

@@ -94,6 +94,7 @@ class TermValues:
 
     value: Float32Array
     nondiffuse: Float32Array
+    ambient: Float32Array
     lobe: Float32Array
     offset: float
     highlight_variance: Float32Array
@@ -107,7 +108,7 @@ class TermValues:
 
 def evaluate(
     terms: ImageTerms, g: Float32Array, light: Float32Array, usable: BoolArray, view: Float32Array,
-    response: Float32Array | None = None,
+    response: Float32Array | None = None, sky: Float32Array | None = None,
 ) -> TermValues:  # fmt: skip
     """Values and derivatives of the terms at g = albedo × normal (3, N) and light vectors (F, 3, N).
 
@@ -115,10 +116,11 @@ def evaluate(
     `response` (N,) are values of white at a mosaic's sites, by which the lobe of gloss differs; none: ones.
     """
     albedo, normal, strength, lamp = _directions(g, light)
-    ambient = np.float32(terms.ambient)
-    by_g = np.zeros_like(light) + ambient * normal
-    value = np.zeros_like(strength) + ambient * albedo + np.float32(terms.offset)
-    nondiffuse, lobe = value, np.zeros_like(value)
+    irradiance = np.float32(terms.ambient) * (np.float32(1) if sky is None else sky)
+    ambient = irradiance * albedo
+    by_g = np.zeros_like(light) + irradiance * normal
+    nondiffuse = np.zeros_like(strength) + np.float32(terms.offset)
+    value, lobe = nondiffuse + ambient, np.zeros_like(nondiffuse)
     highlight_sigma = lobe
     if terms.roughness > 0:
         rough, rough_by_g = _azimuthal_term(normal, lamp, view, usable)
@@ -147,6 +149,7 @@ def evaluate(
     return TermValues(
         value=value.astype(np.float32),
         nondiffuse=nondiffuse.astype(np.float32),
+        ambient=ambient.astype(np.float32),
         lobe=lobe,
         offset=terms.offset,
         highlight_variance=np.square(highlight_sigma).astype(np.float32),
@@ -156,13 +159,13 @@ def evaluate(
 
 def by_parameter(
     terms: ImageTerms, g: Float32Array, light: Float32Array, usable: BoolArray, view: Float32Array,
-    response: Float32Array | None = None,
+    response: Float32Array | None = None, sky: Float32Array | None = None,
 ) -> Float32Array:  # fmt: skip
     """Derivatives (F, 6, N) of the terms by b, a, o, either α and the strength; arguments as of `evaluate`."""
     albedo, normal, strength, lamp = _directions(g, light)
     rough, _ = _azimuthal_term(normal, lamp, view, usable)
     out = np.zeros((len(light), len(fields(ImageTerms)), light.shape[2]), np.float32)
-    out[:, 0], out[:, 1], out[:, 2] = albedo * strength * rough, albedo, 1
+    out[:, 0], out[:, 1], out[:, 2] = albedo * strength * rough, albedo * (1 if sky is None else sky), 1
     if terms.gloss > 0:
         mirrored = strength if response is None else strength * response
         gloss = microfacet.reflection(normal, lamp, view, usable, terms.gloss)
@@ -206,7 +209,7 @@ def chosen(where: BoolArray, one: TermValues | None, other: TermValues | None) -
     """`one` at some pixels (N,), elsewhere the `other`; none of none."""
     if one is None or other is None:
         return None
-    names = ("value", "nondiffuse", "lobe", "highlight_variance", "by_g")
+    names = ("value", "nondiffuse", "ambient", "lobe", "highlight_variance", "by_g")
     return replace(one, **{name: np.where(where, getattr(one, name), getattr(other, name)) for name in names})
 
 

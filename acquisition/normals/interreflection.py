@@ -9,8 +9,7 @@ form. Visibility is exact, and discontinuities need no patches of their own: the
 foot and edge. The camera does not see that wall; its radiosity is calculated from the lamps. The table is part of the
 height field.
 
-How much of the predicted indirect light is there is measured, not assumed: shadowed pixels are lit by nothing else.
-Subtracted, it lowers the mean error of a path-traced scene of albedo 0.7 from 4.05° to 1.51° (eight lights).
+Whether the predicted indirect light is there is measured, not assumed (`shadow_light`). Subtracted, it lowers the mean error of a path-traced scene of albedo 0.7 from 4.05° to 1.51° (eight lights).
 """
 
 import math
@@ -34,9 +33,6 @@ AZIMUTHS, WALL_AZIMUTHS = 24, 12
 class InterreflectionSettings:
     """Tuned numbers of the indirect light."""
 
-    detection_quantile: float = tuned(0.75, "quantile")
-    """Quantile of measured / predicted in shadows, weighted by the prediction, that is compared. An upper quartile,
-    because a shape that is still wrong predicts light where none falls as well."""
     direct_ratio: float = tuned(2.0, "ratio")
     """Value over the indirect light that a pixel of median albedo would reflect, above which it can be direct light.
     On 19 Lambertian captures of design seeds 0, 1, 20, 21, 60 and 63, some of them dark-and-bright, hardly lit are 65 %
@@ -91,22 +87,10 @@ def received_irradiance(
 
     Calculated at every `every`-th pixel, zero at the others. `lamp` (F, 6) in the view frame, m.
     """
-    height, width = pixels.shape
-    inside = pixels.image(np.ones(len(pixels.index), np.bool_))
-    columns, rows = _linear_rays(pixels)
-    rays_around = np.meshgrid((np.arange(width) - columns[1]) / columns[0], (np.arange(height) - rows[1]) / rows[0])
-    ray = np.where(inside, pixels.image(pixels.ray), np.stack(rays_around)).astype(np.float32)
-    direction = photometry.ray_directions(ray)
-    table = surface.table
-    # Without a table a black plane touches the object from behind.
-    depth = np.full(pixels.shape, np.max(surface.depth_m)) if table is None else table.depth_m
-    bright = np.float32(0) if table is None else table.values
-    depth = np.where(inside, pixels.image(surface.depth_m), depth)
-    point = np.ascontiguousarray((direction * depth).transpose(1, 2, 0), np.float32)
+    point, inside, affine = _height_field(pixels, surface.depth_m, surface.table)
+    bright = np.float32(0) if surface.table is None else surface.table.values
     radiosity = np.ascontiguousarray(np.where(inside, pixels.image(values), bright).transpose(1, 2, 0), np.float32)
-    albedo = pixels.image(np.minimum(surface.albedo, 1))
-    affine = np.array([*columns, *rows])
-    walls = _walls(point, inside, albedo)
+    walls = _walls(point, inside, pixels.image(np.minimum(surface.albedo, 1)))
     wall_radiosity = _wall_radiosity(walls, point, radiosity, lamp, calibration, affine)
     chosen = pixels.index[::every]
     cells = np.stack(np.unravel_index(chosen, pixels.shape), axis=1).astype(np.int32)
@@ -119,6 +103,25 @@ def received_irradiance(
     out = np.zeros(values.shape, np.float32)
     out[:, ::every] = own.T
     return out
+
+
+def sky_share(
+    pixels: Pixels, depth_m: Float32Array, normals: Float32Array, table: Table | None
+) -> Float32Array:  # fmt: skip
+    """Cosine-weighted share (N,) of all directions in which no other surface stands before a pixel: how much of light
+    from all round reaches it (ambient occlusion), at depth (N,) in m and unit normals (3, N)."""
+    point, inside, _ = _height_field(pixels, depth_m, table)
+    blocking = inside if table is None else np.ones_like(inside)
+    walls = _walls(point, inside, inside.astype(np.float32))
+    cells = np.stack(np.unravel_index(pixels.index, pixels.shape), axis=1).astype(np.int32)
+    of_walls = np.ones((len(walls.point) // interreflection_kernels.LEVELS, interreflection_kernels.LEVELS, 1))
+    hidden = np.empty((len(pixels.index), 1), np.float32)
+    interreflection_kernels.gather(
+        point, point.reshape(-1, 3)[pixels.index], np.ascontiguousarray(normals.T), cells,
+        blocking[..., None].astype(np.float32), walls.number, of_walls.astype(np.float32), AZIMUTHS,
+        SETTINGS.wall_slope, hidden,
+    )  # fmt: skip
+    return np.clip(1 - hidden[:, 0], 0, 1)
 
 
 def reflected_radiosity(
@@ -148,16 +151,6 @@ def hardly_lit(received: Float32Array, values: Float32Array, median_albedo: floa
     return np.count_nonzero(direct, axis=0) <= 1
 
 
-def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
-    """1 where shadows in measured `values` (F, N) show the predicted indirect light (F, N), else 0.
-
-    They do where they hold `grazing_cosine` of it: where there is only direct light, they are black. Shadows,
-    weighted by the prediction, decide only whether there is indirect light: they understate its amount while the shape
-    is still wrong.
-    """
-    return float(_shadow_ratio(pixels, values, predicted, estimate) >= photometry.SETTINGS.grazing_cosine)
-
-
 def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
     """Error propagation of `predicted_light_sigma`: variance (N,) in rad² of the normals, both tangential directions.
 
@@ -168,19 +161,20 @@ def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
     return (photometry.SETTINGS.predicted_light_sigma**2 * np.sum(moved * moved, axis=(1, 2))).astype(np.float32)
 
 
-def _shadow_ratio(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
-    """Weighted `detection_quantile` of measured / predicted in shadows; 1 where there are too few."""
-    direct = np.einsum("fcn,cn->fn", estimate.light, estimate.g)
-    dark = ((direct < 0) | (values < photometry.SETTINGS.grazing_cosine * direct)) & ~pixels.clipped
-    kernel = np.ones((3, 3), np.uint8)
-    umbra = np.stack([pixels.take(cv2.erode(pixels.image(mask.astype(np.uint8)), kernel)) > 0 for mask in dark])
-    used = umbra & (predicted > 0)
-    if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
-        return 1.0
-    ratio, weight = values[used] / predicted[used], predicted[used]
-    order = np.argsort(ratio)
-    summed = np.cumsum(weight[order])
-    return float(ratio[order][np.searchsorted(summed, summed[-1] * SETTINGS.detection_quantile)])
+def _height_field(
+    pixels: Pixels, depth_m: Float32Array, table: Table | None
+) -> tuple[Float32Array, BoolArray, np.ndarray]:
+    """Points (h, w, 3) of the window, view frame, which of them are the object's (h, w), and the linear fit of column
+    and row to the rays (4,). Without a table a plane touches the object from behind."""
+    height, width = pixels.shape
+    inside = pixels.image(np.ones(len(pixels.index), np.bool_))
+    columns, rows = _linear_rays(pixels)
+    rays_around = np.meshgrid((np.arange(width) - columns[1]) / columns[0], (np.arange(height) - rows[1]) / rows[0])
+    ray = np.where(inside, pixels.image(pixels.ray), np.stack(rays_around)).astype(np.float32)
+    around = np.full(pixels.shape, np.max(depth_m)) if table is None else table.depth_m
+    depth = np.where(inside, pixels.image(depth_m), around)
+    point = np.ascontiguousarray((photometry.ray_directions(ray) * depth).transpose(1, 2, 0), np.float32)
+    return point, inside, np.array([*columns, *rows])
 
 
 def _linear_rays(pixels: Pixels) -> tuple[np.ndarray, np.ndarray]:

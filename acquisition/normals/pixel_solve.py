@@ -79,6 +79,7 @@ class Pixels:
     values: Float32Array  # (F, N) normalised values y
     clipped: BoolArray  # (F, N) saturated
     channel: Sites | None = None  # (N,) of a mosaic's sites; none: all pixels see alike
+    sky: Float32Array | None = None  # (N,) share of light from all round that reaches them; none: all
     extra: Float32Array | None = None  # (F, N) sensor variance beyond the noise model's; none: zero
 
     def image(self, values: np.ndarray, outside: float = 0.0) -> np.ndarray:
@@ -100,6 +101,7 @@ class Pixels:
             values=np.ascontiguousarray(self.values[:, chosen]),
             clipped=self.clipped[:, chosen],
             channel=None if self.channel is None else self.channel[chosen],
+            sky=None if self.sky is None else self.sky[chosen],
             extra=None if self.extra is None else np.ascontiguousarray(self.extra[:, chosen]),
         )
 
@@ -219,7 +221,7 @@ def solve_lit(
 
     response = scene.response(pixels.channel)
     return term_solve.solve(
-        TermProblem(values, pixels.clipped, light, lighting.view, scene.noise, scene.terms, once, response)
+        TermProblem(values, pixels.clipped, light, lighting.view, scene.noise, scene.terms, once, response, pixels.sky)
     )
 
 
@@ -241,7 +243,7 @@ def _solve(
     extra = pixels.extra if extra_variance is None else pixels.plus_extra(extra_variance)
     problem = PixelProblem(
         values=values, by_g=bent, light=lighting.light, point=lighting.point, view=lighting.view, extra=extra,
-        terms=terms, response=scene.response(pixels.channel), noise=scene.noise,
+        terms=terms, response=scene.response(pixels.channel), sky=pixels.sky, noise=scene.noise,
         least_albedo=max(0.2 * typical, 1e-6), cauchy_scale=scene.cauchy_scale, iterations=iterations,
     )  # fmt: skip
     return robust_solve.solve(problem, pixels.clipped, classified, classify)

@@ -66,6 +66,7 @@ class PixelProblem:
     extra: Float32Array | None
     terms: TermValues | None
     response: Float32Array | None
+    sky: Float32Array | None
     noise: image_values.Noise
     least_albedo: float
     cauchy_scale: float | None
@@ -82,6 +83,7 @@ class PixelProblem:
             extra=None if self.extra is None else self.extra[:, chosen],
             terms=None,
             response=None,
+            sky=None,
         )
 
     def solve(self, classified: Classified) -> Estimate:
@@ -101,6 +103,7 @@ class PixelProblem:
             point=self.point,
             terms=self.terms,
             response=self.response,
+            sky=self.sky,
         )
         noise = self.noise
         scalars = [noise.intensity, noise.direction, self.cauchy_scale or 0.0]

@@ -12,7 +12,7 @@ explained by intensities: with them errors of smooth objects fall by a twentieth
 Kernels compile at import, into numba's cache.
 """
 
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import astuple, dataclass, field, fields, replace
 
 import numba
 import numpy as np
@@ -24,6 +24,7 @@ from acquisition.models.tuned import tuned
 from acquisition.normals import image_terms, pixel_solve, pixel_solve_kernels
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixel_solve import Estimate
+from acquisition.normals.shadow_light import ShadowEquations
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,7 @@ class Priors:
 
     `position_m` is independent from lamp to lamp; on top of it come the errors that all lamps share, where they are not
     held: `common_position_m` (F, 3, C) is by how much 1 σ of each displaces each lamp, view frame (`lamp_pose`).
+    `shadows` is what shadowed measurements say of ambient and stray light.
     """
 
     intensity: float
@@ -90,6 +92,7 @@ class Priors:
     shift_m: float
     terms: ImageTerms = LAMBERTIAN
     common_position_m: FloatArray | None = None
+    shadows: ShadowEquations = field(default_factory=ShadowEquations.none)
 
     def position_covariance(self, count: int) -> FloatArray:
         """Covariance (3F, 3F), m², of the positions of `count` lamps: all x, all y, all z."""
@@ -145,7 +148,7 @@ def normal_equations(
     elif terms is not None:
         view = -estimate.point / np.sqrt(np.sum(estimate.point * estimate.point, axis=0))
         by_parameter = image_terms.by_parameter(
-            present.terms, estimate.g, estimate.light, estimate.usable, view, estimate.response
+            present.terms, estimate.g, estimate.light, estimate.usable, view, estimate.response, estimate.sky
         )
         parameters, parameter_sigma = np.array(astuple(present.terms)), np.array(astuple(priors.terms))
     sigma = np.concatenate([[priors.shift_m], parameter_sigma])
@@ -165,6 +168,11 @@ def normal_equations(
         np.array([1e-6] * photometry.PIXEL_UNKNOWNS + [offset_sigma_m**-2]),
         sums,
     )
+    if len(parameters):  # ambient light and offset stand second and third
+        elsewhere, shadows = slice(4 * count + 2, 4 * count + 4), priors.shadows
+        said = np.array([present.terms.ambient, present.terms.offset])
+        sums[elsewhere, elsewhere] += shadows.matrix
+        sums[elsewhere, -1] += shadows.right - shadows.matrix @ said
     matrix, right = (
         sums[:-1, :-1] / SETTINGS.effective_sample_divisor,
         sums[:-1, -1] / SETTINGS.effective_sample_divisor,

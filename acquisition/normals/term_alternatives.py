@@ -113,6 +113,9 @@ def scored_terms(present: Solution) -> list[Alternative]:
     demanded: list[Alternative] = []
     for name in ("roughness", "ambient", "offset") if known is None else ("roughness",):
         score: TermScore = getattr(scores, name)
+        other = {"ambient": scores.offset, "offset": scores.ambient}.get(name)
+        if other and other.step > 0 and other.gain > score.gain + self_calibration.STRONG_EVIDENCE:
+            continue
         least = model_trial.SETTINGS.min_gain
         if name == "roughness":
             least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE

@@ -50,6 +50,7 @@ class TermProblem:
     terms: ImageTerms
     once: Callable[[TermValues], Estimate]
     response: Float32Array | None = None
+    sky: Float32Array | None = None
 
 
 def rounds(terms: ImageTerms) -> int:
@@ -86,10 +87,10 @@ def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) ->
     light, view = problem.light, problem.view
 
     def values(estimate: Estimate) -> TermValues:
-        return image_terms.evaluate(problem.terms, estimate.g, light, estimate.usable, view, problem.response)
+        return image_terms.evaluate(problem.terms, estimate.g, light, estimate.usable, view, problem.response, problem.sky)
 
     everywhere = np.ones_like(problem.clipped)
-    estimate = problem.once(image_terms.evaluate(first, start, light, everywhere, view, problem.response))
+    estimate = problem.once(image_terms.evaluate(first, start, light, everywhere, view, problem.response, problem.sky))
     for _ in range(rounds(problem.terms) - 1):
         estimate = problem.once(values(estimate))
     return replace(estimate, terms=values(estimate))

@@ -85,14 +85,14 @@ def scores(
     axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
 
     def evaluated(terms: ImageTerms) -> TermValues:
-        return image_terms.evaluate(terms, estimate.g, estimate.light, estimate.usable, axis, estimate.response)
+        return image_terms.evaluate(terms, estimate.g, estimate.light, estimate.usable, axis, estimate.response, estimate.sky)
 
     present, glossy = evaluated(scene.terms or LAMBERTIAN), evaluated(ImageTerms(gloss=SETTINGS.gloss_tested))
     direct = np.maximum(np.einsum("fck,ck->fk", estimate.light, estimate.g), 0)
     signal = direct * (np.min(scene.noise.shot) / scene.noise.shot)[:, None]  # but for a factor, which albedo absorbs
     coded = np.where(estimate.usable, direct * np.log(np.maximum(signal, LEAST_SIGNAL)), 0)
     usual = image_terms.by_parameter(
-        scene.terms or LAMBERTIAN, estimate.g, estimate.light, estimate.usable, axis, estimate.response
+        scene.terms or LAMBERTIAN, estimate.g, estimate.light, estimate.usable, axis, estimate.response, estimate.sky
     )
     turned = np.where(estimate.usable, np.einsum("fck,ck->fk", _light_by_turn(estimate.point, scene), estimate.g), 0)
     columns = np.stack([*np.moveaxis(usual[:, :3], 1, 0), glossy.value, coded, turned], axis=1, dtype=np.float32)

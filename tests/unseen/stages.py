@@ -157,7 +157,7 @@ STAGES = (
     Stage(
         "interreflection",
         "Indirect light is never significant, so that none is subtracted and none is in σ.",
-        (Patch(interreflection, "prediction_scale", _no_scale),),
+        (Patch(shadow_light, "prediction_scale", _no_scale),),
     ),
     Stage(
         "noise from residuals",
