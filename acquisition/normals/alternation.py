@@ -83,8 +83,8 @@ class AlternationResult:
     """The state that the final solve starts from, at N pixels: those of the coarse grid, or interpolated to others.
 
     Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities;
-    `mixed` (N,), 1 at pixels that are left out of what follows because they mix surfaces, 0 at others; the parameters
-    shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that all pixels
+    `mixed` (N,), 1 at pixels that are left out of what follows because they mix surfaces, 0 at others; the share of the
+    sky that pixels see (N,); what is `in_shadows` of ambient and stray light; the parameters shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that all pixels
     share; indirect irradiance (F, N) or none where it is insignificant, and the scale that its prediction was
     multiplied by; the median of the pixels' albedo; the noise of coarse pixels; normals (3, M) of the coarse pixels,
     never others.
@@ -262,7 +262,7 @@ def _indirect_light(
     """
     coarse = level.coarse
     lit_by_lamps = measured - estimate.nondiffuse_value
-    diffuse, direct = measured - estimate.mirrored_value, direct - estimate.mirrored_value
+    diffuse, direct = measured - estimate.unscattered_value, direct - estimate.unscattered_value
 
     def predicted(every: int) -> _IndirectLight:
         surface = Surface(depth_m, normals, estimate.albedo, level.table)

@@ -20,7 +20,7 @@ class Estimate:
     light: Float32Array  # (F, 3, N) light vectors s
     point: Float32Array  # (3, N) m, view frame
     response: Float32Array | None = None  # (N,) values of white at a mosaic's sites over their mean; none: no mosaic
-    sky: Float32Array | None = None  # (N,) share of light from all round that reaches the pixels; none: all
+    sky: Float32Array | None = None  # (N,) share of the sky that the pixels see; none: all of it
     terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
 
     @property
@@ -35,11 +35,13 @@ class Estimate:
 
     @property
     def nondiffuse_value(self) -> Float32Array | np.float32:
-        """What is no diffuse reflection of the lamp's light in the values (F, N); 0 without terms."""
+        """What is no diffuse reflection of the lamps' light in the values (F, N); 0 without terms."""
         return np.float32(0) if self.terms is None else self.terms.nondiffuse + self.terms.ambient
 
     @property
-    def mirrored_value(self) -> Float32Array | np.float32:
+    def unscattered_value(self) -> Float32Array | np.float32:
+        """What is no diffuse reflection of any light in the values (F, N), so that no other surface receives as much
+        of it; 0 without terms."""
         return np.float32(0) if self.terms is None else self.terms.nondiffuse
 
     @property

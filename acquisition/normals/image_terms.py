@@ -1,14 +1,15 @@
 """Terms of image formation beyond Lambert's: rough and glossy surfaces, ambient and stray light.
 
-    y = |s| (ρ (n·l) L + S + b ρ K(n, l, v)) + a ρ + o
+    y = |s| (ρ (n·l) L + S + b ρ K(n, l, v)) + a V ρ + o
 
 b is the weight of Oren and Nayar's azimuthal term K (Oren & Nayar 1994, eq. 30) relative to Lambert's, L and S the
 layer and the lobe of a glossy dielectric of roughness α (`microfacet`; without gloss 1 and 0; gloss that is no
 dielectric's has a lobe of a strength of its own beside diffuse light that lacks nothing, L = 1), a the irradiance of
-light that does not come from the lamp, o an offset that is the same everywhere: a black level, stray light in the lens.
-Plaster, paper and clay are rough surfaces, paint, plastic and glaze glossy ones; ambient light stays in images without
-a lamp-off frame. All are zero unless a test demands them (`term_tests`): estimated on sound captures they cost 20–50 %
-of accuracy, because they resemble wrong normals.
+ambient light from all round, V the share of the sky that no other surface hides (`interreflection.sky_share`), o an
+offset that is the same everywhere: a black level, stray light in the lens. Plaster, paper and clay are rough surfaces,
+paint, plastic and glaze glossy ones; ambient light stays in images without a lamp-off frame. All are zero unless a test
+demands them (`term_tests`): estimated on sound captures they cost 20–50 % of accuracy, because they resemble wrong
+normals.
 
 All but lobe and offset are homogeneous of first degree in g = ρn, so T(g) = ∂T/∂g · g: a solve takes them into account
 by adding ∂T/∂g to the light vectors, and nothing to the values. The lobe, of degree zero, has ∂S/∂g · g = 0: it is
@@ -88,9 +89,9 @@ LAMBERTIAN = ImageTerms()
 
 @dataclass(frozen=True)
 class TermValues:
-    """The terms at N pixels: the sum of all (F, N), of it what is no diffuse reflection of the lamp's light (F, N), the
-    lobe of gloss (F, N) and the offset, the variance (F, N) of what is mirrored, as it is predicted, and
-    derivatives by g (F, 3, N)."""
+    """The terms at N pixels: the sum of all (F, N), of it what is no diffuse reflection (F, N), the reflected ambient
+    light (N,), the lobe of gloss (F, N) and the offset, the variance (F, N) of what is mirrored, as it is predicted,
+    and derivatives by g (F, 3, N)."""
 
     value: Float32Array
     nondiffuse: Float32Array
@@ -113,7 +114,8 @@ def evaluate(
     """Values and derivatives of the terms at g = albedo × normal (3, N) and light vectors (F, 3, N).
 
     `usable` (F, N) measurements have a rough term and gloss; `view` (3, N) are unit directions to the camera;
-    `response` (N,) are values of white at a mosaic's sites, by which the lobe of gloss differs; none: ones.
+    `response` (N,) are values of white at a mosaic's sites, by which the lobe of gloss differs, `sky` (N,) the shares of
+    the sky that pixels see; none: ones.
     """
     albedo, normal, strength, lamp = _directions(g, light)
     irradiance = np.float32(terms.ambient) * (np.float32(1) if sky is None else sky)

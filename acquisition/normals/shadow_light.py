@@ -2,9 +2,10 @@
 
 Where no lamp's light falls, a measurement is light from other surfaces, ambient light and an offset, and nothing else:
 y = indirect + a V ρ + o, with V the share of the sky that the pixel sees. A residual of lit pixels tells these from
-wrong normals only in part; shadows tell them alone. At the plain model's solution of 56 sound captures (design seeds
-201–211, all families and their own materials, eight lights by two rings) that have such shadows a is 0.002 at most but
-of four hollow vessels, o 0.001; under ambient light of 3 % a is 0.027–0.031, with an offset of 3 % o is 0.029–0.032.
+wrong normals only in part; shadows tell them alone. By the plain model's solution of 39 sound captures that have 50
+such measurements a is 0.004 at most but of four hollow vessels, and o 0.002 but of three; with ambient light of 3 % a
+is 0.028–0.031, with an offset of 3 % o is 0.029–0.031, of 25 captures but for one vessel (design seeds 201–211, eight
+lights by two rings, inside of cavities included; scratch evaluation, November 2026).
 """
 
 from dataclasses import dataclass

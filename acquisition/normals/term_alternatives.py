@@ -113,17 +113,22 @@ def scored_terms(present: Solution) -> list[Alternative]:
     demanded: list[Alternative] = []
     for name in ("roughness", "ambient", "offset") if known is None else ("roughness",):
         score: TermScore = getattr(scores, name)
-        other = {"ambient": scores.offset, "offset": scores.ambient}.get(name)
-        if other and other.step > 0 and other.gain > score.gain + self_calibration.STRONG_EVIDENCE:
-            continue
         least = model_trial.SETTINGS.min_gain
         if name == "roughness":
             least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
-        if score.gain > least and score.step > getattr(SETTINGS.min_step, name):
+        if score.gain > least and score.step > getattr(SETTINGS.min_step, name) and not _outdone(name, scores):
             demanded.append(_with_term(problem, name, known or LAMBERTIAN, 1.0, score.step))
     if known is None and _excess_subtracted(scores):
         demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
     return model_trial.decisive(demanded)
+
+
+def _outdone(name: str, scores: TermScores) -> bool:
+    """Whether shadows tell with strong evidence that it is ambient light and no offset, or the other way round."""
+    other = {"ambient": scores.offset, "offset": scores.ambient}.get(name)
+    if other is None or other.step <= 0:
+        return False
+    return other.gain > getattr(scores, name).gain + self_calibration.STRONG_EVIDENCE
 
 
 def vanished(accepted: Alternative, terms: ImageTerms) -> bool:

@@ -1,4 +1,4 @@
-"""Interreflection: reflected radiosity, scale of the prediction, and its contribution to normal variance."""
+"""Interreflection: reflected radiosity, shares of the sky, and its contribution to normal variance."""
 
 import dataclasses
 
@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from acquisition import photometry
 from acquisition.models.result import SolveSettings
 from acquisition.normals import interreflection, pixel_solve
+from acquisition.normals.pixel_solve import Pixels
+from tests.acquisition import scenes
 from tests.acquisition.normals import shared_scene
 
 
@@ -88,32 +90,6 @@ def test_normal_variance_scale_error_equals_finite_perturbation() -> None:
     assert np.all(interreflection.normal_variance(right, np.zeros_like(indirect)) == 0)
 
 
-def test_prediction_scale_dark_shadows_is_zero_half_filled_is_one() -> None:
-    """The prediction is accepted when a quarter of it is measured in attached shadows."""
-    made = shared_scene.measured(size=60, largest_slant=1.3)
-    solution = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene)
-    light = photometry.light_vectors(
-        photometry.points(made.pixels.ray, made.depth_m), made.lamp, made.calibration
-    )  # fmt: skip
-    away = np.einsum("fcn,cn->fn", light, made.normals) < 0
-    # Normals of neighbouring pixels are unrelated in this scene, but the detection needs connected shadow areas.
-    order = np.argsort(made.normals[0] + 1e-3 * made.normals[1])
-    estimate = dataclasses.replace(
-        solution,
-        **{
-            name: np.ascontiguousarray(value[..., order])
-            for name, value in vars(solution).items()
-            if isinstance(value, np.ndarray)
-        },
-    )
-    values, dark = made.values[:, order], away[:, order]
-    predicted = np.full_like(values, 0.02)
-    assert np.count_nonzero(dark) > 500
-    assert interreflection.prediction_scale(made.pixels, values, predicted, estimate) == 0
-    some = np.where(dark & (np.arange(values.shape[1]) % 2 == 0), predicted, values).astype(np.float32)
-    assert interreflection.prediction_scale(made.pixels, some, predicted, estimate) == 1
-
-
 def test_received_irradiance_tilted_pixel_equals_view_factor_of_plane() -> None:
     """The view factor from a surface to a plane tilted against it by β is (1 − cos β) / 2."""
     made = shared_scene.measured(size=60)
@@ -133,3 +109,36 @@ def test_received_irradiance_tilted_pixel_equals_view_factor_of_plane() -> None:
     np.testing.assert_array_equal(some[:, ::7], every_one[:, ::7])
     some[:, ::7] = 0
     assert not np.any(some)
+
+
+def test_sky_share_tilted_pixel_lacks_view_factor_of_table() -> None:
+    """A table all round takes (1 − cos β) / 2 of the sky from a surface that is tilted by β, a black plane none."""
+    made = shared_scene.measured(size=60)
+    slant = 0.5
+    normals = np.tile(np.array([[np.sin(slant)], [0.0], [np.cos(slant)]], np.float32), (1, made.depth_m.size))
+    middle = 30 * 60 + 30
+    table = interreflection.Table(made.pixels.image(made.depth_m), made.pixels.image(made.values))
+    share = interreflection.sky_share(made.pixels, made.depth_m, normals, table)
+    assert share[middle] == pytest.approx((1 + np.cos(slant)) / 2, rel=0.02)
+
+
+def test_sky_share_hemispherical_cavity_sees_half_of_the_sky() -> None:
+    """Every point of a spherical cap sees the rest of it under the same view factor, of a hemisphere 1/2."""
+    size = 100
+    known = scenes.calibration(size, lobe_exponent=0.0)
+    ray = photometry.rays(known, slice(0, size), slice(0, size)).reshape(2, -1)
+    far, radius = shared_scene.DEPTH_M, 0.4 * float(np.ptp(ray[0])) * shared_scene.DEPTH_M
+    square = 1 + np.sum(ray**2, axis=0)
+    # Where the ray leaves the sphere behind the plane of its middle; the plane around.
+    depth = (far + np.sqrt(np.maximum(far**2 - square * (far**2 - radius**2), 0))) / square
+    depth = np.maximum(depth, far)
+    inside = depth > far
+    inwards = np.stack([-ray[0] * depth, ray[1] * depth, depth - far]) / radius  # y is down in rays, up in normals
+    normals = np.where(inside, inwards, np.array([[0.0], [0.0], [1.0]]))
+    none = np.zeros((1, size**2), np.float32)
+    pixels = Pixels((size, size), np.arange(size**2), ray, none, none > 0)
+    share = interreflection.sky_share(pixels, depth.astype(np.float32), normals.astype(np.float32), None)
+    assert np.count_nonzero(inside) > size**2 / 4
+    middle = inside & (np.hypot(*ray) * far < 0.8 * radius)
+    np.testing.assert_allclose(share[middle], 0.5, atol=0.04)
+    np.testing.assert_allclose(share[~inside], 1, atol=0.01)

@@ -144,7 +144,7 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
     by_term, term_sigma = np.zeros((count, 0, pixels)), np.zeros(0)
     if glossy:
         added, by_g, term_sigma = random(count, pixels), random(count, 3, pixels), np.full(6, 0.5)
-        solution = replace(solution, terms=TermValues(added, added, added, 0.0, added, by_g))
+        solution = replace(solution, terms=TermValues(added, added, added, added, 0.0, added, by_g))
         view = -solution.point / np.linalg.norm(solution.point, axis=0)
         by_term = image_terms.by_parameter(terms, solution.g, solution.light, solution.usable, view)
     present = SharedParameters(
