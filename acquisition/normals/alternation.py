@@ -83,18 +83,18 @@ class AlternationResult:
     """The state that the final solve starts from, at N pixels: those of the coarse grid, or interpolated to others.
 
     Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities;
-    `mixed` (N,), 1 at pixels that are left out of what follows because they mix surfaces, 0 at others; the share of the
-    sky that pixels see (N,); what is `in_shadows` of ambient and stray light; the parameters shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that all pixels
-    share; indirect irradiance (F, N) or none where it is insignificant, and the scale that its prediction was
-    multiplied by; the median of the pixels' albedo; the noise of coarse pixels; normals (3, M) of the coarse pixels,
-    never others.
+    `mixed` (N,), 1 at pixels that are left out of what follows because they mix surfaces, 0 at others; the sky view
+    factors (N,) of pixels, and what shadows say of ambient and stray light; the parameters shared by all pixels; the
+    variance (N,), rad², of the normals by errors of lamps and indirect light that all pixels share; indirect irradiance
+    (F, N) or none where it is insignificant, and the scale that its prediction was multiplied by; the median of the
+    pixels' albedo; the noise of coarse pixels; normals (3, M) of the coarse pixels, never others.
     """
 
     depth_m: Float32Array
     continuity_weight: Float32Array
     mixed: Float32Array
-    sky_share: Float32Array
-    in_shadows: ShadowEquations
+    sky: Float32Array
+    shadows: ShadowEquations
     shared: SharedParameters
     shared_variance: Float32Array
     indirect_irradiance: Float32Array | None
@@ -110,7 +110,7 @@ class AlternationResult:
             depth_m=interpolate(self.depth_m),
             continuity_weight=interpolate(self.continuity_weight),
             mixed=interpolate(self.mixed),
-            sky_share=interpolate(self.sky_share),
+            sky=interpolate(self.sky),
             shared_variance=interpolate(self.shared_variance),
             indirect_irradiance=None if self.indirect_irradiance is None else interpolate(self.indirect_irradiance),
         )
@@ -159,43 +159,38 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     nominal = replace(scene, noise=replace(scene.noise, shot=scene.noise.shot / block, floor=scene.noise.floor / block))
     present = nominal
     shared = replace(SharedParameters.nominal(len(scene.lamps)), terms=scene.terms or LAMBERTIAN)
-    indirect: _IndirectLight | None = None
-    estimate: Estimate | None = None
+    indirect = _IndirectLight(np.zeros_like(coarse.values), np.zeros_like(coarse.values), 0.0, significant=False)
     normals = np.zeros_like(ray_direction)
-    radiance = np.zeros_like(coarse.values)
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
-    mixed, measured, in_shadows = np.zeros(len(depth), np.bool_), coarse.values, ShadowEquations.none()
-    calibrations, from_elsewhere = 0, priors.terms.ambient > 0 or priors.terms.offset > 0
-    for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
+    turn, calibrations, from_elsewhere = 0, 0, priors.terms.ambient > 0 or priors.terms.offset > 0
+    while True:
         measured = divide_intensity(coarse.values, shared.log_intensity)
-        values = measured - radiance
+        values = measured - indirect.radiance
         estimate = pixel_solve.solve(coarse, values, depth, present)
         previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
-        received = indirect.irradiance if indirect is not None and indirect.significant else None
+        received = indirect.irradiance if indirect.significant else None
         typical = _typical_albedo(estimate, shared.terms)
         dark = hardly_lit(received, measured, estimate, nominal.terms, typical)
         variance = np.where(dark, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
         mixed = _mixed(coarse, normals, variance, dark)
-        shadows = None
+        diffuse = None
         if discontinuous:
-            shadows = ShadowImages(coarse, measured - estimate.nondiffuse_value, estimate.light, present.lamps)
+            diffuse = ShadowImages(coarse, measured - estimate.nondiffuse_value, estimate.light, present.lamps)
         cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
-        depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadows, cuts)
+        depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, diffuse, cuts)
         chosen = drawn[~(dark | mixed)[drawn]]
         sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], depth[chosen], nominal)
 
         indirect = _indirect_light(
-            level, measured, values, estimate, depth, normals, present,
-            expected=indirect is not None and indirect.significant,
-        )  # fmt: skip
-        radiance = indirect.radiance
+            level, measured, values, estimate, depth, normals, present, expected=indirect.significant
+        )
         if from_elsewhere:
-            coarse = replace(coarse, sky=interreflection.sky_share(coarse, depth, normals, level.table))
-            in_shadows = shadow_light.equations(coarse, measured, radiance, estimate, present.noise)
-            priors = replace(priors, shadows=in_shadows)
+            coarse = _with_sky(coarse, depth, normals, level)
+            shadows = shadow_light.equations(coarse, measured, indirect.radiance, estimate, present.noise)
+            priors = replace(priors, shadows=shadows)
         direct_diffuse = not indirect.significant and not shared.terms.specular
 
-        values = (measured - radiance)[:, chosen]
+        values = (measured - indirect.radiance)[:, chosen]
         before = shared.shift_m
         hold = turn == 0 and not direct_diffuse
         shared, noise = _self_calibrate(sample, values, shared, present.noise, priors, hold=hold)
@@ -203,29 +198,31 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         depth = depth + np.float32(shared.shift_m - before)
         present = replace(present, lamps=shared.lamps(scene.lamps), noise=noise, terms=scene.terms and shared.terms)
         converged = turn >= scene.settings.depth_rounds and _mean_angle_deg(previous, normals) < CONVERGED_DEG
-        if converged or (direct_diffuse and calibrations >= scene.settings.depth_rounds):
+        turn += 1
+        most = calibrations if direct_diffuse else turn - EXTRA_ROUNDS
+        if converged or most >= scene.settings.depth_rounds:
             break
-    if estimate is not None and not from_elsewhere:
-        coarse = replace(coarse, sky=interreflection.sky_share(coarse, depth, normals, level.table))
-        in_shadows = shadow_light.equations(coarse, measured, radiance, estimate, present.noise)
+    if not from_elsewhere:
+        coarse = _with_sky(coarse, depth, normals, level)
     return AlternationResult(
         depth_m=depth,
         continuity_weight=continuity_weight,
         mixed=mixed.astype(np.float32),
-        sky_share=np.ones_like(depth) if coarse.sky is None else coarse.sky,
-        in_shadows=in_shadows,
+        sky=np.ones_like(depth) if coarse.sky is None else coarse.sky,
+        shadows=shadow_light.equations(coarse, measured, indirect.radiance, estimate, present.noise),
         shared=shared,
-        shared_variance=(
-            np.zeros_like(depth)
-            if estimate is None
-            else _shared_normal_variance(estimate, shared, present.lamps, radiance)
-        ),
-        indirect_irradiance=indirect.irradiance if indirect and indirect.significant else None,
-        indirect_scale=indirect.scale if indirect else 0.0,
-        typical_albedo=0.0 if estimate is None else _typical_albedo(estimate, shared.terms),
+        shared_variance=_shared_normal_variance(estimate, shared, present.lamps, indirect.radiance),
+        indirect_irradiance=indirect.irradiance if indirect.significant else None,
+        indirect_scale=indirect.scale,
+        typical_albedo=_typical_albedo(estimate, shared.terms),
         noise=present.noise,
         normals=normals,
     )
+
+
+def _with_sky(coarse: Pixels, depth_m: Float32Array, normals: Float32Array, level: PyramidLevel) -> Pixels:
+    """The level's coarse pixels with their sky view factors at depth (N,) in m and normals (3, N)."""
+    return replace(coarse, sky=interreflection.sky_view(coarse, depth_m, normals, level.table))
 
 
 def _integrated(

@@ -20,7 +20,7 @@ class Estimate:
     light: Float32Array  # (F, 3, N) light vectors s
     point: Float32Array  # (3, N) m, view frame
     response: Float32Array | None = None  # (N,) values of white at a mosaic's sites over their mean; none: no mosaic
-    sky: Float32Array | None = None  # (N,) share of the sky that the pixels see; none: all of it
+    sky: Float32Array | None = None  # (N,) sky view factor of the pixels; none: they see all of it
     terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
 
     @property

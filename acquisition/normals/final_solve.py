@@ -322,7 +322,7 @@ def _stated_share(solution: PixelSolution, scene: Scene) -> Float32Array:
 
 def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> PixelSolution:
     """Solves pixels by fixed-point iteration: indirect light depends on the albedo."""
-    pixels = replace(pixels, sky=state.sky_share)
+    pixels = replace(pixels, sky=state.sky)
     measured = alternation.divide_intensity(pixels.values, state.shared.log_intensity)
     lighting = Lighting.at(pixels, state.depth_m, scene)
 

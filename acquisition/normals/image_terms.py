@@ -1,11 +1,11 @@
 """Terms of image formation beyond Lambert's: rough and glossy surfaces, ambient and stray light.
 
-    y = |s| (ρ (n·l) L + S + b ρ K(n, l, v)) + a V ρ + o
+    y = |s| (ρ (n·l) L + S + b ρ K(n, l, v)) + a ψ ρ + o
 
 b is the weight of Oren and Nayar's azimuthal term K (Oren & Nayar 1994, eq. 30) relative to Lambert's, L and S the
 layer and the lobe of a glossy dielectric of roughness α (`microfacet`; without gloss 1 and 0; gloss that is no
 dielectric's has a lobe of a strength of its own beside diffuse light that lacks nothing, L = 1), a the irradiance of
-ambient light from all round, V the share of the sky that no other surface hides (`interreflection.sky_share`), o an
+ambient light from all round, ψ the sky view factor, what other surfaces leave of it (`interreflection.sky_view`), o an
 offset that is the same everywhere: a black level, stray light in the lens. Plaster, paper and clay are rough surfaces,
 paint, plastic and glaze glossy ones; ambient light stays in images without a lamp-off frame. All are zero unless a test
 demands them (`term_tests`): estimated on sound captures they cost 20–50 % of accuracy, because they resemble wrong
@@ -114,8 +114,8 @@ def evaluate(
     """Values and derivatives of the terms at g = albedo × normal (3, N) and light vectors (F, 3, N).
 
     `usable` (F, N) measurements have a rough term and gloss; `view` (3, N) are unit directions to the camera;
-    `response` (N,) are values of white at a mosaic's sites, by which the lobe of gloss differs, `sky` (N,) the shares of
-    the sky that pixels see; none: ones.
+    `response` (N,) are values of white at a mosaic's sites, by which the lobe of gloss differs, `sky` (N,) sky view
+    factors; none: ones.
     """
     albedo, normal, strength, lamp = _directions(g, light)
     irradiance = np.float32(terms.ambient) * (np.float32(1) if sky is None else sky)

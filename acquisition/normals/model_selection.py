@@ -68,7 +68,7 @@ def solve(problem: Problem) -> Solution:
     fit = goodness_of_fit.evaluate(
         sample.estimate, sample.values, nominal.noise, sample.extra_variance, _place(lit.ray)
     )
-    priors = replace(priors, shadows=state.in_shadows)
+    priors = replace(priors, shadows=state.shadows)
     scores = term_tests.scores(sample.estimate, sample.values, scene, state.shared, priors)
     return Solution(problem, state, scene, fit, scores)
 

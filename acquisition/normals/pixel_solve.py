@@ -79,7 +79,7 @@ class Pixels:
     values: Float32Array  # (F, N) normalised values y
     clipped: BoolArray  # (F, N) saturated
     channel: Sites | None = None  # (N,) of a mosaic's sites; none: all pixels see alike
-    sky: Float32Array | None = None  # (N,) share of the sky that they see; none: all of it
+    sky: Float32Array | None = None  # (N,) sky view factor; none: they see all of it
     extra: Float32Array | None = None  # (F, N) sensor variance beyond the noise model's; none: zero
 
     def image(self, values: np.ndarray, outside: float = 0.0) -> np.ndarray:

@@ -1,7 +1,7 @@
 """What shadows tell of light that no lamp sends: whether there is indirect light, how much ambient and stray light.
 
 Where no lamp's light falls, a measurement is light from other surfaces, ambient light and an offset, and nothing else:
-y = indirect + a V ρ + o, with V the share of the sky that the pixel sees. A residual of lit pixels tells these from
+y = indirect + a ψ ρ + o, with ψ the share of the sky that the pixel sees. A residual of lit pixels tells these from
 wrong normals only in part; shadows tell them alone. By the plain model's solution of 39 sound captures that have 50
 such measurements a is 0.004 at most but of four hollow vessels, and o 0.002 but of three; with ambient light of 3 % a
 is 0.028–0.031, with an offset of 3 % o is 0.029–0.031, of 25 captures but for one vessel (design seeds 201–211, eight
@@ -31,7 +31,7 @@ class ShadowLightSettings:
 
 SETTINGS = ShadowLightSettings()
 
-LEAST_SKY_SHARE = 0.5
+LEAST_SKY_VIEW = 0.5
 """Share of the sky from which a shadowed pixel tells of ambient and stray light: inside of cavities indirect light
 outweighs both, and surfaces that the camera does not see send some of it."""
 
@@ -46,6 +46,11 @@ class ShadowEquations:
 
     matrix: FloatArray
     right: FloatArray
+
+    @property
+    def told(self) -> bool:
+        """Whether there are any."""
+        return bool(np.any(self.matrix))
 
     @classmethod
     def none(cls) -> "ShadowEquations":
@@ -66,13 +71,13 @@ def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Arr
 def equations(
     pixels: Pixels, values: Float32Array, indirect: Float32Array, estimate: Estimate, noise: Noise
 ) -> ShadowEquations:
-    """Robust regression of shadowed values (F, N), without what is predicted of `indirect` light (F, N), on V ρ and 1.
+    """Robust regression of shadowed values (F, N), without what is predicted of `indirect` light (F, N), on ψ ρ and 1.
 
-    `pixels` have their share of the sky, V.
+    `pixels` have their sky view factors ψ.
     """
     if pixels.sky is None:
         return ShadowEquations.none()
-    used = umbra(pixels, values, estimate) & (pixels.sky > LEAST_SKY_SHARE)
+    used = umbra(pixels, values, estimate) & (pixels.sky > LEAST_SKY_VIEW)
     if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
         return ShadowEquations.none()
     columns = np.broadcast_to(estimate.albedo * pixels.sky, values.shape)[used].astype(np.float64)
@@ -82,13 +87,11 @@ def equations(
         np.square(np.float32(photometry.SETTINGS.predicted_light_sigma) * indirect)
     )
     variance = variance[used].astype(np.float64)
-    weight = 1 / variance
+    weighted = rows / variance
     for _ in range(ROBUST_ROUNDS):
-        matrix, right = (rows * weight) @ rows.T, (rows * weight) @ left
-        found = np.linalg.lstsq(matrix, right, rcond=None)[0]
-        square = (left - found @ rows) ** 2
-        weight = 1 / (variance + square / photometry.CAUCHY_SCALE**2)
-    return ShadowEquations(matrix, right)
+        found = np.linalg.lstsq(weighted @ rows.T, weighted @ left, rcond=None)[0]
+        weighted = rows / (variance + (left - found @ rows) ** 2 / photometry.CAUCHY_SCALE**2)
+    return ShadowEquations(weighted @ rows.T, weighted @ left)
 
 
 def umbra(pixels: Pixels, values: Float32Array, estimate: Estimate) -> BoolArray:

@@ -116,15 +116,19 @@ def scored_terms(present: Solution) -> list[Alternative]:
         least = model_trial.SETTINGS.min_gain
         if name == "roughness":
             least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
-        if score.gain > least and score.step > getattr(SETTINGS.min_step, name) and not _outdone(name, scores):
+        if score.gain > least and score.step > getattr(SETTINGS.min_step, name) and not _outdone(name, present):
             demanded.append(_with_term(problem, name, known or LAMBERTIAN, 1.0, score.step))
     if known is None and _excess_subtracted(scores):
         demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
     return model_trial.decisive(demanded)
 
 
-def _outdone(name: str, scores: TermScores) -> bool:
-    """Whether shadows tell with strong evidence that it is ambient light and no offset, or the other way round."""
+def _outdone(name: str, present: Solution) -> bool:
+    """Whether shadows tell with strong evidence that it is ambient light and no offset, or the other way round; lit
+    pixels do not tell."""
+    scores = present.scores
+    if scores is None or not present.state.shadows.told:
+        return False
     other = {"ambient": scores.offset, "offset": scores.ambient}.get(name)
     if other is None or other.step <= 0:
         return False

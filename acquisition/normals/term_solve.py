@@ -87,7 +87,9 @@ def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) ->
     light, view = problem.light, problem.view
 
     def values(estimate: Estimate) -> TermValues:
-        return image_terms.evaluate(problem.terms, estimate.g, light, estimate.usable, view, problem.response, problem.sky)
+        return image_terms.evaluate(
+            problem.terms, estimate.g, light, estimate.usable, view, problem.response, problem.sky
+        )
 
     everywhere = np.ones_like(problem.clipped)
     estimate = problem.once(image_terms.evaluate(first, start, light, everywhere, view, problem.response, problem.sky))

@@ -85,7 +85,9 @@ def scores(
     axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
 
     def evaluated(terms: ImageTerms) -> TermValues:
-        return image_terms.evaluate(terms, estimate.g, estimate.light, estimate.usable, axis, estimate.response, estimate.sky)
+        return image_terms.evaluate(
+            terms, estimate.g, estimate.light, estimate.usable, axis, estimate.response, estimate.sky
+        )
 
     present, glossy = evaluated(scene.terms or LAMBERTIAN), evaluated(ImageTerms(gloss=SETTINGS.gloss_tested))
     direct = np.maximum(np.einsum("fck,ck->fk", estimate.light, estimate.g), 0)

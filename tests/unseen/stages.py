@@ -18,11 +18,11 @@ from acquisition.normals import (
     error_variance,
     integrability,
     integration,
-    interreflection,
     model_selection,
     pixel_solve,
     residual_noise,
     self_calibration,
+    shadow_light,
     term_alternatives,
 )
 from acquisition.normals.model_trial import Alternative

@@ -16,6 +16,7 @@ from acquisition.normals.images import Images
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 from acquisition.normals.self_calibration import SharedParameters
+from acquisition.normals.shadow_light import ShadowEquations
 from tests.acquisition import scenes
 
 SIZE = 96
@@ -57,6 +58,8 @@ def refined(gathered: PyramidLevel, noise: image_values.Noise, received: float) 
         depth_m=wave.astype(np.float32),
         continuity_weight=np.where(wave > 0.862, 0.5, 1).astype(np.float32),
         mixed=np.zeros(count, np.float32),
+        sky=np.ones(count, np.float32),
+        shadows=ShadowEquations.none(),
         shared=replace(SharedParameters.nominal(lights), log_intensity=np.linspace(-0.01, 0.01, lights)),
         shared_variance=np.full(count, 1e-5, np.float32),
         indirect_irradiance=None if light is None else light.astype(np.float32),

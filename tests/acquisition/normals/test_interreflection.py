@@ -1,4 +1,4 @@
-"""Interreflection: reflected radiosity, shares of the sky, and its contribution to normal variance."""
+"""Interreflection: reflected radiosity, sky view, and its contribution to normal variance."""
 
 import dataclasses
 
@@ -111,18 +111,18 @@ def test_received_irradiance_tilted_pixel_equals_view_factor_of_plane() -> None:
     assert not np.any(some)
 
 
-def test_sky_share_tilted_pixel_lacks_view_factor_of_table() -> None:
+def test_sky_view_tilted_pixel_lacks_view_factor_of_table() -> None:
     """A table all round takes (1 − cos β) / 2 of the sky from a surface that is tilted by β, a black plane none."""
     made = shared_scene.measured(size=60)
     slant = 0.5
     normals = np.tile(np.array([[np.sin(slant)], [0.0], [np.cos(slant)]], np.float32), (1, made.depth_m.size))
     middle = 30 * 60 + 30
     table = interreflection.Table(made.pixels.image(made.depth_m), made.pixels.image(made.values))
-    share = interreflection.sky_share(made.pixels, made.depth_m, normals, table)
+    share = interreflection.sky_view(made.pixels, made.depth_m, normals, table)
     assert share[middle] == pytest.approx((1 + np.cos(slant)) / 2, rel=0.02)
 
 
-def test_sky_share_hemispherical_cavity_sees_half_of_the_sky() -> None:
+def test_sky_view_hemispherical_cavity_sees_half_of_the_sky() -> None:
     """Every point of a spherical cap sees the rest of it under the same view factor, of a hemisphere 1/2."""
     size = 100
     known = scenes.calibration(size, lobe_exponent=0.0)
@@ -137,7 +137,7 @@ def test_sky_share_hemispherical_cavity_sees_half_of_the_sky() -> None:
     normals = np.where(inside, inwards, np.array([[0.0], [0.0], [1.0]]))
     none = np.zeros((1, size**2), np.float32)
     pixels = Pixels((size, size), np.arange(size**2), ray, none, none > 0)
-    share = interreflection.sky_share(pixels, depth.astype(np.float32), normals.astype(np.float32), None)
+    share = interreflection.sky_view(pixels, depth.astype(np.float32), normals.astype(np.float32), None)
     assert np.count_nonzero(inside) > size**2 / 4
     middle = inside & (np.hypot(*ray) * far < 0.8 * radius)
     np.testing.assert_allclose(share[middle], 0.5, atol=0.04)

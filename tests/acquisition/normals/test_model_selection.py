@@ -366,7 +366,7 @@ def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(
             fits_worse.setdefault(alternative.kind, []).append(trial.fit.misfit >= before.fit.misfit)
     no_better = {kind for kind, worse in fits_worse.items() if any(worse)}
     again = {alternative.kind for alternative, before, _ in tried if before is second}
-    assert no_better >= {"metal", "gloss", "coded values"}
+    assert no_better >= {"metal", "coded values"}
     assert not no_better & again
     assert "stray light" in again  # it had fitted better
 
@@ -379,7 +379,7 @@ def test_solve_stray_light_and_a_dark_image_are_put_right(
     values = images.whole.values + np.float32(0.15)
     values[3] *= 0.2
     result = solved(cushion, scenes.with_values(images, values))
-    assert kinds(result) == [("stray light", True)]
+    assert kinds(result) == [("stray light", True), ("bad image", True)]
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
