@@ -22,6 +22,7 @@ from acquisition.normals import (
     integrability,
     integration,
     interreflection,
+    local_regression,
     measurement_flags,
     memory_mapped,
     microfacet,
@@ -174,6 +175,7 @@ def solve(
     integrability.project_integrable(
         maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray
     )
+    local_regression.regress(maps["normals"][window], maps["sigma_deg"][window], surface["variance"])
     lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
     maps["sigma_deg"][window], structure_deg = error_variance.sigma_deg(
         maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window],

@@ -2,10 +2,11 @@
 
 Where no lamp's light falls, a measurement is light from other surfaces, ambient light and an offset, and nothing else:
 y = indirect + a ψ ρ + o, with ψ the share of the sky that the pixel sees. A residual of lit pixels tells these from
-wrong normals only in part; shadows tell them alone. By the plain model's solution of 39 sound captures that have 50
-such measurements a is 0.004 at most but of four hollow vessels, and o 0.002 but of three; with ambient light of 3 % a
-is 0.028–0.031, with an offset of 3 % o is 0.029–0.031, of 25 captures but for one vessel (design seeds 201–211, eight
-lights by two rings, inside of cavities included; scratch evaluation, November 2026).
+wrong normals only in part; shadows tell them alone. By the plain model's solution of 43 sound captures that have such
+measurements a alone is 0.005 at most but of two rough vessels (0.010, 0.024), and o 0.001 (0.003, 0.005); with ambient
+light of 3 % a is 0.027–0.030 of 14 captures (of one of these vessels 0.045), with an offset of 3 % o is 0.028–0.030 of
+13 (0.032), and what is there gains more of all 29 (design seeds 201–211, eight families, eight lights by two rings;
+scratch evaluation, November 2026).
 """
 
 from dataclasses import dataclass

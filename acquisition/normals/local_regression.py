@@ -1,0 +1,212 @@
+"""Locally weighted regression of a normal map (Cleveland 1979), as far as its noise goes (empirical Bayes, Lee 1980).
+
+Each pixel is solved by itself, and its neighbours know much of its normal: a surface is mostly straight or evenly
+curved over a few pixels. So a plane is fitted to each component of the normals around, with the precision of each as
+its weight; Tukey's biweight leaves out what lies beyond a crease, by residuals in units of the noise. How far the
+pixel's own normal goes to that fit is decided by the residuals around: what they are above noise is detail of the
+surface, whose share of all is kept,
+
+    n' = m + g (n − m),    g = max(χ² − χ₀², 0) / max(χ², χ₀²),
+
+m being the fit at the pixel, χ² the weighted mean of its squared residuals in units of the noise, χ₀² what noise alone
+makes of it. Where images say more than noise does, as of any relief that they resolve, g is near 1 and nothing changes.
+
+FIGURES
+
+Kernels compile at import, into numba's cache.
+"""
+
+import numba
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import Float32Array
+
+RADIUS = 3
+"""Pixels to either side that are fitted."""
+
+SPREAD_PX = 3.0
+"""1 σ of the Gaussian by which more distant pixels count less."""
+
+ROUNDS = 3
+"""Weighted fits, each with the residuals of the one before."""
+
+NOISE_MEAN_SQUARE = 0.78
+"""χ₀²: mean of squared residuals of two components, in units of their variance, under their own biweights: x of an
+exponential distribution, weighed by (1 − x/9)² below 9."""
+
+LEAST_WEIGHT = 6.0
+"""Sum of biweights below which a fit of three parameters says nothing of its residuals."""
+
+STRIP_ROWS, CHUNK_COLUMNS = 256, 256
+"""Rows that are fitted at once, and columns, whose sums stay in the processor's cache."""
+
+
+def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array) -> None:
+    """Regresses unit normals (H, W, 3), view frame, on those around, and lowers their σ, in place.
+
+    `sigma_deg` (H, W) is 1 σ over both tangential directions, NaN where there is no normal, `variance` (H, W) in rad²
+    the part of its square that pixels do not share, both as of `integrability.project_integrable`.
+    """
+    height, width = variance.shape
+    above = normals[:0].copy(), variance[:0].copy()
+    for start in range(0, height, STRIP_ROWS):
+        stop, below = min(start + STRIP_ROWS, height), min(start + STRIP_ROWS + RADIUS, height)
+        known = np.isfinite(sigma_deg[start:below]) & (variance[start:below] > 0)
+        before = np.concatenate([above[1], np.where(known, variance[start:below], 0)])
+        strip = np.concatenate([above[0], normals[start:below]])
+        first, count = len(above[0]), stop - start
+        normal = np.zeros((3, count + 2 * RADIUS, width + 2 * RADIUS), np.float32)
+        precision = np.zeros(normal.shape[1:], np.float32)
+        inside = slice(RADIUS - first, RADIUS - first + len(strip)), slice(RADIUS, RADIUS + width)
+        normal[:, *inside] = strip.transpose(2, 0, 1)
+        np.divide(1, before, out=precision[inside], where=before > 0)
+        above = strip[first + count - RADIUS : first + count].copy(), before[first + count - RADIUS : first + count]
+        fitted, left = np.empty((3, count, width), np.float32), np.empty((count, width), np.float32)
+        _fit(normal, precision, _near(), np.float32(photometry.SETTINGS.outlying_deviations**-2), fitted, left)
+        own = before[first : first + count]
+        normals[start:stop] = np.where((own > 0)[..., None], fitted.transpose(1, 2, 0), normals[start:stop])
+        weakly_checked = sigma_deg[start:stop] > photometry.SETTINGS.weakly_checked_sigma_deg
+        removed = np.where(weakly_checked, 0, (1 - left) * own)
+        sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - removed))
+        variance[start:stop] -= removed
+
+
+def _near() -> Float32Array:
+    """Weights (n, n) of the pixels around by their distance."""
+    square = np.arange(-RADIUS, RADIUS + 1) ** 2
+    return np.exp(-(square[:, None] + square) / (2 * SPREAD_PX**2)).astype(np.float32)
+
+
+(MX, MY, MZ, AX, AY, AZ, DX, DY, DZ, OWN, COUNT, SQUARES, W, WA, WD, WAA, WAD, WDD, X, Y, Z, XA, YA, ZA, XD, YD, ZD) = (
+    np.uint64(row * CHUNK_COLUMNS) for row in range(27)
+)
+"""Where the rows of the buffer begin in which some columns are fitted: planes, at their middle and by slopes across and
+down; the precision of a difference's other side; sums of weights and of squared residuals; normal equations."""
+
+CERTAIN = np.float32(1e30)
+"""Precision of what has no noise."""
+
+
+@numba.njit(
+    "void(float32[::1], float32[::1], float32[::1], uint64, uint64, float32, float32, float32, float32, uint64)",
+    cache=True, fastmath=True, error_model="numpy",
+)  # fmt: skip
+def _add_neighbours(
+    buffer: Float32Array, normal: Float32Array, precision: Float32Array, at: int, area: int, across: float, down: float,
+    share: float, square: float, count: int,
+) -> None:  # fmt: skip
+    """Adds to the normal equations of `count` pixels what the neighbour of each says that stands `across` and `down`.
+
+    Neighbours begin `at` a place of the flat strip, of which each component takes an `area`. One buffer and unsigned
+    offsets show the compiler that nothing overlaps, so that it uses SIMD registers.
+    """
+    one, zero = np.float32(1), np.float32(0)
+    for j in range(count):
+        x, y, z, known = normal[at + j], normal[at + area + j], normal[at + area + area + j], precision[at + j]
+        dx = x - buffer[MX + j] - across * buffer[AX + j] - down * buffer[DX + j]
+        dy = y - buffer[MY + j] - across * buffer[AY + j] - down * buffer[DY + j]
+        dz = z - buffer[MZ + j] - across * buffer[AZ + j] - down * buffer[DZ + j]
+        residual = (dx * dx + dy * dy + dz * dz) * known * buffer[OWN + j] / (known + buffer[OWN + j])
+        weight = max(one - residual * square, zero)
+        weight *= weight * known
+        buffer[COUNT + j] += weight
+        buffer[SQUARES + j] += weight * residual
+        weight *= share
+        wx, wy, wz = weight * x, weight * y, weight * z
+        buffer[W + j] += weight
+        buffer[WA + j] += weight * across
+        buffer[WD + j] += weight * down
+        buffer[WAA + j] += weight * across * across
+        buffer[WAD + j] += weight * across * down
+        buffer[WDD + j] += weight * down * down
+        buffer[X + j] += wx
+        buffer[Y + j] += wy
+        buffer[Z + j] += wz
+        buffer[XA + j] += wx * across
+        buffer[YA + j] += wy * across
+        buffer[ZA + j] += wz * across
+        buffer[XD + j] += wx * down
+        buffer[YD + j] += wy * down
+        buffer[ZD + j] += wz * down
+
+
+@numba.njit("float32(float32[::1], uint64)", cache=True, fastmath=True, error_model="numpy")
+def _solve_plane(buffer: Float32Array, j: int) -> float:
+    """Solves a pixel's normal equations by Cramer's rule, and gives the variance of the middle in units of 1 / weight.
+
+    Where neighbours stand in a row, a thousandth of their weight holds the slope across it.
+    """
+    a, b, c = buffer[W + j] + 1 / CERTAIN, buffer[WA + j], buffer[WD + j]
+    d, e, f = buffer[WAA + j] + np.float32(1e-3) * a, buffer[WAD + j], buffer[WDD + j] + np.float32(1e-3) * a
+    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+    bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
+    inverse = 1 / (a * aa + b * ab + c * ac)
+    for middle, sum_, across, down in ((MX, X, XA, XD), (MY, Y, YA, YD), (MZ, Z, ZA, ZD)):
+        p, q, r = buffer[sum_ + j] * inverse, buffer[across + j] * inverse, buffer[down + j] * inverse
+        buffer[middle + j] = aa * p + ab * q + ac * r
+        buffer[middle + AX + j] = ab * p + bb * q + bc * r
+        buffer[middle + DX + j] = ac * p + bc * q + cc * r
+    return aa * inverse
+
+
+@numba.njit(
+    "void(float32[:,:,::1], float32[:,::1], float32[:,::1], float32, float32[:,:,::1], float32[:,::1])",
+    cache=True, parallel=True, fastmath=True, error_model="numpy",
+)  # fmt: skip
+def _fit(
+    normal: Float32Array,  # (3, h + 2 RADIUS, w + 2 RADIUS), padded
+    precision: Float32Array,  # (h + 2 RADIUS, w + 2 RADIUS), 0 where there is no normal
+    near: Float32Array,  # (2 RADIUS + 1, 2 RADIUS + 1)
+    square: float,  # 1 over the squared residual, in σ, from which on nothing counts
+    out: Float32Array,  # (3, h, w) unit normals
+    left: Float32Array,  # (h, w) share of the variance that is left
+) -> None:
+    """Fits and shrinks all pixels of a strip, some columns of a row at once."""
+    height, width = left.shape
+    area, one, noise = np.uint64(precision.size), np.float32(1), np.float32(NOISE_MEAN_SQUARE)
+    normals, precisions = normal.reshape(3 * precision.size), precision.reshape(precision.size)
+    for i in numba.prange(height):
+        buffer = np.empty(27 * CHUNK_COLUMNS, np.float32)
+        for start in range(0, width, CHUNK_COLUMNS):
+            count = min(CHUNK_COLUMNS, width - start)
+            own = precision[i + RADIUS, start + RADIUS : start + RADIUS + count]
+            buffer[:] = 0
+            for c in range(3):
+                here = normal[c, i + RADIUS, start + RADIUS : start + RADIUS + count]
+                buffer[c * CHUNK_COLUMNS : c * CHUNK_COLUMNS + count] = here
+                out[c, i, start : start + count] = here
+            left[i, start : start + count] = one
+            if not np.any(own > 0):
+                continue
+            buffer[OWN : OWN + np.uint64(count)] = own
+            for turn in range(ROUNDS):
+                if turn > 0:
+                    buffer[OWN : OWN + np.uint64(count)] = CERTAIN
+                buffer[COUNT:] = 0
+                for v in range(2 * RADIUS + 1):
+                    for u in range(2 * RADIUS + 1):
+                        at = np.uint64((i + v) * precision.shape[1] + start + u)
+                        _add_neighbours(
+                            buffer, normals, precisions, at, area, np.float32(u - RADIUS), np.float32(v - RADIUS),
+                            near[v, u], square, np.uint64(count),
+                        )  # fmt: skip
+                for j in range(count):
+                    left[i, start + j] = _solve_plane(buffer, np.uint64(j)) * own[j]
+            for j in range(count):
+                k = np.uint64(j)
+                counted = buffer[COUNT + k] / own[j] if own[j] > 0 else 0.0
+                if counted < LEAST_WEIGHT:
+                    left[i, start + j] = one
+                    continue
+                spread = buffer[SQUARES + k] / buffer[COUNT + k] * counted / (counted - 3)
+                kept = max(spread - noise, 0) / max(spread, noise)
+                left[i, start + j] = min(kept + (one - kept) ** 2 * left[i, start + j], one)
+                x = buffer[MX + k] + kept * (out[0, i, start + j] - buffer[MX + k])
+                y = buffer[MY + k] + kept * (out[1, i, start + j] - buffer[MY + k])
+                z = buffer[MZ + k] + kept * (out[2, i, start + j] - buffer[MZ + k])
+                length = np.sqrt(x * x + y * y + z * z)
+                out[0, i, start + j], out[1, i, start + j], out[2, i, start + j] = x / length, y / length, z / length
+
+
+KERNELS = (_add_neighbours, _solve_plane, _fit)
