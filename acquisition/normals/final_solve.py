@@ -172,10 +172,10 @@ def solve(
         numbers.append(np.flatnonzero(mask)[block.sampled] + rows.start * shape[1])
         matrices.append(block.matrices)
     del views
-    integrability.project_integrable(
+    independent = integrability.project_integrable(
         maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray
     )
-    local_regression.regress(maps["normals"][window], maps["sigma_deg"][window], surface["variance"])
+    local_regression.regress(maps["normals"][window], maps["sigma_deg"][window], surface["variance"], independent)
     lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
     maps["sigma_deg"][window], structure_deg = error_variance.sigma_deg(
         maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window],

@@ -24,6 +24,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 from acquisition import photometry
 from acquisition.models.base import Float32Array
 from acquisition.models.tuned import tuned
+from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,8 @@ SETTINGS = IntegrabilitySettings()
 ITERATIONS = 10
 """Iterations of conjugate gradients: noise is local, and after five of them errors fall by less than a hundredth."""
 
+TINY = np.finfo(np.float32).tiny
+
 LEAST_COSINE = photometry.SETTINGS.min_view_cosine
 
 
@@ -49,8 +52,11 @@ STRIP_ROWS, OVERLAP_ROWS = 256, 12
 
 def project_integrable(
     normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, ray: Float32Array
-) -> None:
+) -> float:
     """Projects unit normals (H, W, 3), view frame, onto integrable ones by least squares, and lowers their σ, in place.
+
+    It returns how large the normals' independent noise is, a variance, over what `variance` says: by the median of the
+    squared circulations, which no surface has; 1 where there are too few.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal; `variance`
     (H, W) in rad² is the part of its square that comes from errors which pixels do not share, and is lowered as well;
@@ -58,7 +64,8 @@ def project_integrable(
     """
     height, width = variance.shape
     if min(height, width) < 2:
-        return
+        return 1.0
+    squares: list[Float32Array] = []
     pitch = np.float32(abs(ray[0, height // 2, -1] - ray[0, height // 2, 0]) / (width - 1))
     above = normals[:0].copy(), variance[:0].copy()
     for start in range(0, height, STRIP_ROWS):
@@ -71,16 +78,25 @@ def project_integrable(
         above = strip[max(last - OVERLAP_ROWS, 0) : last].copy(), before[max(last - OVERLAP_ROWS, 0) : last]
         if len(strip) < 2:
             continue
-        left = _project_strip(strip, before, ray[:, start - first : below], pitch)[first:last]
+        left, relative = _project_strip(strip, before, ray[:, start - first : below], pitch)
+        left = left[first:last]
+        squares.append(relative)
         normals[start:stop] = strip[first:last]
         weakly_checked = sigma_deg[start:stop] > photometry.SETTINGS.weakly_checked_sigma_deg
         removed = np.where(weakly_checked, 0, (1 - left) * before[first:last])
         sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - removed))
         variance[start:stop] -= removed
+    found = np.concatenate(squares) if squares else np.zeros(0, np.float32)
+    if len(found) < photometry.SETTINGS.min_sample:
+        return 1.0
+    return float(np.median(found)) / GAUSSIAN_MEDIAN_DEVIATION**2
 
 
-def _project_strip(normals: Float32Array, variance: Float32Array, ray: Float32Array, pitch: np.float32) -> Float32Array:
-    """Projects the normals (h, w, 3) of one strip, in place; the share (h, w) of their variance that is left.
+def _project_strip(
+    normals: Float32Array, variance: Float32Array, ray: Float32Array, pitch: np.float32
+) -> tuple[Float32Array, Float32Array]:
+    """Projects the normals (h, w, 3) of one strip, in place; the share (h, w) of their variance that is left, and the
+    squared circulations (C,) of its cells over what noise makes of them.
 
     A variance of zero marks a pixel without a normal.
     """
@@ -92,6 +108,8 @@ def _project_strip(normals: Float32Array, variance: Float32Array, ray: Float32Ar
     shape = (height + 1, width + 1)  # a multiplier for each cell of 2 × 2 pixels, and zeros at the border
     circulation, slack, inverse = (np.zeros(shape, np.float32) for _ in range(3))
     _circulations(slope, photometry.CAUCHY_SCALE, SETTINGS.curvature_sigma, circulation, slack, inverse)
+    noise = np.where(inverse > 0, 1 / np.maximum(inverse, TINY) - slack, 0)
+    relative = circulation[noise > 0] ** 2 / noise[noise > 0]
     change, image = np.empty((2, height, width), np.float32), np.zeros(shape, np.float32)
 
     def applied(multiplier: Float32Array) -> Float32Array:
@@ -102,14 +120,14 @@ def _project_strip(normals: Float32Array, variance: Float32Array, ray: Float32Ar
     count = circulation.size
     found, _ = cg(
         LinearOperator((count, count), matvec=applied, dtype=np.float32),
-        circulation.ravel(), rtol=0, atol=np.finfo(np.float32).tiny, maxiter=ITERATIONS,
+        circulation.ravel(), rtol=0, atol=TINY, maxiter=ITERATIONS,
         M=LinearOperator((count, count), matvec=lambda residual: inverse.ravel() * residual, dtype=np.float32),
     )  # fmt: skip
     multiplier = np.asarray(found, np.float32).reshape(shape)
     _slope_changes(multiplier, slope, change)
     left = np.empty((height, width), np.float32)
     _update_normals(normals, rays, slope, change, slack, inverse, left)
-    return left
+    return left, relative
 
 
 @numba.njit(

@@ -38,15 +38,22 @@ exponential distribution, weighed by (1 − x/9)² below 9."""
 LEAST_WEIGHT = 6.0
 """Sum of biweights below which a fit of three parameters says nothing of its residuals."""
 
+LEAST_NOISE = 1e-3
+"""Least independent noise, a variance, over what is stated: of images without any."""
+
 STRIP_ROWS, CHUNK_COLUMNS = 256, 256
 """Rows that are fitted at once, and columns, whose sums stay in the processor's cache."""
 
 
-def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array) -> None:
-    """Regresses unit normals (H, W, 3), view frame, on those around, and lowers their σ, in place.
+def regress(
+    normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, independent: float
+) -> None:  # fmt: skip
+    """Regresses unit normals (H, W, 3), view frame, on those around, and changes their σ accordingly, in place.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, NaN where there is no normal, `variance` (H, W) in rad²
-    the part of its square that pixels do not share, both as of `integrability.project_integrable`.
+    the part of its square that pixels should not share, both as of `integrability.project_integrable`, which also says
+    how large the noise that they do not share is, `independent`, over that: what it lacks is error that neighbours have
+    in common, and stays.
     """
     height, width = variance.shape
     above = normals[:0].copy(), variance[:0].copy()
@@ -58,18 +65,19 @@ def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Arr
         first, count = len(above[0]), stop - start
         normal = np.zeros((3, count + 2 * RADIUS, width + 2 * RADIUS), np.float32)
         precision = np.zeros(normal.shape[1:], np.float32)
+        noise = np.float32(max(independent, LEAST_NOISE)) * before
         inside = slice(RADIUS - first, RADIUS - first + len(strip)), slice(RADIUS, RADIUS + width)
         normal[:, *inside] = strip.transpose(2, 0, 1)
-        np.divide(1, before, out=precision[inside], where=before > 0)
+        np.divide(1, noise, out=precision[inside], where=noise > 0)
         above = strip[first + count - RADIUS : first + count].copy(), before[first + count - RADIUS : first + count]
         fitted, left = np.empty((3, count, width), np.float32), np.empty((count, width), np.float32)
         _fit(normal, precision, _near(), np.float32(photometry.SETTINGS.outlying_deviations**-2), fitted, left)
         own = before[first : first + count]
         normals[start:stop] = np.where((own > 0)[..., None], fitted.transpose(1, 2, 0), normals[start:stop])
         weakly_checked = sigma_deg[start:stop] > photometry.SETTINGS.weakly_checked_sigma_deg
-        removed = np.where(weakly_checked, 0, (1 - left) * own)
-        sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - removed))
-        variance[start:stop] -= removed
+        change = np.where(weakly_checked, 0, (left * independent - min(independent, 1)) * own).astype(np.float32)
+        sigma_deg[start:stop] = np.degrees(np.sqrt(np.maximum(np.radians(sigma_deg[start:stop]) ** 2 + change, 0)))
+        variance[start:stop] += change
 
 
 def _near() -> Float32Array:
