@@ -175,7 +175,9 @@ def solve(
     independent = integrability.project_integrable(
         maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray
     )
-    local_regression.regress(maps["normals"][window], maps["sigma_deg"][window], surface["variance"], independent)
+    regression_share = local_regression.regress(
+        maps["normals"][window], maps["sigma_deg"][window], surface["variance"], independent
+    )
     lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
     maps["sigma_deg"][window], structure_deg = error_variance.sigma_deg(
         maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window],
@@ -218,6 +220,7 @@ def solve(
             "shot": float(np.mean(noise.shot)),
             "misfit": misfit,
             "structure_deg": structure_deg,
+            "regression_share": regression_share,
         },
         notes={
             "shift_m": state.shared.shift_m,

@@ -47,8 +47,10 @@ STRIP_ROWS, CHUNK_COLUMNS = 256, 256
 
 def regress(
     normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, independent: float
-) -> None:  # fmt: skip
+) -> float:  # fmt: skip
     """Regresses unit normals (H, W, 3), view frame, on those around, and changes their σ accordingly, in place.
+
+    It returns the mean share of the independent noise, a variance, that is left.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, NaN where there is no normal, `variance` (H, W) in rad²
     the part of its square that pixels should not share, both as of `integrability.project_integrable`, which also says
@@ -56,6 +58,7 @@ def regress(
     in common, and stays.
     """
     height, width = variance.shape
+    total, pixels = 0.0, 0
     above = normals[:0].copy(), variance[:0].copy()
     for start in range(0, height, STRIP_ROWS):
         stop, below = min(start + STRIP_ROWS, height), min(start + STRIP_ROWS + RADIUS, height)
@@ -78,6 +81,8 @@ def regress(
         change = np.where(weakly_checked, 0, (left * independent - min(independent, 1)) * own).astype(np.float32)
         sigma_deg[start:stop] = np.degrees(np.sqrt(np.maximum(np.radians(sigma_deg[start:stop]) ** 2 + change, 0)))
         variance[start:stop] += change
+        total, pixels = total + float(np.sum(left[own > 0], dtype=np.float64)), pixels + int(np.count_nonzero(own))
+    return total / pixels if pixels else 1.0
 
 
 def _near() -> Float32Array:

@@ -43,6 +43,7 @@ class Samples:
     indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
     margin: FloatArray  # (P,) by which cosine of incidence and slope of clearance exceed a shadow's threshold if lit
     offset_sigma_m: float = field(default_factory=lambda: photometry.SETTINGS.depth_sigma_m)  # depth offset of ζ = 1
+    regression_share: float = 1.0  # of independent noise, a variance, that the regression on neighbours leaves
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 The noise of y is that of the final solve, not the calibration's: the final solve self-calibrates each image's
 intensity, and what remains is mostly common to all images, which affects the albedo only; depth is a nuisance parameter
 of its own, so that the error of the light's direction is that of the lamp's position, and changes y only at oblique
-incidence; independent pixel noise is halved by the projection of the normals to an integrable field. Indirect radiance,
+incidence; independent pixel noise is halved by the projection of the normals to an integrable field, and the regression
+on neighbours leaves as much of it as of the images so far. Indirect radiance,
 estimated from the images so far, is subtracted by a prediction whose error is proportional to it, so dark measurements
 beside it carry less information.
 """
@@ -82,7 +83,7 @@ class PlannedImages:
                 for one in self.automatic_seconds(shaded)
             ]
         sensor, saturated = sensor_variance(shaded.value, exposures, self.calibration)
-        noise = variance(shaded, sensor, self.calibration, sample.indirect)
+        noise = variance(shaded, sensor, self.calibration, sample)
         along = np.einsum("fcp,cp->fp", shaded.light, sample.ray_direction) * sample.albedo
         facing = np.einsum("cp,cp->p", sample.normal, sample.ray_direction) * shaded.strength
         slope = (3 * shaded.cosine * along - facing) / shaded.distance * sample.offset_sigma_m
@@ -123,14 +124,14 @@ def sensor_variance(
     return variances, saturated
 
 
-def variance(shading: Shading, sensor: FloatArray, calibration: Calibration, indirect: Float32Array) -> FloatArray:
+def variance(shading: Shading, sensor: FloatArray, calibration: Calibration, sample: Samples) -> FloatArray:
     """Heteroscedastic noise model of a diffuse surface: expected variance of y (K, P), of which `sensor` (K, P) is the
-    sensor's part, where the indirect radiance is `indirect` (P,), in y."""
+    sensor's part, with the sample's indirect radiance and what regression leaves of its noise."""
     value, strength = shading.value, shading.strength
     lamp_angle = calibration.lamp_position_sigma_m / shading.distance
     pixel_variance = sensor + photometry.SETTINGS.flat_field_sigma**2 * value**2
     return np.asarray(
-        INTEGRABILITY_SHARE * pixel_variance
+        INTEGRABILITY_SHARE * sample.regression_share * pixel_variance
         + lamp_angle**2 * np.clip(1 - shading.cosine**2, 0, 1) * strength**2
-        + (SETTINGS.indirect_sigma * indirect) ** 2
+        + (SETTINGS.indirect_sigma * sample.indirect) ** 2
     )

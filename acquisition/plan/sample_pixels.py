@@ -59,6 +59,7 @@ def samples(
         indirect=np.zeros_like(albedo),
         margin=shadow_margins(np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0))),
         offset_sigma_m=offset_sigma_m,
+        regression_share=normal_map.noise.get("regression_share", 1.0),
     )
     return sample if observations is None else reweight(sample, normal_map, observations, calibration)
 
@@ -95,9 +96,10 @@ def reweight(sample: Samples, normal_map: NormalMap, observations: Observations,
     direction = normal_map.noise.get("direction", usual.direction) * shaded.strength
     predicted = photometry.SETTINGS.predicted_indirect_sigma * indirect
     assumed = sensor + intensity**2 + direction**2 + predicted**2
-    expected = planned_images.variance(shaded, sensor, calibration, indirect)
+    sample = replace(sample, indirect=indirect)
+    expected = planned_images.variance(shaded, sensor, calibration, sample)
     before = np.sum(np.where(lit, shaded.strength**2 / assumed, 0.0), axis=0)
     after = np.sum(np.where(lit, shaded.strength**2 / expected, 0.0), axis=0)
     scale = np.divide(after, before, out=np.ones_like(before), where=before > 0)
     prior = prior_information(sample.albedo)
-    return replace(sample, information=(sample.information - prior) * scale + prior, indirect=indirect)
+    return replace(sample, information=(sample.information - prior) * scale + prior)

@@ -124,3 +124,21 @@ def test_project_integrable_in_strips_equals_one_strip(monkeypatch: pytest.Monke
     parts, sigma_of_parts, _ = projected(noisy, 1.0, ray)
     assert np.max(error_deg(full, parts)) < 0.01
     np.testing.assert_allclose(sigma, sigma_of_parts, rtol=1e-3)
+
+
+@pytest.mark.parametrize("stated", [0.5, 1.0, 4.0])
+def test_project_integrable_says_how_much_noise_is_independent(stated: float) -> None:
+    """Of noise whose variance is stated wrongly, beside a tilt of a degree that all pixels have in common."""
+    ray = rays(120, 130)
+    true = normals(np.zeros((121, 131)), ray)
+    tilted = shaken(true, 1.0, 4) + np.radians(1.0) * np.array([1.0, 0.0, 0.0])
+    tilted = (tilted / np.linalg.norm(tilted, axis=-1, keepdims=True)).astype(np.float32)
+    variance = np.full((120, 130), stated * np.radians(1.0) ** 2, np.float32)
+    independent = integrability.project_integrable(tilted, np.degrees(np.sqrt(variance)), variance, ray)
+    assert independent == pytest.approx(1 / stated, rel=0.1)
+
+
+def test_project_integrable_too_few_cells_say_nothing_of_noise() -> None:
+    ray = rays(5, 6)
+    maps = normals(np.zeros((6, 7)), ray), np.ones((5, 6), np.float32), np.full((5, 6), 3e-4, np.float32)
+    assert integrability.project_integrable(*maps, ray) == 1

@@ -46,10 +46,11 @@ def random_shading() -> planned_images.Shading:
 
 
 def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene) -> None:
-    bounced = np.array([0.0, 0.05, 0.5], np.float32)
+    sample = cases.pixels_with(np.zeros((3, 3)), np.ones(3), np.zeros((4, 4, 3)))
+    bounced = replace(sample, indirect=np.array([0.0, 0.05, 0.5], np.float32))
     with_it, without = (
-        planned_images.variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, light)
-        for light in (bounced, np.zeros(3, np.float32))
+        planned_images.variance(random_shading(), np.full((2, 3), 1e-4), ball.calibration, one)
+        for one in (bounced, sample)
     )
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.0004, 0.04], (2, 1)), rtol=1e-5, atol=1e-12)
 
