@@ -11,7 +11,8 @@ surface, whose share of all is kept,
 m being the fit at the pixel, χ² the weighted mean of its squared residuals in units of the noise, χ₀² what noise alone
 makes of it. Where images say more than noise does, as of any relief that they resolve, g is near 1 and nothing changes.
 
-FIGURES
+On 112 captures of design seeds 205–225 (eight lights by two rings) errors are 0.888 ± 0.014 of those without it, of
+machined parts 0.77, of reliefs 0.99 (decision 78; scratch evaluation, November 2026).
 
 Kernels compile at import, into numba's cache.
 """

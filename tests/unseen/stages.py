@@ -18,6 +18,7 @@ from acquisition.normals import (
     error_variance,
     integrability,
     integration,
+    local_regression,
     model_selection,
     pixel_solve,
     residual_noise,
@@ -28,6 +29,7 @@ from acquisition.normals import (
 from acquisition.normals.model_trial import Alternative
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.normals.self_calibration import Priors, SharedParameters
+from acquisition.normals.shadow_light import ShadowEquations
 
 
 @dataclass(frozen=True)
@@ -99,8 +101,14 @@ def _stated_noise(solution: Estimate, values: Float32Array, noise: Noise, stated
     return stated
 
 
-def _unchanged(*_: object) -> None:
-    """In place of what changes its arguments."""
+def _unchanged(*_: object) -> float:
+    """In place of what changes its arguments and says by how much the noise is less."""
+    return 1.0
+
+
+def _no_shadows(*_: object) -> ShadowEquations:
+    """In place of `shadow_light.equations`."""
+    return ShadowEquations.none()
 
 
 def _start_depth(
@@ -168,6 +176,16 @@ STAGES = (
         "integrability projection",
         "Normals stay as pixels have them; σ is not lowered for it.",
         (Patch(integrability, "project_integrable", _unchanged),),
+    ),
+    Stage(
+        "regression on neighbours",
+        "Normals stay as the projection leaves them; σ is not lowered for it.",
+        (Patch(local_regression, "regress", _unchanged),),
+    ),
+    Stage(
+        "ambient and stray light in shadows",
+        "Lit pixels alone tell of ambient and stray light.",
+        (Patch(shadow_light, "equations", _no_shadows),),
     ),
     Stage(
         "Cauchy weights",

@@ -107,7 +107,8 @@ def test_solve_noisy_images_sigma_is_calibrated(solver: distant.Solver) -> None:
     images = image_set(true + rng.normal(0, 0.008, true.shape), directions, mask)
     result = distant.solve(images, solver)
     ratio = errors(result.normals, normals, mask) / result.sigma_deg[mask]
-    assert 0.5 < np.mean(ratio < 1) < (0.8 if solver == "ls" else 0.9)
+    # Regression on neighbours takes more of a sphere's noise than it says, which it cannot tell from detail for sure.
+    assert 0.5 < np.mean(ratio < 1) < (0.8 if solver == "ls" else 0.95)
     assert np.mean(ratio < 2) > 0.92
 
 
