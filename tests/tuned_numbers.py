@@ -32,7 +32,7 @@ REASONS: dict[str, str] = {
         error_variance.NOISE_LINE error_variance.LINE error_variance.LINES_PX
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE term_alternatives.CODED_EXPONENTS image_terms.ROUGH_WEIGHTS image_terms.FACET_SLOPES_RAD
-        translucency.NEAR_PX""",
+        translucency.NEAR_PX local_regression.NOISE_MEAN_SQUARE""",
     "counts of unknowns, marks and definitions": """
         light_tests.NEAR
         photometry.PIXEL_UNKNOWNS image_values.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
@@ -45,7 +45,11 @@ REASONS: dict[str, str] = {
         translucency.MIN_LIGHTS
         cast_shadows.HIDDEN images.BYTES_PER_VALUE criterion.MIN_LIGHTS
         photometry.OVERDETERMINED
-        photometry.REDUNDANT prior_forecast.ALBEDO""",
+        photometry.REDUNDANT prior_forecast.ALBEDO shadow_light.LEAST_SKY_VIEW local_regression.LEAST_WEIGHT
+        """
+    + " ".join(f"local_regression.{row}" for row in "MX MY MZ AX AY AZ DX DY DZ OWN SQUARES".split())
+    + " "
+    + " ".join(f"local_regression.{row}" for row in "W WA WD WAA WAD WDD X Y Z XA YA ZA XD YD ZD".split()),
     "defaults of what a capture may state itself": """
         image_set.POSITION_SIGMA_M image_set.INTENSITY_SIGMA image_set.FULL_WELL_E image_set.READ_NOISE_E""",
     "of settings": """
@@ -67,7 +71,8 @@ REASONS: dict[str, str] = {
         design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
         visibility.MAP_SIZE translucency.GRID photon_transfer.BINS
-        resampling.EXTRAPOLATION_PX""",
+        resampling.EXTRAPOLATION_PX local_regression.RADIUS_PX
+        local_regression.STRIP_ROWS local_regression.CHUNK_COLUMNS""",
     "steps and tolerances of numerical methods": """
         photometry.UNDISTORTION_ROUNDS reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
         photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE
@@ -83,7 +88,8 @@ REASONS: dict[str, str] = {
         translucency.ALBEDO_ROUNDS translucency.ROBUST_ROUNDS term_solve.ROUNDS
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
         image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP term_alternatives.GLOSS_START term_alternatives.METAL_START
-        lamp_alternatives.REFINEMENTS lamp_alternatives.REFINED_DEG""",
+        lamp_alternatives.REFINEMENTS lamp_alternatives.REFINED_DEG shadow_light.ROBUST_ROUNDS
+        local_regression.ROUNDS local_regression.LEAST_NOISE local_regression.CERTAIN local_regression.RIDGE integrability.TINY""",
     "grids of what may be chosen": """
         exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS
         self_calibration.SIGMA_FACTORS
