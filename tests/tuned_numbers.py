@@ -46,10 +46,12 @@ REASONS: dict[str, str] = {
         cast_shadows.HIDDEN images.BYTES_PER_VALUE criterion.MIN_LIGHTS
         photometry.OVERDETERMINED
         photometry.REDUNDANT prior_forecast.ALBEDO shadow_light.LEAST_SKY_VIEW local_regression.LEAST_WEIGHT
-        """
-    + " ".join(f"local_regression.{row}" for row in "MX MY MZ AX AY AZ DX DY DZ OWN SQUARES".split())
-    + " "
-    + " ".join(f"local_regression.{row}" for row in "W WA WD WAA WAD WDD X Y Z XA YA ZA XD YD ZD".split()),
+        local_regression.MX local_regression.MY local_regression.MZ local_regression.AX local_regression.AY
+        local_regression.AZ local_regression.DX local_regression.DY local_regression.DZ local_regression.OWN
+        local_regression.SQUARES local_regression.W local_regression.WA local_regression.WD local_regression.WAA
+        local_regression.WAD local_regression.WDD local_regression.X local_regression.Y local_regression.Z
+        local_regression.XA local_regression.YA local_regression.ZA local_regression.XD local_regression.YD
+        local_regression.ZD""",
     "defaults of what a capture may state itself": """
         image_set.POSITION_SIGMA_M image_set.INTENSITY_SIGMA image_set.FULL_WELL_E image_set.READ_NOISE_E""",
     "of settings": """
@@ -89,7 +91,7 @@ REASONS: dict[str, str] = {
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
         image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP term_alternatives.GLOSS_START term_alternatives.METAL_START
         lamp_alternatives.REFINEMENTS lamp_alternatives.REFINED_DEG shadow_light.ROBUST_ROUNDS
-        local_regression.ROUNDS local_regression.LEAST_NOISE local_regression.CERTAIN local_regression.RIDGE integrability.TINY""",
+        local_regression.ROUNDS local_regression.LEAST_NOISE local_regression.CERTAIN local_regression.RIDGE""",
     "grids of what may be chosen": """
         exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS
         self_calibration.SIGMA_FACTORS

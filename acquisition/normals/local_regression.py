@@ -141,7 +141,7 @@ def _add_neighbours(
 
 @numba.njit("float32(float32[::1], uint64)", cache=True, fastmath=True, error_model="numpy")
 def _solve_plane(buffer: Float32Array, j: int) -> float:
-    """Solves a pixel's normal equations by Cramer's rule, and gives the variance of the middle in units of 1 / weight."""
+    """Solves a pixel's normal equations by Cramer's rule; the variance of the middle in units of 1 / weight."""
     a, b, c = buffer[W + j] + 1 / CERTAIN, buffer[WA + j], buffer[WD + j]
     d, e, f = buffer[WAA + j] + RIDGE * a, buffer[WAD + j], buffer[WDD + j] + RIDGE * a
     aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
