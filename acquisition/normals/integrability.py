@@ -109,7 +109,7 @@ def _project_strip(
     circulation, slack, inverse = (np.zeros(shape, np.float32) for _ in range(3))
     _circulations(slope, photometry.CAUCHY_SCALE, SETTINGS.curvature_sigma, circulation, slack, inverse)
     noise = np.where(inverse > 0, 1 / np.maximum(inverse, TINY) - slack, 0)
-    relative = circulation[noise > 0] ** 2 / noise[noise > 0]
+    relative = np.asarray(circulation[noise > 0] ** 2 / noise[noise > 0], np.float32)
     change, image = np.empty((2, height, width), np.float32), np.zeros(shape, np.float32)
 
     def applied(multiplier: Float32Array) -> Float32Array:

@@ -103,8 +103,8 @@ RIDGE = np.float32(1e-3)
     cache=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
 def _add_neighbours(
-    buffer: Float32Array, normal: Float32Array, precision: Float32Array, at: int, area: int, across: float, down: float,
-    square: float, count: int,
+    buffer: Float32Array, normal: Float32Array, precision: Float32Array, at: np.uint64, area: np.uint64,
+    across: np.float32, down: np.float32, square: np.float32, count: np.uint64,
 ) -> None:  # fmt: skip
     """Adds to the normal equations of `count` pixels what the neighbour of each says that stands `across` and `down`.
 
@@ -140,7 +140,7 @@ def _add_neighbours(
 
 
 @numba.njit("float32(float32[::1], uint64)", cache=True, fastmath=True, error_model="numpy")
-def _solve_plane(buffer: Float32Array, j: int) -> float:
+def _solve_plane(buffer: Float32Array, j: np.uint64) -> float:
     """Solves a pixel's normal equations by Cramer's rule; the variance of the middle in units of 1 / weight."""
     a, b, c = buffer[W + j] + 1 / CERTAIN, buffer[WA + j], buffer[WD + j]
     d, e, f = buffer[WAA + j] + RIDGE * a, buffer[WAD + j], buffer[WDD + j] + RIDGE * a
@@ -163,7 +163,7 @@ def _fit(
     normal: Float32Array,  # (3, h + 2 radius, w + 2 radius), padded
     precision: Float32Array,  # (h + 2 radius, w + 2 radius), 0 where there is no normal
     radius: int,
-    square: float,  # 1 over the squared residual, in σ, from which on nothing counts
+    square: np.float32,  # 1 over the squared residual, in σ, from which on nothing counts
     out: Float32Array,  # (3, h, w) unit normals
     left: Float32Array,  # (h, w) share of the variance that is left
 ) -> None:
