@@ -46,6 +46,9 @@ TINY = np.finfo(np.float32).tiny
 LEAST_COSINE = photometry.SETTINGS.min_view_cosine
 
 
+SAMPLED_CELLS = 20_000
+"""Cells of a strip, about, whose circulations say how large the noise is."""
+
 STRIP_ROWS, OVERLAP_ROWS = 256, 12
 """Rows of a strip, and the rows above and below that are solved with it so that strips leave no seam."""
 
@@ -96,7 +99,7 @@ def _project_strip(
     normals: Float32Array, variance: Float32Array, ray: Float32Array, pitch: np.float32
 ) -> tuple[Float32Array, Float32Array]:
     """Projects the normals (h, w, 3) of one strip, in place; the share (h, w) of their variance that is left, and the
-    squared circulations (C,) of its cells over what noise makes of them.
+    squared circulations (C,) of some of its cells over what noise makes of them.
 
     A variance of zero marks a pixel without a normal.
     """
@@ -109,7 +112,8 @@ def _project_strip(
     circulation, slack, inverse = (np.zeros(shape, np.float32) for _ in range(3))
     _circulations(slope, photometry.CAUCHY_SCALE, SETTINGS.curvature_sigma, circulation, slack, inverse)
     noise = np.where(inverse > 0, 1 / np.maximum(inverse, TINY) - slack, 0)
-    relative = np.asarray(circulation[noise > 0] ** 2 / noise[noise > 0], np.float32)
+    some = np.flatnonzero(noise)[:: 1 + np.count_nonzero(noise) // SAMPLED_CELLS]
+    relative = np.asarray(circulation.ravel()[some] ** 2 / noise.ravel()[some], np.float32)
     change, image = np.empty((2, height, width), np.float32), np.zeros(shape, np.float32)
 
     def applied(multiplier: Float32Array) -> Float32Array:
