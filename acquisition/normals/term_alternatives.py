@@ -32,17 +32,18 @@ class TermAlternativeSettings:
     """Tuned numbers of terms on trial."""
 
     term_sigma: ImageTerms = tuned(
-        ImageTerms(roughness=0.3, ambient=0.15, offset=0.05, gloss=1.0, metal=1.0, strength=1.0), "term"
+        ImageTerms(roughness=0.3, ambient=0.15, offset=0.075, gloss=1.0, metal=1.0, strength=1.0), "term"
     )
     """1 σ of the priors of terms that are estimated, of gloss, metal and strength next to nothing; what is below a
     tenth of it, by one step from zero, is not tried. Less is not harmless but hard to tell: ambient light of 1 %
-    takes a blob from 0.39 to 0.85°, a roughness of 0.2 rad, b of 0.15, to 1.76° (audit of an earlier solver, November
-    2026). b of 0.03 is a roughness of 0.08 rad. Of ambient light shadows tell 0.011 at most of 44 sound captures
-    but of a vessel (0.024), and 0.027 and more where it is 0.03 (`shadow_light`). Of gloss the value is the amount,
-    of 1 that a dielectric has: 0.11–1.3 of 84 of 95 glossy captures (α 0.12–0.5), 0.09 at most of 174 others
-    (design seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights by two rings), above it in three of 106 sound Lambertian
-    and translucent ones of seeds 45–129, all translucent. It tells gloss by itself, so that strong evidence is
-    enough of a gain: of a small glossy image, or one of a pilot, it is 3–8."""
+    takes a blob from 0.39 to 0.85°, a roughness of 0.2 rad, b of 0.15, to 1.76° (audit of an earlier solver,
+    November 2026). b of 0.03 is a roughness of 0.08 rad. Of ambient light shadows tell 0.011 at most of 44 sound
+    captures but of a vessel (0.024), of an offset 0.006, and 0.027 and more of either where it is 0.03
+    (`shadow_light`). Of gloss the value is the amount, of 1 that a dielectric has: 0.11–1.3 of 84 of 95 glossy
+    captures (α 0.12–0.5), 0.09 at most of 174 others (design seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights by two
+    rings), above it in three of 106 sound Lambertian and translucent ones of seeds 45–129, all translucent. It
+    tells gloss by itself, so that strong evidence is enough of a gain: of a small glossy image, or one of a pilot,
+    it is 3–8."""
 
     @property
     def min_step(self) -> ImageTerms:
