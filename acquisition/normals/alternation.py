@@ -173,11 +173,11 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         dark = hardly_lit(received, measured, estimate, nominal.terms, typical)
         variance = np.where(dark, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
         mixed = _mixed(coarse, normals, variance, dark)
-        diffuse = None
+        shadow_images = None
         if discontinuous:
-            diffuse = ShadowImages(coarse, measured - estimate.nondiffuse_value, estimate.light, present.lamps)
+            shadow_images = ShadowImages(coarse, measured - estimate.nondiffuse_value, estimate.light, present.lamps)
         cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
-        depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, diffuse, cuts)
+        depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadow_images, cuts)
         chosen = drawn[~(dark | mixed)[drawn]]
         sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], depth[chosen], nominal)
 

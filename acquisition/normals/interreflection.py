@@ -94,16 +94,10 @@ def received_irradiance(
     radiosity = np.ascontiguousarray(np.where(inside, pixels.image(values), bright).transpose(1, 2, 0), np.float32)
     walls = _walls(point, inside, pixels.image(np.minimum(surface.albedo, 1)))
     wall_radiosity = _wall_radiosity(walls, point, radiosity, lamp, calibration, affine)
-    chosen = pixels.index[::every]
-    cells = np.stack(np.unravel_index(chosen, pixels.shape), axis=1).astype(np.int32)
-    facing = np.ascontiguousarray(surface.normals[:, ::every].T)
-    own = np.empty((len(chosen), len(values)), np.float32)
-    interreflection_kernels.gather(
-        point, point.reshape(-1, 3)[chosen], facing, cells, radiosity, walls.number, wall_radiosity, AZIMUTHS,
-        SETTINGS.wall_slope, own,
-    )  # fmt: skip
     out = np.zeros(values.shape, np.float32)
-    out[:, ::every] = own.T
+    out[:, ::every] = _gathered(
+        pixels.index[::every], surface.normals[:, ::every], point, radiosity, walls, wall_radiosity
+    )
     return out
 
 
@@ -115,17 +109,12 @@ def sky_view(pixels: Pixels, depth_m: Float32Array, normals: Float32Array, table
     sees all but a hundredth (design seeds 62, 63, 203 and 206; scratch evaluation, November 2026).
     """
     point, inside, _ = _height_field(pixels, depth_m, table)
-    blocking = inside if table is None else np.ones_like(inside)
-    walls = _walls(point, inside, inside.astype(np.float32))
-    cells = np.stack(np.unravel_index(pixels.index, pixels.shape), axis=1).astype(np.int32)
+    # Of surfaces that all send the same, a pixel receives the share that they take of its sky.
+    bright = (inside if table is None else np.ones_like(inside)).astype(np.float32)
+    walls = _walls(point, inside, bright)
     of_walls = np.ones((len(walls.point) // interreflection_kernels.LEVELS, interreflection_kernels.LEVELS, 1))
-    hidden = np.empty((len(pixels.index), 1), np.float32)
-    interreflection_kernels.gather(
-        point, point.reshape(-1, 3)[pixels.index], np.ascontiguousarray(normals.T), cells,
-        blocking[..., None].astype(np.float32), walls.number, of_walls.astype(np.float32), AZIMUTHS,
-        SETTINGS.wall_slope, hidden,
-    )  # fmt: skip
-    return np.clip(1 - hidden[:, 0], 0, 1)
+    hidden = _gathered(pixels.index, normals, point, bright[..., None], walls, of_walls.astype(np.float32))
+    return np.clip(1 - hidden[0], 0, 1)
 
 
 def reflected_radiosity(
@@ -163,6 +152,21 @@ def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
     right = np.einsum("fn,fn,fan->na", estimate.weights, indirect, estimate.light, optimize=True).astype(np.float64)
     moved = pixel_solve.normal_perturbation(estimate, right[:, :, None])
     return (photometry.SETTINGS.predicted_light_sigma**2 * np.sum(moved * moved, axis=(1, 2))).astype(np.float32)
+
+
+def _gathered(
+    chosen: np.ndarray, normals: Float32Array, point: Float32Array, radiosity: Float32Array, walls: _Walls,
+    wall_radiosity: Float32Array,
+) -> Float32Array:  # fmt: skip
+    """Irradiance (F, K) of the cells with flat numbers `chosen` (K,), of normals (3, K), by a window's radiosity
+    (h, w, F) and its walls' (W, LEVELS, F)."""
+    cells = np.stack(np.unravel_index(chosen, point.shape[:2]), axis=1).astype(np.int32)
+    out = np.empty((len(chosen), radiosity.shape[2]), np.float32)
+    interreflection_kernels.gather(
+        point, point.reshape(-1, 3)[chosen], np.ascontiguousarray(normals.T), cells, radiosity, walls.number,
+        wall_radiosity, AZIMUTHS, SETTINGS.wall_slope, out,
+    )  # fmt: skip
+    return out.T
 
 
 def _height_field(

@@ -45,9 +45,7 @@ STRIP_ROWS, CHUNK_COLUMNS = 256, 256
 """Rows that are fitted at once, and columns, whose sums stay in the processor's cache."""
 
 
-def regress(
-    normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, independent: float
-) -> float:  # fmt: skip
+def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, independent: float) -> float:
     """Regresses unit normals (H, W, 3), view frame, on those around, and changes their σ accordingly, in place.
 
     It returns the mean share of the independent noise, a variance, that is left.

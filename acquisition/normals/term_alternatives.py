@@ -104,7 +104,8 @@ def scored_terms(present: Solution) -> list[Alternative]:
     Roughness from strong evidence on, which 94 % of 225 rough captures give and 2 % of 138 Lambertian and translucent
     ones (design seeds 11–129), or where values seem coded, which it resembles; light from elsewhere from `min_gain` on,
     since light between surfaces that is not predicted resembles it: that of rough ones so much that beside light from
-    elsewhere roughness is estimated, unless values seem coded, and not the other way round.
+    elsewhere roughness is estimated, unless values seem coded, and not the other way round. Where shadows tell ambient
+    from stray light, the other one is not tried.
     """
     problem, scores = present.problem, present.scores
     known = problem.nominal.terms

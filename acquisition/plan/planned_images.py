@@ -4,9 +4,8 @@ The noise of y is that of the final solve, not the calibration's: the final solv
 intensity, and what remains is mostly common to all images, which affects the albedo only; depth is a nuisance parameter
 of its own, so that the error of the light's direction is that of the lamp's position, and changes y only at oblique
 incidence; independent pixel noise is halved by the projection of the normals to an integrable field, and the regression
-on neighbours leaves as much of it as of the images so far. Indirect radiance,
-estimated from the images so far, is subtracted by a prediction whose error is proportional to it, so dark measurements
-beside it carry less information.
+on neighbours leaves as much of it as of the images so far. Indirect radiance, estimated from the images so far, is
+subtracted by a prediction whose error is proportional to it, so dark measurements beside it carry less information.
 """
 
 from collections.abc import Sequence

@@ -45,6 +45,18 @@ def test_evaluate_equals_oren_nayar_and_ambient() -> None:
     assert evaluated(made, 0.6 * made.normals).value == pytest.approx(expected, abs=1e-5)
 
 
+def test_ambient_light_reaches_a_pixel_as_far_as_it_sees_the_sky() -> None:
+    made, ambient = measured(), ImageTerms(ambient=0.05)
+    g, view = (0.6 * made.normals).astype(np.float32), made.ray_direction
+    usable, sky = np.ones(made.values.shape, bool), np.linspace(0, 1, made.values.shape[1], dtype=np.float32)
+    found = image_terms.evaluate(ambient, g, made.light, usable, view, sky=sky)
+    expected = np.broadcast_to(0.05 * 0.6 * sky, found.value.shape)
+    assert found.value == pytest.approx(expected, abs=1e-6)
+    assert np.einsum("fcn,cn->fn", found.by_g, g) == pytest.approx(expected, abs=1e-6)
+    by_ambient = image_terms.by_parameter(ambient, g, made.light, usable, view, sky=sky)[:, 1]
+    assert by_ambient == pytest.approx(expected / 0.05, abs=1e-5)
+
+
 def test_evaluate_is_homogeneous_in_albedo_times_normal() -> None:
     """T(g) = ∂T/∂g · g, by which solves need no value of the terms."""
     made = measured()

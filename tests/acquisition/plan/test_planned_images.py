@@ -55,6 +55,23 @@ def test_variance_indirect_light_adds_its_fixed_share(ball: scenes.Scene) -> Non
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.0004, 0.04], (2, 1)), rtol=1e-5, atol=1e-12)
 
 
+def test_variance_of_sensor_falls_with_what_regression_leaves(ball: scenes.Scene) -> None:
+    """Of a pilot whose noise regression halves, half of what the sensor adds to the variance is planned with."""
+    shading, added = random_shading(), np.full((2, 3), 1e-4)
+    normal_map = piloted(ball)
+    normal_map.noise["regression_share"] = 0.5
+    numbers = np.arange(len(normal_map.information.rows))
+    halved = sample_pixels.samples(normal_map, ball.calibration, numbers[:3])
+    whole = replace(halved, regression_share=1.0)
+    of_half, of_whole = (
+        planned_images.variance(shading, added, ball.calibration, one)
+        - planned_images.variance(shading, 0 * added, ball.calibration, one)
+        for one in (halved, whole)
+    )
+    np.testing.assert_allclose(of_whole, planned_images.INTEGRABILITY_SHARE * added)
+    np.testing.assert_allclose(of_half, of_whole / 2)
+
+
 def test_reweight_indirect_radiance_follows_share_of_images(ball: scenes.Scene) -> None:
     """An indirect share i of all light is i / (1 − i) of the direct light; shares are clipped at one half."""
     lights = pilot.pattern(Recipe(), scenes.Dome(refused=0))
