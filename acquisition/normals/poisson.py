@@ -1,8 +1,11 @@
 """Weighted least squares on grid edges by conjugate gradients with a discrete-cosine-transform Poisson preconditioner.
 
 On the full rectangle with equal weights, the normal equations are a Poisson equation with Neumann boundary, which two
-cosine transforms solve. With that as preconditioner about ten iterations of SciPy's conjugate gradients do where plain
-ones need hundreds (1 MP: 1.3 s in nine; sparse Cholesky 8.2 s), and any mask's border stays exact.
+cosine transforms solve. With that as preconditioner some ten iterations of SciPy's conjugate gradients do where plain
+ones need hundreds (1 MP: 1.3 s in nine; sparse Cholesky 8.2 s), and any mask's border stays exact. It underrates pixels
+whose edges have little weight, at occluding contours and in what hardly any lamp reaches, by that weight, so Jacobi's
+preconditioner is added to it: without, sixty iterations end 0.06 px off at the normals of two such objects, with 5 %
+of pixels of little weight, with it thirty at 0.005 (rabbit and animal of the path-traced bench, scratch evaluation).
 
 Kernels compile at import, into numba's cache.
 """
@@ -18,8 +21,11 @@ from acquisition.models.base import BoolArray, Float32Array
 from acquisition.normals import silhouette
 
 ITERATIONS = 60
-TOLERANCE = 1e-4
+TOLERANCE = 1e-3
 """Residual, relative to the starting one, at which the iteration ends."""
+
+JACOBI_SHARE = 0.2
+"""Weight of Jacobi's preconditioner beside that of the cosine transforms; from 0.05 to 0.4 iterations are the same."""
 
 SHARED_FROM_PIXELS = 1 << 16
 """Pixels from which a cosine transform runs on several threads: below, starting them takes longer."""
@@ -87,10 +93,15 @@ class Poisson:
             _apply(x.reshape(size), down, across, image)
             return image.ravel()
 
+        inverse_diagonal = _inverse_diagonal(down, across)
+
         def conditioned(x: Float32Array) -> Float32Array:
             spectrum = dctn(x.reshape(size), type=2, norm="ortho", workers=workers)
             spectrum /= self._eigenvalues
-            return (idctn(spectrum, type=2, norm="ortho", workers=workers, overwrite_x=True) * self._inside).ravel()
+            smooth = idctn(spectrum, type=2, norm="ortho", workers=workers, overwrite_x=True)
+            smooth *= self._inside
+            smooth += inverse_diagonal * x.reshape(size)
+            return smooth.ravel()
 
         shape = (residual.size, residual.size)
         solution, _ = cg(
@@ -116,6 +127,14 @@ class Poisson:
         filled = np.zeros(self._shape, np.float32)
         filled[: values.shape[0], : values.shape[1]] = values
         return filled
+
+
+def _inverse_diagonal(down: Float32Array, across: Float32Array) -> Float32Array:
+    """JACOBI_SHARE over the diagonal of A (h, w) for the weights of its edges; 0 where a pixel has none."""
+    diagonal = down + across
+    diagonal[1:] += down[:-1]
+    diagonal[:, 1:] += across[:, :-1]
+    return np.divide(np.float32(JACOBI_SHARE), diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
 
 
 @numba.njit(
