@@ -28,6 +28,7 @@ from acquisition.normals import (
     microfacet,
     pixel_solve,
     residual_noise,
+    robust_solve,
     term_solve,
 )
 from acquisition.normals.alternation import AlternationResult
@@ -335,9 +336,9 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
         return pixel_solve.solve_lit(pixels, values, lighting, scene, iterations=iterations, extra_variance=extra)
 
     values, extra, indirect, irradiance = measured, None, None, state.indirect_irradiance
-    estimate = once(values, None, pixel_solve.IRLS_ITERATIONS if irradiance is None else PRELIMINARY_ITERATIONS)
+    estimate = once(values, None, robust_solve.IRLS_ITERATIONS if irradiance is None else PRELIMINARY_ITERATIONS)
     if irradiance is not None:
-        for iterations in (PRELIMINARY_ITERATIONS, pixel_solve.IRLS_ITERATIONS):
+        for iterations in (PRELIMINARY_ITERATIONS, robust_solve.IRLS_ITERATIONS):
             other = np.sum(np.broadcast_to(estimate.unscattered_value, values.shape), axis=0)
             indirect = interreflection.reflected_radiosity(
                 irradiance, np.sum(measured, axis=0) - other, np.sum(values, axis=0) - other, estimate.albedo

@@ -72,7 +72,7 @@ def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Arr
         np.divide(1, noise, out=precision[inside], where=noise > 0)
         above = strip[first + count - radius : first + count].copy(), before[first + count - radius : first + count]
         fitted, left = np.empty((3, count, width), np.float32), np.empty((count, width), np.float32)
-        _fit(normal, precision, radius, np.float32(photometry.SETTINGS.outlying_deviations**-2), fitted, left)
+        _fit(normal, precision, np.float32(photometry.SETTINGS.outlying_deviations**-2), fitted, left)
         own = before[first : first + count]
         normals[start:stop] = np.where((own > 0)[..., None], fitted.transpose(1, 2, 0), normals[start:stop])
         weakly_checked = sigma_deg[start:stop] > photometry.SETTINGS.weakly_checked_sigma_deg
@@ -97,44 +97,56 @@ RIDGE = np.float32(1e-3)
 
 
 @numba.njit(
-    "void(float32[::1], float32[::1], float32[::1], uint64, uint64, float32, float32, float32, uint64)",
+    "void(float32[::1], float32[::1], float32[::1], uint64, uint64, float32, float32, uint64)",
     cache=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
-def _add_neighbours(
+def _add_row(
     buffer: Float32Array, normal: Float32Array, precision: Float32Array, at: np.uint64, area: np.uint64,
-    across: np.float32, down: np.float32, square: np.float32, count: np.uint64,
+    down: np.float32, square: np.float32, count: np.uint64,
 ) -> None:  # fmt: skip
-    """Adds to the normal equations of `count` pixels what the neighbour of each says that stands `across` and `down`.
+    """Adds to the normal equations of `count` pixels what the neighbours of each say that stand in a row `down`.
 
-    Neighbours begin `at` a place of the flat strip, of which each component takes an `area`. One buffer and unsigned
-    offsets show the compiler that nothing overlaps, so that it uses SIMD registers.
+    The first neighbours begin `at` a place of the flat strip, of which each component takes an `area`. A row's sums are
+    formed in registers; one buffer and unsigned offsets show the compiler that nothing overlaps.
     """
     one, zero = np.float32(1), np.float32(0)
     for j in range(count):
-        x, y, z, known = normal[at + j], normal[at + area + j], normal[at + area + area + j], precision[at + j]
-        dx = x - buffer[MX + j] - across * buffer[AX + j] - down * buffer[DX + j]
-        dy = y - buffer[MY + j] - across * buffer[AY + j] - down * buffer[DY + j]
-        dz = z - buffer[MZ + j] - across * buffer[AZ + j] - down * buffer[DZ + j]
-        residual = (dx * dx + dy * dy + dz * dz) * known * buffer[OWN + j] / (known + buffer[OWN + j])
-        weight = max(one - residual * square, zero)
-        weight *= weight * known
-        buffer[SQUARES + j] += weight * residual
-        wx, wy, wz = weight * x, weight * y, weight * z
-        buffer[W + j] += weight
-        buffer[WA + j] += weight * across
-        buffer[WD + j] += weight * down
-        buffer[WAA + j] += weight * across * across
-        buffer[WAD + j] += weight * across * down
-        buffer[WDD + j] += weight * down * down
-        buffer[X + j] += wx
-        buffer[Y + j] += wy
-        buffer[Z + j] += wz
-        buffer[XA + j] += wx * across
-        buffer[YA + j] += wy * across
-        buffer[ZA + j] += wz * across
-        buffer[XD + j] += wx * down
-        buffer[YD + j] += wy * down
-        buffer[ZD + j] += wz * down
+        ax, ay, az = buffer[AX + j], buffer[AY + j], buffer[AZ + j]
+        mx, my, mz = (
+            buffer[MX + j] + down * buffer[DX + j],
+            buffer[MY + j] + down * buffer[DY + j],
+            buffer[MZ + j] + down * buffer[DZ + j],
+        )
+        own, squares = buffer[OWN + j], buffer[SQUARES + j]
+        w0 = w1 = w2 = x0 = x1 = y0 = y1 = z0 = z1 = zero
+        for u in range(2 * RADIUS_PX + 1):
+            across, k = np.float32(u - RADIUS_PX), at + j + np.uint64(u)
+            x, y, z, known = normal[k], normal[area + k], normal[area + area + k], precision[k]
+            dx, dy, dz = x - mx - across * ax, y - my - across * ay, z - mz - across * az
+            residual = (dx * dx + dy * dy + dz * dz) * known * own / (known + own)
+            weight = max(one - residual * square, zero)
+            weight *= weight * known
+            squares += weight * residual
+            wx, wy, wz = weight * x, weight * y, weight * z
+            w0, x0, y0, z0 = w0 + weight, x0 + wx, y0 + wy, z0 + wz
+            w1, x1, y1, z1 = w1 + across * weight, x1 + across * wx, y1 + across * wy, z1 + across * wz
+            w2 += across * across * weight
+        buffer[SQUARES + j] = squares
+        buffer[W + j] += w0
+        buffer[WA + j] += w1
+        buffer[WAA + j] += w2
+        buffer[WD + j] += w0 * down
+        buffer[WAD + j] += w1 * down
+        buffer[WDD + j] += w0 * down * down
+        buffer[X + j] += x0
+        buffer[Y + j] += y0
+        buffer[Z + j] += z0
+        buffer[XA + j] += x1
+        buffer[YA + j] += y1
+        buffer[ZA + j] += z1
+        buffer[XD + j] += x0 * down
+        buffer[YD + j] += y0 * down
+        buffer[ZD + j] += z0 * down
 
 
 @numba.njit("float32(float32[::1], uint64)", cache=True, fastmath=True, error_model="numpy")
@@ -154,19 +166,18 @@ def _solve_plane(buffer: Float32Array, j: np.uint64) -> float:
 
 
 @numba.njit(
-    "void(float32[:,:,::1], float32[:,::1], int64, float32, float32[:,:,::1], float32[:,::1])",
+    "void(float32[:,:,::1], float32[:,::1], float32, float32[:,:,::1], float32[:,::1])",
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
 def _fit(
     normal: Float32Array,  # (3, h + 2 radius, w + 2 radius), padded
     precision: Float32Array,  # (h + 2 radius, w + 2 radius), 0 where there is no normal
-    radius: int,
     square: np.float32,  # 1 over the squared residual, in σ, from which on nothing counts
     out: Float32Array,  # (3, h, w) unit normals
     left: Float32Array,  # (h, w) share of the variance that is left
 ) -> None:
     """Fits and shrinks all pixels of a strip, some columns of a row at once."""
-    height, width = left.shape
+    (height, width), radius = left.shape, RADIUS_PX
     area, one, noise = np.uint64(precision.size), np.float32(1), np.float32(NOISE_MEAN_SQUARE)
     normals, precisions = normal.reshape(3 * precision.size), precision.reshape(precision.size)
     for i in numba.prange(height):
@@ -188,12 +199,8 @@ def _fit(
                     buffer[OWN : OWN + np.uint64(count)] = CERTAIN
                 buffer[SQUARES:] = 0
                 for v in range(2 * radius + 1):
-                    for u in range(2 * radius + 1):
-                        at = np.uint64((i + v) * precision.shape[1] + start + u)
-                        _add_neighbours(
-                            buffer, normals, precisions, at, area, np.float32(u - radius), np.float32(v - radius),
-                            square, np.uint64(count),
-                        )  # fmt: skip
+                    at = np.uint64((i + v) * precision.shape[1] + start)
+                    _add_row(buffer, normals, precisions, at, area, np.float32(v - radius), square, np.uint64(count))
                 for j in range(count):
                     left[i, start + j] = _solve_plane(buffer, np.uint64(j)) * own[j]
             for j in range(count):
@@ -212,4 +219,4 @@ def _fit(
                 out[0, i, start + j], out[1, i, start + j], out[2, i, start + j] = x / length, y / length, z / length
 
 
-KERNELS = (_add_neighbours, _solve_plane, _fit)
+KERNELS = (_add_row, _solve_plane, _fit)

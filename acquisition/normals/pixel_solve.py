@@ -35,9 +35,6 @@ class PixelSolveSettings:
 
 SETTINGS = PixelSolveSettings()
 
-IRLS_ITERATIONS = 6
-"""Gauss–Newton steps with reweighting."""
-
 
 @dataclass(frozen=True)
 class Scene:
@@ -187,7 +184,7 @@ def solve(
     depth_m: Float32Array,
     scene: Scene,
     *,
-    iterations: int = IRLS_ITERATIONS,
+    iterations: int = robust_solve.IRLS_ITERATIONS,
     extra_variance: Float32Array | None = None,
 ) -> Estimate:
     """Iteratively reweighted least squares (Cauchy weights) of g at each of N pixels at depth (N,).
@@ -205,7 +202,7 @@ def solve_lit(
     lighting: Lighting,
     scene: Scene,
     *,
-    iterations: int = IRLS_ITERATIONS,
+    iterations: int = robust_solve.IRLS_ITERATIONS,
     extra_variance: Float32Array | None = None,
 ) -> Estimate:
     """`solve` in a known `lighting`, which serves for all solves at one depth."""

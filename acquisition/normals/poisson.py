@@ -21,7 +21,7 @@ from acquisition.models.base import BoolArray, Float32Array
 from acquisition.normals import silhouette
 
 ITERATIONS = 60
-TOLERANCE = 1e-3
+TOLERANCE = 5e-4
 """Residual, relative to the starting one, at which the iteration ends."""
 
 JACOBI_SHARE = 0.2

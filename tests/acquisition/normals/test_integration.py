@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
 
 from acquisition import photometry
 from acquisition.models.base import Float32Array
@@ -93,6 +95,49 @@ def test_depth_uncertain_pixels_do_not_distort_others() -> None:
     outside[68:92, 68:92] = False
     assert rms_mm(doubted, depth, outside) < 0.15
     assert rms_mm(doubted, depth, outside) < 0.3 * rms_mm(believed, depth, outside)
+
+
+def test_orthographic_depth_converges_where_pixels_of_little_weight_stand_among_others() -> None:
+    """Against a direct solution of the same normal equations, but for the few pixels that stand quite alone."""
+    rng = np.random.default_rng(0)
+    v, u = np.mgrid[:120, :120]
+    mask = np.hypot(u - 60, v - 60) < 54
+    normal = np.stack(
+        [(u - 60) / 60, (60 - v) / 60, np.sqrt(np.maximum(1 - ((u - 60) ** 2 + (v - 60) ** 2) / 3600, 0))]
+    )
+    normal = normal + 0.05 * rng.standard_normal(normal.shape)
+    normal = (normal / np.linalg.norm(normal, axis=0)).astype(np.float32)
+    certainty = np.where(rng.random(mask.shape) < 0.1, 1e-3, 1).astype(np.float32)
+    estimate = integration.orthographic_depth(normal, mask, certainty)
+    error = (estimate - least_squares_depth(normal, mask, certainty))[mask]
+    assert np.quantile(np.abs(error), 0.999) < 0.05
+
+
+def least_squares_depth(normal: Float32Array, mask: np.ndarray, certainty: Float32Array) -> np.ndarray:
+    """Depth (H, W) of mean 0 by a direct solution: steps by the mean of both normals, weights as `integration` has."""
+    number = np.full(mask.shape, -1)
+    number[mask] = np.arange(np.count_nonzero(mask))
+    rows, steps, weights = [], [], []
+    for axis in (0, 1):
+        first, second = (np.s_[:-1], np.s_[1:]) if axis == 0 else (np.s_[:, :-1], np.s_[:, 1:])
+        both = mask[first] & mask[second]
+        mean = normal[(slice(None), *np.index_exp[first])] + normal[(slice(None), *np.index_exp[second])]
+        unit = mean / np.linalg.norm(mean, axis=0)
+        cosine = np.maximum(unit[2], photometry.SETTINGS.min_view_cosine)
+        steps.append(((unit[0] if axis else -unit[1]) / cosine)[both])
+        weights.append((np.minimum(certainty[first], certainty[second]) * cosine**2)[both])
+        rows.append(np.stack([number[first][both], number[second][both]], axis=1))
+    ends, step, weight = np.concatenate(rows), np.concatenate(steps), np.concatenate(weights)
+    count = np.arange(len(ends))
+    difference = sparse.csr_matrix(
+        (np.tile([-1.0, 1.0], len(ends)), (np.repeat(count, 2), ends.ravel())), (len(ends), number.max() + 1)
+    )
+    weighted = difference.T @ sparse.diags(weight.astype(float))
+    depth = np.zeros(number.max() + 1)
+    depth[1:] = spsolve((weighted @ difference)[1:, 1:].tocsc(), (weighted @ step)[1:])
+    out = np.zeros(mask.shape)
+    out[mask] = depth - np.mean(depth)
+    return out
 
 
 def slab(size: int = 128) -> tuple[np.ndarray, Float32Array, np.ndarray]:
