@@ -9,6 +9,7 @@ import itertools
 import textwrap
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -20,7 +21,7 @@ from tests.unseen import reports, run, stages, tables
 from tests.unseen.captures import Capture
 from tests.unseen.run import IDENTITY, Line, Plan, SceneRun
 from tests.unseen.scenes import Scene
-from tests.unseen.stages import Stage
+from tests.unseen.stages import Captures, Stage
 
 WITH_STAGE = (*IDENTITY, "stage")
 """Keys that name one solve and the stage that is off."""
@@ -29,13 +30,29 @@ BY_NAME = {stage.name: stage for stage in stages.STAGES}
 
 
 def asked(plan: Plan, names: Sequence[str], family: str, seed: int) -> list[Line]:
-    """One scene's solves, with all stages on and without each of the named ones."""
-    return [line | {"stage": name} for line, name in itertools.product(plan.of_scene(family, seed), (None, *names))]
+    """One scene's solves, with all stages on and without each of the named ones, on the captures that these ask for."""
+    lines: list[Line] = []
+    for captures in dict.fromkeys(BY_NAME[name].captures for name in names):
+        of_these = [name for name in names if BY_NAME[name].captures == captures]
+        own = plan if captures is None else replace(plan, reflectance=captures.reflectance, fault=captures.fault)
+        if seed in _seeds(plan, captures):
+            pairs = itertools.product(own.of_scene(family, seed), (None, *of_these))
+            lines += [line | {"stage": name} for line, name in pairs]
+    return lines
+
+
+def _seeds(plan: Plan, captures: Captures | None) -> Sequence[int]:
+    return plan.seeds if captures is None or not captures.seeds else captures.seeds
+
+
+def all_seeds(plan: Plan, names: Sequence[str]) -> list[int]:
+    """The plan's seeds and those that stages ask for."""
+    return sorted({seed for name in names for seed in _seeds(plan, BY_NAME[name].captures)})
 
 
 def of_plan(plan: Plan, names: Sequence[str]) -> list[Line]:
     """What the plan's file holds of what is asked."""
-    pairs = itertools.product(plan.families, plan.seeds)
+    pairs = itertools.product(plan.families, all_seeds(plan, names))
     wanted = run.done([line for family, seed in pairs for line in asked(plan, names, family, seed)], WITH_STAGE)
     return [line for line in run.read(plan.out) if run.done([line], WITH_STAGE) <= wanted]
 
@@ -44,17 +61,22 @@ def run_scene(plan: Plan, names: Sequence[str], family: str, seed: int) -> int:
     """Solves what is asked of a scene and not done, and appends it to the plan's file; how many solves there were."""
     known = run.done(run.read(plan.out), WITH_STAGE)
     left = [line for line in asked(plan, names, family, seed) if not run.done([line], WITH_STAGE) <= known]
-    if not left:
-        return 0
-    of_scene, commit = SceneRun(run.drawn(plan, family, seed), plan), reports.commit()
-    for line in left:
-        stage = None if line["stage"] is None else BY_NAME[str(line["stage"])]
+    commit = reports.commit()
+    for (reflectance, fault), lines in itertools.groupby(left, lambda line: (line["reflectance"], line["fault"])):
+        own = replace(plan, reflectance=_text(reflectance), fault=_text(fault))
+        of_scene = SceneRun(run.drawn(own, family, seed), own)
+        for line in lines:
+            stage = None if line["stage"] is None else BY_NAME[str(line["stage"])]
 
-        def solver(scene: Scene, captured: Capture, stage: Stage | None = stage) -> NormalMap:
-            return solve_without(stage, scene, captured)
+            def solver(scene: Scene, captured: Capture, stage: Stage | None = stage) -> NormalMap:
+                return solve_without(stage, scene, captured)
 
-        run.append(plan.out, of_scene.solved(line, solver) | {"commit": commit})
+            run.append(plan.out, of_scene.solved(line, solver) | {"commit": commit})
     return len(left)
+
+
+def _text(value: object) -> str | None:
+    return None if value is None else str(value)
 
 
 def solve_without(stage: Stage | None, scene: Scene, captured: Capture) -> NormalMap:
@@ -68,7 +90,7 @@ def solve_without(stage: Stage | None, scene: Scene, captured: Capture) -> Norma
 def run_all(plan: Plan, names: Sequence[str], jobs: int) -> int:
     """Solves all scenes with all stages and without each of the named ones, in `jobs` processes; how many lines were
     added."""
-    return run.over_scenes(partial(run_scene, plan, names), plan.families, plan.seeds, jobs)
+    return run.over_scenes(partial(run_scene, plan, names), plan.families, all_seeds(plan, names), jobs)
 
 
 def all_tables(lines: Sequence[Line], grading: str) -> str:
@@ -121,8 +143,8 @@ def page(command: str, lines: Sequence[Line], grading: str) -> str:
     commits = " and ".join(sorted({f"`{line.get('commit', 'unknown')}`" for line in lines}))
     scenes = len({(line["family"], line["seed"]) for line in lines})
     switches = _markdown(
-        ["stage that is off", "then", "switch"],
-        [[stage.name, stage.without, _switch(stage)] for stage in stages.STAGES],
+        ["stage that is off", "then", "switch", "captures"],
+        [[stage.name, stage.without, _switch(stage), str(stage.captures or "all")] for stage in stages.STAGES],
     )
     when = datetime.now(UTC).strftime("%Y-%m-%d")
     origin = (
@@ -168,8 +190,9 @@ off at a time, all others on. An error without / with of 1.10 says that the stag
 the captures are solved better without it. Means are geometric, over the scenes of a family and then over families; ± is
 the standard error over scenes (bootstrap), and a stage whose ± reaches 1 has not been shown to matter on these scenes.
 Errors are means over {grading}. rms e/σ and P(e < σ), arithmetic means over solves, are of the same pixels without
-those that are marked doubtful; ideal are 1 and 0.63. Stages work on one another: what one buys depends on the others
-being on, and the figures do not add up."""
+those that are marked doubtful; ideal are 1 and 0.63. Stages that only some captures call for are looked at on
+these, with a reflectance, a fault or seeds of their own (last table). Stages work on one another: what one buys depends
+on the others being on, and the figures do not add up."""
 
 NOT_SWITCHED = """Not among them is the estimate of the sensor's noise (`acquisition.normals.sensor_estimate`,
 `acquisition.normals.pixel_noise`): the bench states the sensor's true noise, and neither is reached. One that changes

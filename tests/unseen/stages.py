@@ -53,13 +53,28 @@ class Patch:
 
 
 @dataclass(frozen=True)
+class Captures:
+    """Captures that call for a stage: their reflectance, fault and seeds; none: those of the run."""
+
+    reflectance: str | None = None
+    fault: str | None = None
+    seeds: tuple[int, ...] = ()
+
+    def __str__(self) -> str:
+        seeds = "seeds " + ", ".join(map(str, self.seeds)) if self.seeds else None
+        return ", ".join(part for part in (self.reflectance, self.fault, seeds) if part)
+
+
+@dataclass(frozen=True)
 class Stage:
-    """A stage, what the solver does without it in one sentence, and what switches it off: patches or settings."""
+    """A stage, what the solver does without it in one sentence, and what switches it off: patches or settings; and the
+    captures on which it is looked at, if only some call for it."""
 
     name: str
     without: str
     patches: tuple[Patch, ...] = ()
     settings: SolveSettings | None = None
+    captures: Captures | None = None
 
 
 @contextmanager
@@ -186,6 +201,7 @@ STAGES = (
         "ambient and stray light in shadows",
         "Lit pixels alone tell of ambient and stray light.",
         (Patch(shadow_light, "equations", _no_shadows),),
+        captures=Captures("lambert", "ambient:0.03"),
     ),
     Stage(
         "Cauchy weights",
@@ -226,11 +242,13 @@ STAGES = (
         "metal",
         "A surface without diffuse light is solved as a diffuse one.",
         (Patch(term_alternatives, "metal", _no_alternative),),
+        captures=Captures("metal:0.3"),
     ),
     Stage(
         "translucent surfaces",
         "Images are not sharpened, whatever light is in cast shadows; σ follows detail all the same.",
         (Patch(model_selection, "ALTERNATIVES", OPAQUE),),
+        captures=Captures(seeds=(45, 55, 65)),
     ),
     Stage(
         "variance components of σ",

@@ -19,7 +19,8 @@ SMALL, LIGHTS = 48, 8
 SELECTION = ablation.BY_NAME["model selection"]
 SELECTED = {"gloss": "gloss", "metal": "metal", "translucent surfaces": "translucent surface"}
 """Stages of model selection, and the finding that each has where its model is chosen."""
-PLAIN = [stage for stage in STAGES if stage is not SELECTION and stage.name not in SELECTED]
+SHADOWS = ablation.BY_NAME["ambient and stray light in shadows"]
+PLAIN = [stage for stage in STAGES if stage not in (SELECTION, SHADOWS) and stage.name not in SELECTED]
 """Switched off with the plain model: trials of others take ten times as long and take part of the change back."""
 
 
@@ -72,6 +73,14 @@ def test_switch_of_a_selected_model_leaves_it_out(name: str, scene: Callable[[],
         for stage in (None, ablation.BY_NAME[name])
     ]
     assert [SELECTED[name] in found for found in kinds] == [True, False]
+
+
+@pytest.mark.long
+def test_switch_of_shadows_leaves_weak_ambient_light_unnoticed() -> None:
+    sheet = scenes.scene("sheet", 203, "lambert")
+    lit = capture(sheet, patterns.fixed("two-rings", sheet, LIGHTS, 0, 1), fault=faults.named("ambient:0.03"))
+    kinds = [{one.kind for one in ablation.solve_without(stage, sheet, lit).findings} for stage in (None, SHADOWS)]
+    assert ["ambient light" in found for found in kinds] == [True, False]
 
 
 @pytest.mark.long
@@ -142,6 +151,22 @@ def line(seed: int, stage: str | None, error: float, rms: float = 1.0, family: s
         "pattern": "two-rings", "lights": 8, "azimuth": 0, "stage": stage, "commit": "abc1234", "material": "ggx:0.2",
         "within_78_deg.mean": error, "within_1": 0.5, "rms": rms,
     }  # fmt: skip
+
+
+def test_stages_with_captures_of_their_own_are_compared_on_these(tmp_path: Path) -> None:
+    plan = run.Plan(("blob",), (41,), (8,), ("two-rings",), 1, tmp_path / "out.jsonl")
+    names = ["interreflection", "metal", SHADOWS.name, "translucent surfaces"]
+    assert ablation.all_seeds(plan, names) == [41, 45, 55, 65]
+    asked = [(one["reflectance"], one["fault"], one["stage"]) for one in ablation.asked(plan, names, "blob", 41)]
+    assert asked == [
+        (None, None, None),
+        (None, None, "interreflection"),
+        ("metal:0.3", None, None),
+        ("metal:0.3", None, "metal"),
+        ("lambert", "ambient:0.03", None),
+        ("lambert", "ambient:0.03", SHADOWS.name),
+    ]
+    assert [one["stage"] for one in ablation.asked(plan, names, "blob", 45)] == [None, "translucent surfaces"]
 
 
 def test_tables_pair_the_scenes_that_both_have() -> None:
