@@ -16,11 +16,17 @@ PIXELS = 48
 
 @dataclass(frozen=True)
 class Pair:
-    """Normal maps of a capture without and with a fault, and the mean error with it over that without."""
+    """Normal maps of a capture without and with a fault, and their mean errors."""
 
     sound: NormalMap
     faulty: NormalMap
-    error_ratio: float
+    sound_deg: float
+    faulty_deg: float
+
+    @property
+    def error_ratio(self) -> float:
+        """Mean error with the fault over that without."""
+        return self.faulty_deg / self.sound_deg
 
 
 def solved(family: str, seed: int, reflectance: str, fault: str, lights: int = 10) -> Pair:
@@ -29,8 +35,9 @@ def solved(family: str, seed: int, reflectance: str, fault: str, lights: int = 1
     positions = patterns.fixed("two-rings", scene, lights, 0, 1)
     sound, faulty = (run.solve(scene, capture(scene, positions, fault=faults.named(name))) for name in ("", fault))
     graded = scene.truth.within_78_deg & sound.mask & faulty.mask
-    errors = [float(np.mean(scene.truth.error_deg(one.normals)[graded])) for one in (sound, faulty)]
-    return Pair(sound, faulty, errors[1] / errors[0])
+    return Pair(
+        sound, faulty, *(float(np.mean(scene.truth.error_deg(one.normals)[graded])) for one in (sound, faulty))
+    )
 
 
 def kinds(normal_map: NormalMap) -> list[tuple[str, bool]]:
