@@ -152,15 +152,14 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     pixels share is estimated with `priors`; the level's table is what surrounds the object.
     """
     coarse = level.coarse
-    ray_direction = photometry.ray_directions(coarse.ray)
-    depth = depth_m
+    ray_direction, depth = photometry.ray_directions(coarse.ray), depth_m
     drawn = np.sort(np.random.default_rng(0).permutation(len(coarse.index))[:SAMPLE_PIXELS])
     block = level.factor**2
     nominal = replace(scene, noise=replace(scene.noise, shot=scene.noise.shot / block, floor=scene.noise.floor / block))
     present = nominal
     shared = replace(SharedParameters.nominal(len(scene.lamps)), terms=scene.terms or LAMBERTIAN)
     indirect = _IndirectLight(np.zeros_like(coarse.values), np.zeros_like(coarse.values), 0.0, significant=False)
-    normals = np.zeros_like(ray_direction)
+    normals, sky = np.zeros_like(ray_direction), np.ones_like(depth)
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
     turn, calibrations, from_elsewhere = 0, 0, priors.terms.ambient > 0 or priors.terms.offset > 0
     while True:
@@ -185,8 +184,9 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             level, measured, values, estimate, depth, normals, present, expected=indirect.significant
         )
         if from_elsewhere:
-            coarse = _with_sky(coarse, depth, normals, level)
-            shadows = shadow_light.equations(coarse, measured, indirect.radiance, estimate, present.noise)
+            sky = interreflection.sky_view(coarse, depth, normals, level.table)
+            coarse = replace(coarse, sky=sky)
+            shadows = shadow_light.equations(coarse, sky, measured, indirect.radiance, estimate, present.noise)
             priors = replace(priors, shadows=shadows)
         direct_diffuse = not indirect.significant and not shared.terms.specular
 
@@ -203,13 +203,13 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         if converged or most >= scene.settings.depth_rounds:
             break
     if not from_elsewhere:
-        coarse = _with_sky(coarse, depth, normals, level)
+        sky = interreflection.sky_view(coarse, depth, normals, level.table)
     return AlternationResult(
         depth_m=depth,
         continuity_weight=continuity_weight,
         mixed=mixed.astype(np.float32),
-        sky=np.ones_like(depth) if coarse.sky is None else coarse.sky,
-        shadows=shadow_light.equations(coarse, measured, indirect.radiance, estimate, present.noise),
+        sky=sky,
+        shadows=shadow_light.equations(coarse, sky, measured, indirect.radiance, estimate, present.noise),
         shared=shared,
         shared_variance=_shared_normal_variance(estimate, shared, present.lamps, indirect.radiance),
         indirect_irradiance=indirect.irradiance if indirect.significant else None,
@@ -218,11 +218,6 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         noise=present.noise,
         normals=normals,
     )
-
-
-def _with_sky(coarse: Pixels, depth_m: Float32Array, normals: Float32Array, level: PyramidLevel) -> Pixels:
-    """The level's coarse pixels with their sky view factors at depth (N,) in m and normals (3, N)."""
-    return replace(coarse, sky=interreflection.sky_view(coarse, depth_m, normals, level.table))
 
 
 def _integrated(

@@ -70,18 +70,16 @@ def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Arr
 
 
 def equations(
-    pixels: Pixels, values: Float32Array, indirect: Float32Array, estimate: Estimate, noise: Noise
+    pixels: Pixels, sky: Float32Array, values: Float32Array, indirect: Float32Array, estimate: Estimate, noise: Noise
 ) -> ShadowEquations:
     """Robust regression of shadowed values (F, N), without what is predicted of `indirect` light (F, N), on ψ ρ and 1.
 
-    `pixels` have their sky view factors ψ.
+    `sky` (N,) are the pixels' sky view factors ψ.
     """
-    if pixels.sky is None:
-        return ShadowEquations.none()
-    used = umbra(pixels, values, estimate) & (pixels.sky > LEAST_SKY_VIEW)
+    used = umbra(pixels, values, estimate) & (sky > LEAST_SKY_VIEW)
     if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
         return ShadowEquations.none()
-    columns = np.broadcast_to(estimate.albedo * pixels.sky, values.shape)[used].astype(np.float64)
+    columns = np.broadcast_to(estimate.albedo * sky, values.shape)[used].astype(np.float64)
     rows = np.stack([columns, np.ones_like(columns)])
     left = (values - indirect)[used].astype(np.float64)
     variance = noise.variance(np.maximum(values, 0), np.zeros_like(values)) + pixels.plus_extra(

@@ -35,9 +35,7 @@ def solved(family: str, seed: int, reflectance: str, fault: str, lights: int = 1
     positions = patterns.fixed("two-rings", scene, lights, 0, 1)
     sound, faulty = (run.solve(scene, capture(scene, positions, fault=faults.named(name))) for name in ("", fault))
     graded = scene.truth.within_78_deg & sound.mask & faulty.mask
-    return Pair(
-        sound, faulty, *(float(np.mean(scene.truth.error_deg(one.normals)[graded])) for one in (sound, faulty))
-    )
+    return Pair(sound, faulty, *(float(np.mean(scene.truth.error_deg(one.normals)[graded])) for one in (sound, faulty)))
 
 
 def kinds(normal_map: NormalMap) -> list[tuple[str, bool]]:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition import photometry
+from acquisition.models.base import Float32Array
 from acquisition.normals import pixel_solve, shadow_light
 from acquisition.normals.estimate import Estimate
 from acquisition.normals.pixel_solve import Pixels
@@ -17,7 +18,7 @@ from tests.acquisition.normals import shared_scene
 AZIMUTHS = np.linspace(0, 2 * np.pi, 8, endpoint=False)
 
 
-def sphere(sky: float = 1.0, albedo: float = 0.5) -> tuple[Pixels, Estimate]:
+def sphere(albedo: float = 0.5) -> tuple[Pixels, Estimate]:
     """A sphere under eight slanted lamps from afar, its lower half twice as dark, and its true solution."""
     size = 64
     y, x = (np.mgrid[:size, :size].reshape(2, -1) - (size - 1) / 2) / (size / 2)
@@ -29,14 +30,21 @@ def sphere(sky: float = 1.0, albedo: float = 0.5) -> tuple[Pixels, Estimate]:
     light = np.repeat(lamps[:, :, None], len(index), axis=2).astype(np.float32)
     values = np.maximum(np.einsum("fck,ck->fk", light, g), 0)
     pixels = Pixels(
-        (size, size), index, np.stack([x, -y]).astype(np.float32), values, np.zeros(values.shape, np.bool_),
-        sky=np.full(len(index), sky, np.float32),
+        (size, size), index, np.stack([x, -y]).astype(np.float32), values, np.zeros(values.shape, np.bool_)
     )  # fmt: skip
     estimate = Estimate(
         g=g, variance=np.zeros(len(index), np.float32), residual=np.zeros(len(index), np.float32),
         weights=np.ones_like(values), usable=values > 0, light=light, point=np.zeros_like(g),
     )  # fmt: skip
     return pixels, estimate
+
+
+def found_in(
+    pixels: Pixels, sky: float, values: Float32Array, indirect: Float32Array, estimate: Estimate
+) -> ShadowEquations:
+    """The equations of pixels that all see the same share of the sky."""
+    factors = np.full(len(pixels.index), sky, np.float32)
+    return shadow_light.equations(pixels, factors, values, indirect, estimate, shared_scene.measured().noise)
 
 
 def solved(found: ShadowEquations) -> np.ndarray:
@@ -50,10 +58,10 @@ def solved(found: ShadowEquations) -> np.ndarray:
 def test_equations_give_ambient_light_and_offset_of_shadows(
     ambient: float, offset: float, indirect: float, sky: float
 ) -> None:
-    pixels, estimate = sphere(sky)
+    pixels, estimate = sphere()
     received = np.full_like(pixels.values, indirect)
     values = (pixels.values + received + ambient * sky * estimate.albedo + offset).astype(np.float32)
-    found = shadow_light.equations(pixels, values, received, estimate, shared_scene.measured().noise)
+    found = found_in(pixels, sky, values, received, estimate)
     np.testing.assert_allclose(solved(found), [ambient, offset], atol=2e-4)
 
 
@@ -62,21 +70,18 @@ def test_equations_highlights_in_a_tenth_of_the_shadows_hardly_count() -> None:
     rng = np.random.default_rng(2)
     mirrored = 0.2 * (rng.random(pixels.values.shape) < 0.1)
     values = (pixels.values + 0.05 * estimate.albedo + mirrored).astype(np.float32)
-    found = shadow_light.equations(pixels, values, np.zeros_like(values), estimate, shared_scene.measured().noise)
+    found = found_in(pixels, 1.0, values, np.zeros_like(values), estimate)
     np.testing.assert_allclose(solved(found), [0.05, 0.0], atol=2e-3)
 
 
-@pytest.mark.parametrize("why", ["cavity", "no shadow", "sky unknown"])
+@pytest.mark.parametrize("why", ["cavity", "no shadow"])
 def test_equations_of_no_open_shadow_say_nothing(why: str) -> None:
-    pixels, estimate = sphere(0.3 if why == "cavity" else 1.0)
+    pixels, estimate = sphere()
     if why == "no shadow":
         estimate = dataclasses.replace(estimate, light=np.repeat(estimate.light.mean(axis=0)[None], 8, axis=0))
         pixels = dataclasses.replace(pixels, values=np.full_like(pixels.values, 0.5))
-    if why == "sky unknown":
-        pixels = dataclasses.replace(pixels, sky=None)
-    found = shadow_light.equations(
-        pixels, pixels.values, np.zeros_like(pixels.values), estimate, shared_scene.measured().noise
-    )
+    sky = 0.3 if why == "cavity" else 1.0
+    found = found_in(pixels, sky, pixels.values, np.zeros_like(pixels.values), estimate)
     assert not np.any(found.matrix)
     assert not np.any(found.right)
 
