@@ -61,6 +61,8 @@ def run_scene(plan: Plan, names: Sequence[str], family: str, seed: int) -> int:
     """Solves what is asked of a scene and not done, and appends it to the plan's file; how many solves there were."""
     known = run.done(run.read(plan.out), WITH_STAGE)
     left = [line for line in asked(plan, names, family, seed) if not run.done([line], WITH_STAGE) <= known]
+    if not left:
+        return 0
     commit = reports.commit()
     for (reflectance, fault), lines in itertools.groupby(left, lambda line: (line["reflectance"], line["fault"])):
         own = replace(plan, reflectance=_text(reflectance), fault=_text(fault))
