@@ -7,37 +7,39 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup demo test test-long check check-python check-page bench openapi page docs ur-sim-wheel clean
 
+# Kernels are compiled while pip unpacks the tools of tests and checks: it keeps one core busy for a minute.
+MAKEFLAGS += --jobs=2
+
 # All that tests and checks need.
 setup: .venv/ready
 
-# Kernels are compiled on two cores: what imports less than the other is compiled beside it, and `runner.jobs` finds both
-# in the cache.
-define compile-kernels
+.venv/ready: .venv/tools .venv/kernels
+	$(BIN)/lightpose warm
+	touch $@
+
+# What sessions in the simulated cell need.
+.venv/packages: pyproject.toml deploy/constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv || python3 -m venv .venv
+	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --editable '.[sim]'
+	touch $@
+
+# Compiled on two cores: what imports less than the other is compiled beside it, and `runner.jobs` finds both in the
+# cache.
+.venv/kernels: .venv/packages
 	$(BIN)/python -c 'import acquisition.photometry'
 	$(BIN)/python -c 'import acquisition.normals' & \
 	$(BIN)/python -c 'import acquisition.waypoints.routing, acquisition.plan' && wait $$!
 	$(BIN)/python -c 'import acquisition.runner.jobs, hardware_sim.world'
-endef
-
-# What sessions in the simulated cell need.
-.venv/demo-ready: pyproject.toml deploy/constraints.txt
-	test -x $(BIN)/python || $(PYTHON) -m venv .venv || python3 -m venv .venv
-	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --editable '.[sim]'
-	$(compile-kernels)
 	touch $@
 
-# Packages alone, which is all that the checks need: they run beside the compilation (`make --jobs 2 setup check`).
-.venv/packages: pyproject.toml deploy/constraints.txt
-	test -x $(BIN)/python || $(PYTHON) -m venv .venv || python3 -m venv .venv
-	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --editable '.[sim,dev]'
+# The extra `dev` by its requirements: to install the project itself anew would take it from under the compilation.
+.venv/tools: .venv/packages
+	$(BIN)/python -c 'import tomllib; \
+	    print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["dev"], sep="\n")' > $@.txt
+	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --requirement $@.txt
 	touch $@
 
-.venv/ready: .venv/packages
-	$(compile-kernels)
-	$(BIN)/lightpose warm
-	touch .venv/demo-ready $@
-
-demo: .venv/demo-ready
+demo: .venv/kernels
 	$(BIN)/lightpose demo $(if $(PAGE),--page)
 
 # One process more than two cores: tests of a real cell wait for its arm half of their time.
@@ -53,7 +55,7 @@ bench: setup
 
 check: check-python check-page
 
-check-python: .venv/packages
+check-python: .venv/tools
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
