@@ -13,8 +13,7 @@ MAKEFLAGS += --jobs=2
 # All that tests and checks need.
 setup: .venv/ready
 
-.venv/ready: .venv/tools .venv/kernels
-	$(BIN)/lightpose warm
+.venv/ready: .venv/tools .venv/warm
 	touch $@
 
 # What sessions in the simulated cell need.
@@ -30,6 +29,11 @@ setup: .venv/ready
 	$(BIN)/python -c 'import acquisition.normals' & \
 	$(BIN)/python -c 'import acquisition.waypoints.routing, acquisition.plan' && wait $$!
 	$(BIN)/python -c 'import acquisition.runner.jobs, hardware_sim.world'
+	touch $@
+
+# The kernels of folders' images, too.
+.venv/warm: .venv/kernels
+	$(BIN)/lightpose warm
 	touch $@
 
 # The extra `dev` by its requirements: to install the project itself anew would take it from under the compilation.
