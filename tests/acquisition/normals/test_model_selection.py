@@ -190,6 +190,24 @@ def test_other_axes_in_a_sound_fit_are_tried_beside_what_a_score_demands(
     assert {one.kind for one in lamp_alternatives.other_axes(rough)} >= {"axes of the lamps", "rough surface"}
 
 
+@pytest.mark.parametrize(("ambient_step", "competes"), [(0.004, True), (0.05, False)])
+def test_gloss_competes_with_other_axes_unless_ambient_light_that_is_tried_gains_more(
+    cushion: scenes.Scene, images: Images, tried: list[Trial], ambient_step: float, competes: bool
+) -> None:
+    """A glossy sheet under 20 lights was solved as rough, because of ambient light by a step too small to be tried."""
+    solved(cushion, replace(images, lights=relit(images.lights, range(8), (-1, 1))))
+    before = tried[0][1]
+    assert before.scores is not None
+    scores = replace(
+        before.scores, gloss=TermScore(gain=200.0, step=0.8), ambient=TermScore(gain=250.0, step=ambient_step),
+        offset=TermScore(gain=0.0, step=0.0),
+    )  # fmt: skip
+    glossy = replace(before, problem=replace(before.problem, thorough=False), scores=scores)
+    proposed = {one.kind for one in lamp_alternatives.other_axes(glossy)}
+    assert "axes of the lamps" in proposed
+    assert ("gloss" in proposed) == competes
+
+
 def test_term_that_another_has_taken_over_has_no_finding(
     cushion: scenes.Scene, images: Images, tried: list[Trial]
 ) -> None:
