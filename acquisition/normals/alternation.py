@@ -85,7 +85,7 @@ class AlternationResult:
     Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities;
     `mixed` (N,), 1 at pixels that are left out of what follows because they mix surfaces, 0 at others; the sky view
     factors (N,) of pixels, and what shadows say of ambient and stray light; the parameters shared by all pixels; the
-    variance (N,), rad², of the normals by errors of lamps and indirect light that all pixels share; indirect irradiance
+    variance (N,), rad², of the normals by errors that all pixels share and by indirect light; indirect irradiance
     (F, N) or none where it is insignificant, and the scale that its prediction was multiplied by; the median of the
     pixels' albedo; the noise of coarse pixels; normals (3, M) of the coarse pixels, never others.
     """
@@ -211,7 +211,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         sky=sky,
         shadows=shadow_light.equations(coarse, sky, measured, indirect.radiance, estimate, present.noise),
         shared=shared,
-        shared_variance=_shared_normal_variance(estimate, shared, present.lamps, indirect.radiance),
+        shared_variance=_shared_normal_variance(estimate, shared, ray_direction, present.lamps, indirect.radiance),
         indirect_irradiance=indirect.irradiance if indirect.significant else None,
         indirect_scale=indirect.scale,
         typical_albedo=_typical_albedo(estimate, shared.terms),
@@ -311,11 +311,14 @@ def _typical_albedo(estimate: Estimate, terms: ImageTerms) -> float:
 
 
 def _shared_normal_variance(
-    estimate: Estimate, shared: SharedParameters, lamps: Float32Array, indirect: Float32Array
-) -> Float32Array:
-    """Variance (N,) in rad² of the normals by errors that pixels share (lamps) or images share (indirect light)."""
-    by_lamps = self_calibration.normal_variance(estimate, lamps, shared.covariance)
-    return by_lamps + interreflection.normal_variance(estimate, indirect)
+    estimate: Estimate, shared: SharedParameters, ray_direction: Float32Array, lamps: Float32Array,
+    indirect: Float32Array,
+) -> Float32Array:  # fmt: skip
+    """Variance (N,) in rad² of the normals by errors that pixels share (lamps, depth, terms) or images share (indirect
+    light)."""
+    by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, lamps)
+    by_parameters = self_calibration.normal_variance(estimate, by_depth, lamps, shared)
+    return by_parameters + interreflection.normal_variance(estimate, indirect)
 
 
 def divide_intensity(values: Float32Array, log_intensity: FloatArray) -> Float32Array:

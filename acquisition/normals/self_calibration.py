@@ -56,8 +56,8 @@ STRONG_EVIDENCE = 3.0
 @dataclass(frozen=True)
 class SharedParameters:
     """Parameters that all pixels share: log intensity factor per image (F,), each lamp's offset from its nominal
-    position (F, 3) in m, view frame, the object's shift along the rays in m, and the terms beyond Lambert's; and the
-    covariance (4F, 4F) of the lamps' parameters: log intensities first, then all x, all y and all z."""
+    position (F, 3) in m, view frame, the object's shift along the rays in m, and the terms beyond Lambert's; and their
+    covariance (4F + 7, 4F + 7): log intensities first, then all x, all y and all z, the shift, and the terms."""
 
     log_intensity: FloatArray
     lamp_offset_m: FloatArray
@@ -68,7 +68,8 @@ class SharedParameters:
     @classmethod
     def nominal(cls, count: int) -> "SharedParameters":
         """The parameters of `count` lamps as calibrated: no offsets, and no covariance yet."""
-        return cls(np.zeros(count), np.zeros((count, 3)), 0.0, np.zeros((4 * count, 4 * count)))
+        size = 4 * count + 1 + len(fields(ImageTerms))
+        return cls(np.zeros(count), np.zeros((count, 3)), 0.0, np.zeros((size, size)))
 
     def lamps(self, nominal: Float32Array) -> Float32Array:
         """Lamps (F, 6) at their estimated positions, from `nominal` ones (F, 6)."""
@@ -146,10 +147,7 @@ def normal_equations(
     if tested is not None:
         by_parameter, parameters, parameter_sigma = tested, np.zeros(tested.shape[1]), np.zeros(tested.shape[1])
     elif terms is not None:
-        view = -estimate.point / np.sqrt(np.sum(estimate.point * estimate.point, axis=0))
-        by_parameter = image_terms.by_parameter(
-            present.terms, estimate.g, estimate.light, estimate.usable, view, estimate.response, estimate.sky
-        )
+        by_parameter = _by_term(estimate, present.terms)
         parameters, parameter_sigma = np.array(astuple(present.terms)), np.array(astuple(priors.terms))
     sigma = np.concatenate([[priors.shift_m], parameter_sigma])
     size = 4 * count + len(sigma)
@@ -196,11 +194,15 @@ def gauss_newton_step(
     Arguments as of `normal_equations`. The terms of the result are changes, too.
     """
     count = len(values)
+    nothing = SharedParameters.nominal(count)
     equations = normal_equations(estimate, by_depth, values, lamps, present, priors, offset_sigma_m)
     if equations is None:
-        stated = block_diag(priors.intensity**2 * np.eye(count), priors.position_covariance(count))
-        return replace(SharedParameters.nominal(count), covariance=stated)
-    change, covariance = equations.posterior()
+        others = np.square([priors.shift_m, *astuple(priors.terms)])
+        stated = block_diag(priors.intensity**2 * np.eye(count), priors.position_covariance(count), np.diag(others))
+        return replace(nothing, covariance=stated)
+    change, known = equations.posterior()
+    covariance = nothing.covariance
+    covariance[: len(known), : len(known)] = known
     terms = LAMBERTIAN
     if estimate.terms is not None:
         terms = ImageTerms(*(float(one) for one in change[4 * count + 1 :][: len(fields(ImageTerms))]))
@@ -208,7 +210,7 @@ def gauss_newton_step(
         log_intensity=change[:count],
         lamp_offset_m=change[count : 4 * count].reshape(3, count).T,
         shift_m=float(change[4 * count]),
-        covariance=covariance[: 4 * count, : 4 * count],
+        covariance=covariance,
         terms=terms,
     )
 
@@ -255,18 +257,34 @@ def _position_precision(priors: Priors, count: int) -> FloatArray:
     return np.asarray(np.linalg.inv(priors.position_covariance(count)), np.float64)
 
 
-def normal_variance(estimate: Estimate, lamps: Float32Array, covariance: FloatArray) -> Float32Array:
-    """First-order propagation of lamp errors to the normals: variance (N,), rad², both tangential directions.
+def normal_variance(
+    estimate: Estimate, by_depth: Float32Array, lamps: Float32Array, shared: SharedParameters
+) -> Float32Array:
+    """First-order propagation of errors of the shared parameters to the normals: variance (N,), rad², both tangential
+    directions.
 
-    Lamps (F, 6) with the `covariance` (4F, 4F) of `SharedParameters`.
+    `by_depth` (∂s/∂Z) (F, 3, N); lamps (F, 6) as estimated.
     """
-    kinds = [
+    of_each_lamp = [
         np.einsum("fcn,cn->fn", estimate.light, estimate.g),
         *position_derivative(estimate, lamps).transpose(1, 0, 2),
     ]
-    right = [np.einsum("fn,fan->naf", estimate.weights * kind, estimate.light) for kind in kinds]
+    of_all = [np.einsum("fcn,cn->fn", by_depth, estimate.g)]
+    if estimate.terms is not None:
+        of_all += list(_by_term(estimate, shared.terms).transpose(1, 0, 2))
+    right = [np.einsum("fn,fan->naf", estimate.weights * kind, estimate.light) for kind in of_each_lamp]
+    right += [np.einsum("fn,fan->na", estimate.weights * kind, estimate.light)[..., None] for kind in of_all]
     moved = pixel_solve.normal_perturbation(estimate, np.concatenate(right, axis=2).astype(np.float64))
+    covariance = shared.covariance[: moved.shape[2], : moved.shape[2]]
     return np.einsum("naf,fg,nag->n", moved, covariance, moved, optimize=True).astype(np.float32)
+
+
+def _by_term(estimate: Estimate, terms: ImageTerms) -> Float32Array:
+    """Derivatives (F, 6, N) of the values by the parameters of terms."""
+    view = -estimate.point / np.sqrt(np.sum(estimate.point * estimate.point, axis=0))
+    return image_terms.by_parameter(
+        terms, estimate.g, estimate.light, estimate.usable, view, estimate.response, estimate.sky
+    )
 
 
 @numba.njit(

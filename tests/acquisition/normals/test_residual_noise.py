@@ -8,7 +8,9 @@ import pytest
 from acquisition.image_values import Noise
 from acquisition.models.result import SolveSettings
 from acquisition.normals import pixel_solve, residual_noise, self_calibration
+from acquisition.normals.image_terms import ImageTerms
 from acquisition.normals.pixel_solve import Estimate
+from acquisition.normals.self_calibration import SharedParameters
 from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
 
 
@@ -58,28 +60,26 @@ def test_estimate_few_grazing_pixels_keep_stated_direction(largest_slant: float,
         assert estimated.direction == made.noise.direction
 
 
-def test_normal_variance_lamp_errors_equals_monte_carlo() -> None:
-    """The variance is that of many draws of errors that all pixels of one draw share."""
+def test_normal_variance_shared_errors_equals_monte_carlo() -> None:
+    """The variance is that of many draws of errors that all pixels of one draw share: of lamps, depth and roughness."""
     made = measured(largest_slant=0.4)
     rng = np.random.default_rng(2)
-    covariance = np.diag([0.01**2] * 8 + [0.001**2] * 24)
+    shared, rough = SharedParameters.nominal(8), ImageTerms(roughness=0.2)
+    shared = replace(shared, terms=rough)
+    shared.covariance[:34, :34] = np.diag([0.01**2] * 8 + [0.001**2] * 24 + [0.005**2, 0.05**2])
     quiet = Noise(np.full(8, 1e-6), np.full(8, 1e-7), 0.001, 0.001)
-    moved = []
+    scene = replace(made.scene, noise=quiet, settings=SolveSettings(robust=False), terms=rough)
+    exact = pixel_solve.solve(made.pixels, made.values, made.depth_m, scene)
+    assert exact.terms is not None
+    values = np.einsum("fcn,cn->fn", exact.light, exact.g) + exact.terms.value
+    exact, moved = pixel_solve.solve(made.pixels, values, made.depth_m, scene), []
     for _ in range(60):
         factors = np.exp(rng.normal(0, 0.01, 8))[:, None]
         lamp = made.lamp + np.pad(rng.normal(0, 0.001, (8, 3)), ((0, 0), (0, 3))).astype(np.float32)
-        solution = pixel_solve.solve(
-            made.pixels,
-            (made.values * factors).astype(np.float32),
-            made.depth_m,
-            replace(made.scene, lamps=lamp, noise=quiet, settings=SolveSettings(robust=False)),
-        )
-        moved.append(np.sum((solution.normals - made.normals) ** 2, axis=0))
-    exact = pixel_solve.solve(
-        made.pixels,
-        made.values,
-        made.depth_m,
-        replace(made.scene, noise=quiet, settings=SolveSettings(robust=False)),
-    )
-    predicted = self_calibration.normal_variance(exact, made.lamp, covariance)
+        depth_m = made.depth_m + np.float32(rng.normal(0, 0.005))
+        wrong = replace(scene, lamps=lamp, terms=ImageTerms(roughness=rng.normal(0.2, 0.05)))
+        solution = pixel_solve.solve(made.pixels, (values * factors).astype(np.float32), depth_m, wrong)
+        moved.append(np.sum((solution.normals - exact.normals) ** 2, axis=0))
+    change = pixel_solve.depth_derivative(exact.light, exact.point, made.ray_direction, made.lamp)
+    predicted = self_calibration.normal_variance(exact, change, made.lamp, shared)
     assert np.median(np.mean(moved, axis=0) / predicted) == pytest.approx(1, abs=0.25)
