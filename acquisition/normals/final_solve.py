@@ -141,12 +141,12 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
 
 def solve(
     masked: MaskedImages, level: PyramidLevel, state: AlternationResult, scene: Scene, size: tuple[int, int],
-    *, capture_sigma_deg: float = 0.0, block_map: BlockMap = map,
+    *, capture_sigma_deg: float = 0.0, sharpened: bool = False, block_map: BlockMap = map,
 ) -> NormalMap:  # fmt: skip
     """Solves all object pixels block by block, projects and integrates them; maps of the whole frame (H, W) of `size`.
 
     `state` is that of the level's coarse pixels; `scene` has lamps and noise as estimated; `capture_sigma_deg`: 1 σ of
-    all normals by what was found of the capture; `block_map` solves the blocks.
+    all normals by what was found of the capture; `sharpened`: the images were; `block_map` solves the blocks.
     """
     images, shape = masked.images, masked.mask.shape
     window = (images.rows, images.columns)
@@ -182,7 +182,7 @@ def solve(
     lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
     maps["sigma_deg"][window], structure_deg = error_variance.sigma_deg(
         maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window],
-        capture_deg=capture_sigma_deg,
+        capture_deg=capture_sigma_deg, sharpened=sharpened,
     )  # fmt: skip
     misfit = error_variance.misfit(maps["residual"][window], lights_used, stated_share)
     depth = integration.depth(

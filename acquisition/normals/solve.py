@@ -25,6 +25,7 @@ from acquisition.normals import (
     sensor_estimate,
     session_images,
     silhouette,
+    translucency,
 )
 from acquisition.normals import grey_tile as grey_tiles
 from acquisition.normals.final_solve import BlockMap
@@ -154,7 +155,8 @@ def solve_stack(
     chosen = solution.problem
     normal_map = final_solve.solve(
         chosen.masked, chosen.level, solution.state, solution.scene, size,
-        capture_sigma_deg=photometry.capture_sigma_deg(findings), block_map=block_map,
+        capture_sigma_deg=photometry.capture_sigma_deg(findings), sharpened=translucency.KIND in chosen.corrected,
+        block_map=block_map,
     )  # fmt: skip
     return replace(
         colour_albedo.of_sites(normal_map, calibration),

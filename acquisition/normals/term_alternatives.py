@@ -176,14 +176,19 @@ def gloss(present: Solution) -> list[Alternative]:
     """
     if present.problem.nominal.terms is not None or present.scores is None:
         return []
-    score = present.scores.gloss
-    found = score.gain > self_calibration.STRONG_EVIDENCE and score.step > SETTINGS.min_step.gloss
+    found = _gloss_gains(present, self_calibration.STRONG_EVIDENCE)
     if not found and not present.poor:
         return []
     most = 1.0 if found else model_trial.SETTINGS.better_at_least
     starts = ImageTerms(gloss=GLOSS_START), ImageTerms(gloss=GLOSS_START, strength=1.0)
     dielectric, other = (_with_term(present.problem, "gloss", one, most) for one in starts)
     return [replace(dielectric, least_images=photometry.OVERDETERMINED, decisive=True), other]
+
+
+def _gloss_gains(present: Solution, least: float) -> bool:
+    """Whether the score test finds gloss with a gain above `least`."""
+    scores = present.scores
+    return scores is not None and scores.gloss.gain > least and scores.gloss.step > SETTINGS.min_step.gloss
 
 
 def metal(present: Solution) -> list[Alternative]:
@@ -206,16 +211,17 @@ def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step
 def translucent_surface(present: Solution) -> list[Alternative]:
     """Images sharpened, where light leaks into shadows as from below the surface.
 
-    Not where one image fits far worse, which alone may be blurred, nor after gloss, which is mirrored into shadows, nor
-    after ambient or stray light, which falls there, too, nor of a surface that has drifted away, whose shadows fall
-    elsewhere.
+    Not where one image fits far worse, which alone may be blurred, nor of a glossy surface, by its score or as it is
+    solved, which mirrors lamps into shadows, nor after ambient or stray light, which falls there, too, nor of a surface
+    that has drifted away, whose shadows fall elsewhere.
     """
     problem, level = present.problem, present.problem.level
     others = {translucency.KIND, *(TERMS[name][0] for name in ("gloss", "metal", "ambient", "offset"))}
     worst = image_alternatives.worst_image(present.fit)
     if others & set(problem.corrected) or (worst is not None and worst.outlying):
         return []
-    if present.out_of_place or not problem.thorough:
+    glossy = problem.nominal.terms is None and _gloss_gains(present, model_trial.SETTINGS.min_gain)
+    if present.out_of_place or glossy or not problem.thorough:
         return []
     leak = present.leak
     if leak is None or not leak.sought:

@@ -195,11 +195,11 @@ def _solve(scene: Scene, count: int, fault: str | None) -> dict[str, np.ndarray]
     model."""
     recorded: list[FloatArray] = []
 
-    def record(*maps: np.ndarray, capture_deg: float) -> tuple[np.ndarray, float]:
+    def record(*maps: np.ndarray, capture_deg: float, sharpened: bool) -> tuple[np.ndarray, float]:
         parts = error_variance.components(*maps)
         parts[CHANGE] = error_variance.crease_deg2(maps[-1], np.isfinite(maps[0]))
         recorded.append(parts)
-        return original(*maps, capture_deg=capture_deg)
+        return original(*maps, capture_deg=capture_deg, sharpened=sharpened)
 
     original = error_variance.sigma_deg
     captured = capture(scene, fixed("two-rings", scene, count, scene.seed % 4, 4), fault=faults.named(fault))

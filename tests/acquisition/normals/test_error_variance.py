@@ -111,11 +111,12 @@ def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None
     assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(1.0), rel=1e-5)
 
 
-def test_sigma_follows_detail_where_there_is_no_crease() -> None:
-    """A bend of 20° is less of a crease than what counts as one."""
-    result = error_variance.sigma_deg(*_plain_maps(), bent(20), capture_deg=0.0)[0]
+@pytest.mark.parametrize("sharpened", [False, True])
+def test_sigma_follows_detail_where_there_is_no_crease(*, sharpened: bool) -> None:
+    """A bend of 20° is less of a crease than what counts as one. All detail of sharpened images is extrapolated."""
+    result = error_variance.sigma_deg(*_plain_maps(), bent(20), capture_deg=0.0, sharpened=sharpened)[0]
     detail = np.degrees(np.arctan2(np.sin(np.radians(20)), 3 + np.cos(np.radians(20)))) / 2
-    share = error_variance.SETTINGS.structure_share
+    share = 1.0 if sharpened else error_variance.SETTINGS.structure_share
     raised = bounded(1.0 + share**2 * (detail**2 - error_variance.NOISE_DETAIL))
     assert result[STRIP_ROWS - 1 : STRIP_ROWS + 1, 1:-1] == pytest.approx(raised, rel=1e-4)
     assert raised > 1.05 * bounded(1.0)

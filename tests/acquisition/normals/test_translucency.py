@@ -1,5 +1,7 @@
 """Light that spreads below the surface: recognised in shadows of path-traced captures, and taken back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,9 @@ from acquisition.normals import (
     term_alternatives,
     translucency,
 )
+from acquisition.normals.model_trial import Problem, Solution
 from acquisition.normals.pixel_solve import Pixels
+from acquisition.normals.term_tests import TermScore
 from tests.acquisition.scenes import with_values
 from tests.unseen import patterns, scenes
 from tests.unseen.captures import Capture, capture
@@ -133,10 +137,23 @@ def test_sharpened_images_have_sharper_shadows_and_no_other_texture() -> None:
 
 def test_solve_translucent_cluster_is_sharpened(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, made = captured("cluster", 15, None, PIXELS)
+    solutions: list[Solution] = []
+    plain_solve = model_selection.solve
+
+    def recorded(problem: Problem) -> Solution:
+        solutions.append(plain_solve(problem))
+        return solutions[-1]
+
+    monkeypatch.setattr(model_selection, "solve", recorded)
     normal_map = solve(scene, made)
     assert [(one.kind, one.corrected) for one in normal_map.findings] == [(KIND, True)]
     assert normal_map.findings[0].value == pytest.approx(1e3 * scene.reflectance.scatter_m, rel=0.3)
     assert mean_deg(scene, normal_map) < 0.95 * mean_deg(scene, solved_without(scene, made, monkeypatch))
+    plain = solutions[0]
+    assert plain.scores is not None
+    glossy = replace(plain, scores=replace(plain.scores, gloss=TermScore(gain=200.0, step=0.8)))
+    proposed = [len(term_alternatives.translucent_surface(one)) for one in (plain, glossy)]
+    assert proposed == [1, 0], "what a glossy surface mirrors into shadows is no leak"
 
 
 def test_solve_opaque_cluster_is_not_sharpened() -> None:
