@@ -264,7 +264,8 @@ class Alternative:
         if self.step != 0:
             return getattr(terms, self.term) / self.step > 0.5 or after.misfit <= SETTINGS.better * before_fit.misfit
         if self.worse_at_most > SETTINGS.better_at_least and self.coding == 1:
-            return True
+            # Light between the walls of a matt vessel has a score as of gloss, which explains nothing of it.
+            return self.term != "gloss" or after.share <= before_fit.share
         sound = after.probability > SETTINGS.min_probability
         if self.coding == 1:
             return sound and after.share <= self.worse_at_most * before_fit.share
