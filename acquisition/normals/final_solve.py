@@ -117,9 +117,22 @@ def noise_sample(count: int) -> np.ndarray:
     return np.sort(np.random.default_rng(1).permutation(count)[:SAMPLE_PIXELS])
 
 
-def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> tuple[Scene, Pixels, PixelSolution]:
-    """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, the
-    sample's pixels that lamps reach and that mix no surfaces, and their solution."""
+@dataclass(frozen=True)
+class SolvedSample:
+    """A sample's pixels (K) that lamps reach and that mix no surfaces, the state there, and their solution."""
+
+    pixels: Pixels
+    state: AlternationResult
+    solution: PixelSolution
+
+    def solved_again(self, scene: Scene) -> PixelSolution:
+        """The solution in another scene: normals and albedo anew, all that pixels share as it is."""
+        return _solve_pixels(self.pixels, self.state, scene)
+
+
+def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> tuple[Scene, SolvedSample]:
+    """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, and the
+    sample as solved in it."""
 
     def step(noise: image_values.Noise) -> tuple[image_values.Noise, PixelSolution]:
         """Solves the sample in a noise, and estimates the noise from its residuals."""
@@ -136,7 +149,8 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
         sample, state = sample.subset(lit), state.resampled(lambda values: np.ascontiguousarray(values[..., lit]))
     noise, solution = step(noise)
     albedo = pixel_solve.median_albedo(solution.estimate, solution.measured, sample.clipped)
-    return replace(scene, noise=noise, stated_noise=scene.noise, median_albedo=albedo), sample, solution
+    solved = replace(scene, noise=noise, stated_noise=scene.noise, median_albedo=albedo)
+    return solved, SolvedSample(sample, state, solution)
 
 
 def solve(

@@ -10,14 +10,10 @@ fits the images better replaces the model. What stays wrong is said in a finding
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
-from acquisition.models.base import Float32Array
 from acquisition.models.result import ModelFinding
 from acquisition.normals import (
     alternation,
     final_solve,
-    goodness_of_fit,
     image_alternatives,
     lamp_alternatives,
     model_trial,
@@ -64,13 +60,11 @@ def solve(problem: Problem) -> Solution:
     )  # fmt: skip
     state = alternation.refine(level, problem.start_m, nominal, priors)
     scene = replace(nominal, lamps=state.shared.lamps(nominal.lamps), terms=nominal.terms and state.shared.terms)
-    scene, lit, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
-    fit = goodness_of_fit.evaluate(
-        sample.estimate, sample.values, nominal.noise, sample.extra_variance, _place(lit.ray)
-    )
+    scene, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
+    fit = model_trial.fit_of(sample, sample.solution, nominal.noise)
     priors = replace(priors, shadows=state.shadows)
-    scores = term_tests.scores(sample.estimate, sample.values, scene, state.shared, priors)
-    return Solution(problem, state, scene, fit, scores)
+    scores = term_tests.scores(sample.solution.estimate, sample.solution.values, scene, state.shared, priors)
+    return Solution(problem, state, scene, sample, fit, scores)
 
 
 def remaining(solution: Solution) -> list[ModelFinding]:
@@ -153,9 +147,3 @@ def _residuals(accepted: tuple[Alternative, Solution]) -> float:
     """Residuals of a trial in units of the noise, times those in units of the values, as if these were not coded."""
     alternative, trial = accepted
     return trial.fit.misfit * trial.fit.share / alternative.coding
-
-
-def _place(ray: Float32Array) -> np.ndarray:
-    """Row and column (2, K), 0–1, within the bounding box of rays (2, K)."""
-    low, high = ray.min(axis=1, keepdims=True), ray.max(axis=1, keepdims=True)
-    return ((ray - low) / np.maximum(high - low, 1e-9))[::-1]
