@@ -46,9 +46,10 @@ setup: .venv/ready
 demo: .venv/kernels
 	$(BIN)/lightpose demo $(if $(PAGE),--page)
 
-# One process more than two cores: tests of a real cell wait for its arm half of their time.
+# One process more than two cores: tests of a real cell wait for its arm half of their time. At the niceness of computing
+# processes, which else get a tenth of a core beside the tests of the others, while the rest of their cell runs on.
 test: setup
-	$(BIN)/pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
+	nice -n 10 $(BIN)/pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 test-long: setup
 	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --editable '.[sim,dev,long]'
