@@ -74,6 +74,8 @@ def test_draw_is_to_scale_and_is_the_board(legacy: bool, tmp_path: Path) -> None
     svg = (tmp_path / "board.svg").read_text(encoding="utf-8")
     points = [float(re.search(rf'<svg [^>]*{side}="([\d.]+)pt"', svg)[1]) for side in ("width", "height")]  # type: ignore[index]
     assert np.array(points) / 72 * 25.4 == pytest.approx([128, 116], abs=1e-3)  # mm, 10 mm margin
+    outlines = [path.count("M") for path in re.findall(r' d="([^"]*)"', svg)]
+    assert max(outlines) == len(board_drawing._black_squares_m(board))
 
     # The black squares, filled in at some pixels each, give the very picture of OpenCV.
     square = 70  # a marker's 7 bits are 7.5 px each
