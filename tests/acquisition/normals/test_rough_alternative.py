@@ -1,0 +1,72 @@
+"""Roughness on trial: demanded by its score, or by a sample that fits better as rough, and when it is accepted."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from acquisition.normals import model_selection, model_trial, term_alternatives
+from acquisition.normals.model_trial import Alternative, Problem, Solution
+from acquisition.normals.term_tests import TermScore
+from hardware_sim.reflectance import Reflectance
+from tests.acquisition import scenes
+from tests.acquisition.normals.test_model_selection import images_of, object_of, reflected, solved
+
+SIZE = 48
+NO_SCORE = TermScore(gain=0.0, step=0.0)
+Plain = Callable[[Reflectance], Solution]
+
+
+@pytest.fixture
+def plain(monkeypatch: pytest.MonkeyPatch) -> Plain:
+    """Solves the cushion of a reflectance by the plain model alone."""
+    original, made = model_selection.solve, object_of(scenes.bumps, SIZE)
+
+    def solution(reflectance: Reflectance) -> Solution:
+        found: list[Solution] = []
+
+        def recorded(problem: Problem) -> Solution:
+            found.append(original(problem))
+            return found[-1]
+
+        with monkeypatch.context() as patch:
+            patch.setattr(model_selection, "solve", recorded)
+            patch.setattr(model_selection, "ALTERNATIVES", ())
+            solved(made, reflected(made, images_of(scenes.bumps, SIZE), reflectance))
+        return found[0]
+
+    return solution
+
+
+def unscored(solution: Solution) -> Solution:
+    """The solution as if no term had a score."""
+    assert solution.scores is not None
+    return replace(solution, scores=replace(solution.scores, roughness=NO_SCORE, ambient=NO_SCORE, offset=NO_SCORE))
+
+
+def test_rough_surface_without_a_score_is_tried_where_its_sample_fits_better_as_rough(plain: Plain) -> None:
+    """Of a rough relief lamps and shape took up the roughness, 0.43 rad, until its score gained 0.03."""
+    rough, matt = (plain(Reflectance("oren-nayar", sigma)) for sigma in (0.4, 0.0))
+    assert rough.rough_misfit < model_trial.SETTINGS.better < 1 < matt.rough_misfit
+    proposed = [term_alternatives.scored_terms(unscored(one)) for one in (rough, matt)]
+    assert [[one.kind for one in each] for each in proposed] == [["rough surface"], []]
+    alternative = proposed[0][0]
+    trial = model_selection.solve(alternative.problem)
+    assert alternative.accepted(rough, trial)
+    assert trial.state.shared.terms.roughness_rad == pytest.approx(0.4, abs=0.05)
+    assert not accepted_at(alternative, rough, trial, 0.95)
+
+
+def test_rough_surface_with_a_strong_score_is_accepted_at_a_hardly_worse_fit_if_confirmed(plain: Plain) -> None:
+    """A rough profile was solved as Lambertian, 7.0° off, because it fitted 1.05 times as badly as rough, 2.2° off."""
+    rough = plain(Reflectance("oren-nayar", 0.4))
+    (alternative,) = term_alternatives.scored_terms(rough)
+    trial = model_selection.solve(alternative.problem)
+    assert [accepted_at(alternative, rough, trial, misfit) for misfit in (1.05, 1.2)] == [True, False]
+    promised = replace(alternative, step=4 * alternative.step)
+    assert not accepted_at(promised, rough, trial, 1.05)
+
+
+def accepted_at(alternative: Alternative, before: Solution, trial: Solution, misfit: float) -> bool:
+    """Whether the trial is accepted at so many times the misfit before."""
+    return alternative.accepted(before, replace(trial, fit=replace(trial.fit, misfit=misfit * before.fit.misfit)))
