@@ -102,7 +102,7 @@ def scored_terms(present: Solution) -> list[Alternative]:
     """Roughness, ambient and stray light that the score tests demand; none beside gloss and metal.
 
     Roughness from strong evidence on, which 94 % of 225 rough captures give and 2 % of 138 Lambertian and translucent
-    ones (design seeds 11–129), or where values seem coded, which it resembles, or where the sample fits clearly better
+    ones (design seeds 11–129), or where values seem coded, which it resembles, or where the sample fits better
     as rough, whatever the score; light from elsewhere from `min_gain` on, since light between surfaces that is not
     predicted resembles it: that of rough ones so much that beside light from elsewhere roughness is estimated, unless
     values seem coded, and not the other way round. Where shadows tell ambient from stray light, the other one is not
@@ -125,16 +125,15 @@ def scored_terms(present: Solution) -> list[Alternative]:
         if score.gain > least and score.step > getattr(SETTINGS.min_step, name) and not _outdone(name, present):
             demanded.append(_with_term(problem, name, known or LAMBERTIAN, most, score.step))
         elif name == "roughness" and known is None and _fits_as_rough(present):
-            step = model_trial.ROUGH.roughness
-            demanded.append(_with_term(problem, name, LAMBERTIAN, model_trial.SETTINGS.better, step))
+            demanded.append(_with_term(problem, name, LAMBERTIAN, 1.0, model_trial.ROUGH.roughness))
     if known is None and _excess_subtracted(scores):
         demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
     return model_trial.decisive(demanded)
 
 
 def _fits_as_rough(present: Solution) -> bool:
-    """Whether the sample fits clearly better as rough, whatever the score."""
-    return present.fit.redundant and present.rough_misfit <= model_trial.SETTINGS.better
+    """Whether the sample fits better as rough, whatever the score."""
+    return present.fit.redundant and present.rough_misfit <= model_trial.SETTINGS.slightly_better
 
 
 def _outdone(name: str, present: Solution) -> bool:
