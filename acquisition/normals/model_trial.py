@@ -83,7 +83,7 @@ class TrialSettings:
     def slightly_better(self) -> float:
         """Misfit of a sample as rough over that as Lambertian, up to which roughness is tried whatever its score:
         halfway between better and as good. 0.71–0.93 of 16 of 32 rough captures, 0.93–1.4 of the others, 0.98 at least
-        of 82 Lambertian, glossy and translucent ones (design seeds 201–213 and 350–359, 8 and 20 lights)."""
+        of 85 Lambertian, glossy and translucent ones (design seeds 201–213 and 350–359, 8 and 20 lights)."""
         return float(np.sqrt(self.better))
 
     @property
