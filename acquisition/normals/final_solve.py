@@ -132,7 +132,7 @@ class SolvedSample:
 
 def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> tuple[Scene, SolvedSample]:
     """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, and the
-    sample as solved in it."""
+    sample with the solution that they are estimated from."""
 
     def step(noise: image_values.Noise) -> tuple[image_values.Noise, PixelSolution]:
         """Solves the sample in a noise, and estimates the noise from its residuals."""

@@ -103,11 +103,8 @@ def _others(present: Solution, *, unscored: bool) -> list[Alternative]:
     """What else a capture may be than one under other axes: what a score demands, gloss where it gains more than what
     is tried of ambient and stray light; and, `unscored`, all else that a poor fit may be: other images, metal and coded
     values."""
-    scores, least = present.scores, term_alternatives.SETTINGS.min_step
-    most_gained = scores is not None and scores.gloss.gain > max(
-        scores.offset.gain if scores.offset.step > least.offset else 0.0,
-        scores.ambient.gain if scores.ambient.step > least.ambient else 0.0,
-    )
+    scores, gain = present.scores, term_alternatives.tried_gain
+    most_gained = scores is not None and scores.gloss.gain > max(gain(scores, "offset"), gain(scores, "ambient"))
     gloss = term_alternatives.gloss(present) if most_gained else []
     scored = [] if present.unjudged else term_alternatives.scored_terms(present)
     if not unscored:

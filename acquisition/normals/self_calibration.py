@@ -201,8 +201,7 @@ def gauss_newton_step(
         stated = block_diag(priors.intensity**2 * np.eye(count), priors.position_covariance(count), np.diag(others))
         return replace(nothing, covariance=stated)
     change, known = equations.posterior()
-    covariance = nothing.covariance
-    covariance[: len(known), : len(known)] = known
+    covariance = np.pad(known, (0, len(nothing.covariance) - len(known)))  # terms that are not estimated: 0
     terms = LAMBERTIAN
     if estimate.terms is not None:
         terms = ImageTerms(*(float(one) for one in change[4 * count + 1 :][: len(fields(ImageTerms))]))

@@ -122,13 +122,19 @@ def scored_terms(present: Solution) -> list[Alternative]:
             least = 0.0
         elif name == "roughness":
             least, most = self_calibration.STRONG_EVIDENCE, model_trial.SETTINGS.hardly_worse
-        if score.gain > least and score.step > getattr(SETTINGS.min_step, name) and not _outdone(name, present):
+        if tried_gain(scores, name) > least and not _outdone(name, present):
             demanded.append(_with_term(problem, name, known or LAMBERTIAN, most, score.step))
         elif name == "roughness" and known is None and _fits_as_rough(present):
             demanded.append(_with_term(problem, name, LAMBERTIAN, 1.0, model_trial.ROUGH.roughness))
     if known is None and _excess_subtracted(scores):
         demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
     return model_trial.decisive(demanded)
+
+
+def tried_gain(scores: TermScores, name: str) -> float:
+    """Gain of the log likelihood by one of `ImageTerms`, 0 where its step is too small to be tried."""
+    score: TermScore = getattr(scores, name)
+    return score.gain if score.step > getattr(SETTINGS.min_step, name) else 0.0
 
 
 def _fits_as_rough(present: Solution) -> bool:
@@ -186,19 +192,13 @@ def gloss(present: Solution) -> list[Alternative]:
     """
     if present.problem.nominal.terms is not None or present.scores is None:
         return []
-    found = _gloss_gains(present, self_calibration.STRONG_EVIDENCE)
+    found = tried_gain(present.scores, "gloss") > self_calibration.STRONG_EVIDENCE
     if not found and not present.poor:
         return []
     most = 1.0 if found else model_trial.SETTINGS.better_at_least
     starts = ImageTerms(gloss=GLOSS_START), ImageTerms(gloss=GLOSS_START, strength=1.0)
     dielectric, other = (_with_term(present.problem, "gloss", one, most) for one in starts)
     return [replace(dielectric, least_images=photometry.OVERDETERMINED, decisive=True), other]
-
-
-def _gloss_gains(present: Solution, least: float) -> bool:
-    """Whether the score test finds gloss with a gain above `least`."""
-    scores = present.scores
-    return scores is not None and scores.gloss.gain > least and scores.gloss.step > SETTINGS.min_step.gloss
 
 
 def metal(present: Solution) -> list[Alternative]:
@@ -230,7 +230,8 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     worst = image_alternatives.worst_image(present.fit)
     if others & set(problem.corrected) or (worst is not None and worst.outlying):
         return []
-    glossy = problem.nominal.terms is None and _gloss_gains(present, model_trial.SETTINGS.min_gain)
+    scores = present.scores if problem.nominal.terms is None else None
+    glossy = scores is not None and tried_gain(scores, "gloss") > model_trial.SETTINGS.min_gain
     if present.out_of_place or glossy or not problem.thorough:
         return []
     leak = present.leak
