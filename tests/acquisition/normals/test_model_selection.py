@@ -22,7 +22,7 @@ from acquisition.normals import (
     term_alternatives,
 )
 from acquisition.normals.image_terms import ImageTerms
-from acquisition.normals.model_trial import Alternative, Solution
+from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.term_tests import TermScore
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
@@ -126,6 +126,21 @@ def recorded_trials() -> Generator[list[Trial]]:
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(Alternative, "accepted", recording)
         yield tried
+
+
+@contextmanager
+def recorded_solutions() -> Generator[list[Solution]]:
+    """Every solution while the context lasts, the plain model's first."""
+    solutions: list[Solution] = []
+    solve = model_selection.solve
+
+    def recording(problem: Problem) -> Solution:
+        solutions.append(solve(problem))
+        return solutions[-1]
+
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(model_selection, "solve", recording)
+        yield solutions
 
 
 @pytest.fixture

@@ -6,11 +6,17 @@ from dataclasses import replace
 import pytest
 
 from acquisition.normals import model_selection, model_trial, term_alternatives
-from acquisition.normals.model_trial import Alternative, Problem, Solution
+from acquisition.normals.model_trial import Alternative, Solution
 from acquisition.normals.term_tests import TermScore
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
-from tests.acquisition.normals.test_model_selection import images_of, object_of, reflected, solved
+from tests.acquisition.normals.test_model_selection import (
+    images_of,
+    object_of,
+    recorded_solutions,
+    reflected,
+    solved,
+)
 
 SIZE = 48
 NO_SCORE = TermScore(gain=0.0, step=0.0)
@@ -20,18 +26,11 @@ Plain = Callable[[Reflectance], Solution]
 @pytest.fixture
 def plain(monkeypatch: pytest.MonkeyPatch) -> Plain:
     """Solves the cushion of a reflectance by the plain model alone."""
-    original, made = model_selection.solve, object_of(scenes.bumps, SIZE)
+    made = object_of(scenes.bumps, SIZE)
+    monkeypatch.setattr(model_selection, "ALTERNATIVES", ())
 
     def solution(reflectance: Reflectance) -> Solution:
-        found: list[Solution] = []
-
-        def recorded(problem: Problem) -> Solution:
-            found.append(original(problem))
-            return found[-1]
-
-        with monkeypatch.context() as patch:
-            patch.setattr(model_selection, "solve", recorded)
-            patch.setattr(model_selection, "ALTERNATIVES", ())
+        with recorded_solutions() as found:
             solved(made, reflected(made, images_of(scenes.bumps, SIZE), reflectance))
         return found[0]
 

@@ -11,14 +11,15 @@ from acquisition.models.result import NormalMap
 from acquisition.normals import (
     Images,
     changed_images,
+    error_variance,
     model_selection,
     surface_diffusion,
     term_alternatives,
     translucency,
 )
-from acquisition.normals.model_trial import Problem, Solution
 from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.term_tests import TermScore
+from tests.acquisition.normals.test_model_selection import recorded_solutions
 from tests.acquisition.scenes import with_values
 from tests.unseen import patterns, scenes
 from tests.unseen.captures import Capture, capture
@@ -42,6 +43,19 @@ def solved_without(scene: Scene, made: Capture, monkeypatch: pytest.MonkeyPatch)
         known = tuple(one for one in model_selection.ALTERNATIVES if one is not left_out)
         patch.setattr(model_selection, "ALTERNATIVES", known)
         return solve(scene, made)
+
+
+def recorded_detail_weights(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The weight of detail in σ of each solve from now on."""
+    used: list[float] = []
+    weights = error_variance.weights
+
+    def recording(*, sharpened: bool = False) -> Float32Array:
+        used.append(float(weights(sharpened=sharpened)[error_variance.DETAIL]))
+        return weights(sharpened=sharpened)
+
+    monkeypatch.setattr(error_variance, "weights", recording)
+    return used
 
 
 def mean_deg(scene: Scene, normal_map: NormalMap) -> float:
@@ -137,15 +151,10 @@ def test_sharpened_images_have_sharper_shadows_and_no_other_texture() -> None:
 
 def test_solve_translucent_cluster_is_sharpened(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, made = captured("cluster", 15, None, PIXELS)
-    solutions: list[Solution] = []
-    plain_solve = model_selection.solve
-
-    def recorded(problem: Problem) -> Solution:
-        solutions.append(plain_solve(problem))
-        return solutions[-1]
-
-    monkeypatch.setattr(model_selection, "solve", recorded)
-    normal_map = solve(scene, made)
+    detail = recorded_detail_weights(monkeypatch)
+    with recorded_solutions() as solutions:
+        normal_map = solve(scene, made)
+    assert detail == [1.0]
     assert [(one.kind, one.corrected) for one in normal_map.findings] == [(KIND, True)]
     assert normal_map.findings[0].value == pytest.approx(1e3 * scene.reflectance.scatter_m, rel=0.3)
     assert mean_deg(scene, normal_map) < 0.95 * mean_deg(scene, solved_without(scene, made, monkeypatch))
@@ -156,8 +165,10 @@ def test_solve_translucent_cluster_is_sharpened(monkeypatch: pytest.MonkeyPatch)
     assert proposed == [1, 0], "what a glossy surface mirrors into shadows is no leak"
 
 
-def test_solve_opaque_cluster_is_not_sharpened() -> None:
+def test_solve_opaque_cluster_is_not_sharpened(monkeypatch: pytest.MonkeyPatch) -> None:
+    detail = recorded_detail_weights(monkeypatch)
     normal_map = solve(*captured("cluster", 15, "lambert", PIXELS))
+    assert detail == pytest.approx([error_variance.SETTINGS.structure_share**2])
     assert KIND not in [one.kind for one in normal_map.findings]
 
 
