@@ -11,6 +11,7 @@ from collections.abc import Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any, cast, get_args
 
@@ -61,6 +62,11 @@ class Solved:
     why: str
     sigma_mean_deg: float | None
     """Of a session over the facing pixels, as in its summary; of others over all solved pixels; None without σ."""
+
+    @cached_property
+    def source(self) -> export.Source:
+        """What exports and the report are made of."""
+        return export.Source(self.normal_map, self.images)
 
 
 def solve_request(
@@ -254,12 +260,11 @@ def _refuse(request: SolveRequest) -> None:
 def _write(
     request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], out: Path
 ) -> None:
-    source = export.Source(solved.normal_map, solved.images)
     with export.atomic_folder(out) as partial, ThreadPoolExecutor(WRITERS) as pool:
         work = [
             pool.submit(export.write_maps, solved.normal_map, partial),
             pool.submit(report.write, solved.normal_map, _facts(request, solved, graded, seconds), partial),
-            *(pool.submit(export.make, name, source, partial) for name in request.exports),
+            *(pool.submit(export.make, name, solved.source, partial) for name in request.exports),
         ]
         for future in work:
             future.result()
@@ -275,7 +280,7 @@ def _facts(
     return report.ReportContext(
         title=request.folder.resolve().name,
         names=images.names,
-        directions=export.Source(solved.normal_map, images).directions,
+        directions=solved.source.directions,
         solver=solved.solver,
         why=solved.why,
         seconds=dict(seconds),

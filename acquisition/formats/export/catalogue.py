@@ -5,6 +5,7 @@ They can all be made again from these two, so a service makes them when they are
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ class Source:
         """The surface (3, H, W), view frame, in the depth's unit: that of an orthographic view is the pixel."""
         return self._points(slice(0, len(self.normal_map.depth)))
 
-    @property
+    @cached_property
     def centre(self) -> FloatArray:
         """The middle (3,) of the solved surface, view frame, in the unit of `points`."""
         mask, total = self.normal_map.mask, np.zeros(3)
