@@ -45,10 +45,12 @@ GRID = 4
 
 @dataclass(frozen=True)
 class Fit:
-    """Misfit of all measurements, of each image (F,) and of each region (GRID, GRID), NaN where they are too few;
-    and the median residual as a share of the value, which knows of no noise model."""
+    """Misfit of all measurements, of each image (F,) and of each region (GRID, GRID), NaN where they are too few; the
+    mean of Cauchy's loss, which is what the pixels' solves minimise; and the median residual as a share of the value,
+    which knows of no noise model."""
 
     misfit: float
+    loss: float
     share: float
     images: FloatArray
     regions: FloatArray
@@ -101,10 +103,16 @@ def evaluate(estimate: Estimate, values: Float32Array, stated: Noise, extra: Flo
             regions[row, column] = _misfit(squares[:, inside], used[:, inside])
     images = np.array([_misfit(one, valid) for one, valid in zip(squares, used, strict=True)])
     share = float(np.sqrt(np.median(relative[used]))) if np.any(used) else float("nan")
-    return Fit(_misfit(squares, used), share, images, regions)
+    return Fit(_misfit(squares, used), _loss(squares, used), share, images, regions)
 
 
 def _misfit(squares: FloatArray, used: BoolArray) -> float:
     if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
         return float("nan")
     return float(np.sqrt(np.median(squares[used]) / GAUSSIAN_MEDIAN_SQUARE))
+
+
+def _loss(squares: FloatArray, used: BoolArray) -> float:
+    if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
+        return float("nan")
+    return float(photometry.CAUCHY_SCALE**2 * np.mean(np.log1p(squares[used] / photometry.CAUCHY_SCALE**2)))

@@ -40,14 +40,19 @@ def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
     """Solves the coarse level by the plain model, and by others as tests demand them; what was found about the images,
     corrected findings first."""
     present = solve(problem)
-    accepted: list[Alternative] = []
+    accepted: list[tuple[Alternative, bool]] = []
     no_better: set[str] = set()
     while (trial := _best_trial(present, no_better)) is not None:
-        alternative, present = trial
-        accepted.append(alternative)
+        alternative, solution = trial
+        accepted.append((alternative, alternative.convincing(present, solution)))
+        present = solution
     terms = present.state.shared.terms
-    corrected = [one.finding(terms) for one in accepted if not (one.silent or term_alternatives.vanished(one, terms))]
-    return present, corrected + remaining(present)
+    findings = [
+        one.finding(terms, convincing=convincing)
+        for one, convincing in accepted
+        if not (one.silent or term_alternatives.vanished(one, terms))
+    ]
+    return present, findings + remaining(present)
 
 
 def solve(problem: Problem) -> Solution:

@@ -117,13 +117,11 @@ def scored_terms(present: Solution) -> list[Alternative]:
     demanded: list[Alternative] = []
     for name in ("roughness", "ambient", "offset") if known is None else ("roughness",):
         score: TermScore = getattr(scores, name)
-        least, most = model_trial.SETTINGS.min_gain, 1.0
-        if name == "roughness" and present.seems_coded:
-            least = 0.0
-        elif name == "roughness":
-            least, most = self_calibration.STRONG_EVIDENCE, model_trial.SETTINGS.hardly_worse
+        least = model_trial.SETTINGS.min_gain
+        if name == "roughness":
+            least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
         if tried_gain(scores, name) > least and not _outdone(name, present):
-            demanded.append(_with_term(problem, name, known or LAMBERTIAN, most, score.step))
+            demanded.append(_with_term(problem, name, known or LAMBERTIAN, 1.0, score.step))
         elif name == "roughness" and known is None and _fits_as_rough(present):
             demanded.append(_with_term(problem, name, LAMBERTIAN, 1.0, model_trial.ROUGH.roughness))
     if known is None and _excess_subtracted(scores):

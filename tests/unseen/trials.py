@@ -23,8 +23,8 @@ Line = dict[str, object]
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial: what one step promised and the descent estimated of its term, misfit and share of residuals after over
-    before, and whether it was accepted."""
+    """One trial: what one step promised and the descent estimated of its term, misfit, share of residuals and loss
+    after over before, and whether it was accepted."""
 
     kind: str
     step: float
@@ -32,6 +32,7 @@ class Trial:
     misfit: float
     share: float
     accepted: bool
+    loss: float = math.nan
 
 
 @dataclass
@@ -69,6 +70,7 @@ def recorded() -> Generator[Record]:
                 float(trial.fit.misfit / before.fit.misfit),
                 float(trial.fit.share / before.fit.share),
                 bool(verdict),
+                float(trial.fit.loss / before.fit.loss),
             )
         )
         return verdict

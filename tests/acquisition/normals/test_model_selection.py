@@ -411,11 +411,11 @@ def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(
         if before is first and not alternative.demanded:
             fits_worse.setdefault(alternative.kind, []).append(trial.fit.misfit >= before.fit.misfit)
     no_better = {kind for kind, worse in fits_worse.items() if any(worse)}
-    again = {alternative.kind for alternative, before, _ in tried if before is second}
+    again = [alternative for alternative, before, _ in tried if before is second]
     assert no_better >= {"metal", "coded values"}
-    assert not no_better & again
+    assert not no_better & {one.kind for one in again if not one.demanded}
     demanded = {one.kind for one, before, _ in tried if before is first and one.demanded}
-    assert demanded & again  # what a test demands is, however it fitted
+    assert demanded & {one.kind for one in again}  # what a test demands is, however it fitted
 
 
 @full_size
@@ -512,12 +512,10 @@ def metal_dish() -> Tried:
 
 
 @pytest.mark.long
-def test_solve_hollow_metal_is_solved_as_metal_and_not_by_lamps_from_the_other_side(
-    dish: scenes.Scene, metal_dish: Tried
-) -> None:
+def test_solve_hollow_metal_is_solved_as_metal_and_not_by_lamps_from_the_other_side(metal_dish: Tried) -> None:
     result, _ = metal_dish
     assert kinds(result) == [("metal", True)]
-    assert mean_deg(dish, result) < 2
+    assert mean_deg(object_of(hollow, SMOOTH_SIZE), result) < 2
 
 
 @pytest.mark.long
@@ -614,13 +612,15 @@ def test_solve_poor_fit_is_tried_as_metal_and_as_gloss_whatever_the_score(
     metal_dish: Tried,
 ) -> None:
     """Metal has to fit better as a share of the values, too: of a glossy machined part its misfit fell to .50 by the
-    variance of what it mirrors, while relative residuals were 1.8 times as large."""
+    variance of what it mirrors, while relative residuals were 1.8 times as large. Its fit need not be sound: the loss
+    of a machined part fell to .25, its relative residuals to .63, and it was solved as matt, 24° off."""
     metal, before, trial = next(one for one in metal_dish[1] if one[0].kind == "metal")
 
-    def verdict(share: float) -> bool:
-        return metal.accepted(before, replace(trial, fit=replace(trial.fit, share=share * before.fit.share)))
+    def verdict(share: float, loss: float) -> bool:
+        fit = replace(trial.fit, share=share * before.fit.share, loss=loss * before.fit.loss, misfit=9.0)
+        return metal.accepted(before, replace(trial, fit=fit))
 
-    assert [verdict(share) for share in (0.38, 1.8)] == [True, False]
+    assert [verdict(0.63, 0.25), verdict(0.63, 0.8), verdict(1.8, 0.25)] == [True, False, False]
     assert before.scores is not None
     unscored = replace(before, scores=replace(before.scores, gloss=TermScore(gain=0.0, step=0.0)))
     quick = replace(unscored, problem=replace(before.problem, thorough=False))

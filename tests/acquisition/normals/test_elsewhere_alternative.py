@@ -1,0 +1,54 @@
+"""Ambient and stray light on trial: no more of it is accepted than what shadows hold."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.normals import model_selection, term_alternatives
+from acquisition.normals.model_trial import Solution
+from tests.acquisition import scenes
+from tests.acquisition.normals.test_model_selection import images_of, object_of, recorded_solutions, solved
+
+SIZE = 48
+STRAY = 0.05
+TRIED = term_alternatives.TERMS["offset"][0]
+
+
+@pytest.fixture(scope="module")
+def solutions() -> tuple[Solution, Solution]:
+    """A cushion's images with stray light by the plain model, and with the stray light that its score demands."""
+    made, images = object_of(scenes.bumps, SIZE), images_of(scenes.bumps, SIZE)
+    with pytest.MonkeyPatch.context() as monkeypatch, recorded_solutions() as found:
+        monkeypatch.setattr(model_selection, "ALTERNATIVES", ())
+        solved(made, scenes.with_values(images, images.whole.values + np.float32(STRAY)))
+    (before,) = found
+    return before, model_selection.solve(demanded(before).problem)
+
+
+def demanded(before: Solution) -> term_alternatives.Alternative:
+    (alternative,) = (one for one in term_alternatives.scored_terms(before) if one.kind == TRIED)
+    return alternative
+
+
+def darker(solution: Solution, by: float) -> Solution:
+    """The solution as if its measurements had been darker than what it was solved from."""
+    of_sample = solution.sample.solution
+    measured = of_sample.measured - np.float32(by)
+    return replace(solution, sample=replace(solution.sample, solution=replace(of_sample, measured=measured)))
+
+
+def test_stray_light_that_shadows_hold_is_accepted(solutions: tuple[Solution, Solution]) -> None:
+    before, trial = solutions
+    assert trial.state.shared.terms.offset == pytest.approx(STRAY, rel=0.1)
+    assert not trial.more_subtracted_than_measured
+    assert demanded(before).accepted(before, trial)
+
+
+def test_stray_light_that_leaves_shadows_below_zero_is_not_accepted(solutions: tuple[Solution, Solution]) -> None:
+    """Reliefs of the size of a pixel fitted better with a third of white as ambient light, at three times the error."""
+    before, trial = solutions
+    over = darker(trial, STRAY)
+    assert over.more_subtracted_than_measured
+    assert not demanded(before).accepted(before, over)
+    assert replace(demanded(before), term="gloss").accepted(before, over)
