@@ -294,15 +294,17 @@ class Alternative:
         return self.sound_enough or images >= self.least_images
 
     def accepted(self, before: Solution, trial: Solution) -> bool:
-        """Whether a trial replaces the solution before it: the object is in its place, the fit good enough, and light
-        from elsewhere no more than what is measured.
+        """Whether a trial replaces the solution before it: the object is in its place, or nearer to it than before, the
+        fit good enough, and light from elsewhere no more than what is measured.
 
-        A surface at the end of the depths that are allowed has not been found: nearer to the lamps the descent leaves
-        most measurements in shadow, and what is left over fits anything. Where nothing could be judged before, the
-        trial's fit has to be sound.
+        A surface that moves to the end of the depths that are allowed has not been found: nearer to the lamps the
+        descent leaves most measurements in shadow, and what is left over fits anything. Where nothing could be judged
+        before, the trial's fit has to be sound.
         """
         before_fit, after, terms = before.fit, trial.fit, trial.state.shared.terms
-        if trial.out_of_place or (self.coding != 1 and not trial.seems_linear) or (self.never_poor and trial.poor):
+        if trial.out_of_place and abs(trial.moved_m) >= abs(before.moved_m):
+            return False
+        if (self.coding != 1 and not trial.seems_linear) or (self.never_poor and trial.poor):
             return False
         if self.term in ("ambient", "offset") and trial.more_subtracted_than_measured:
             return False
@@ -334,9 +336,11 @@ class Alternative:
         return after.share <= most * self.coding * before_fit.share
 
     def convincing(self, before: Solution, trial: Solution) -> bool:
-        """Whether an accepted trial puts the images right. Metal that leaves more of the relative residuals is there,
-        but its shape is not found: 0.63–0.80 of six captures, of which two err by 15 and 19° (decision 80)."""
-        return self.term != "metal" or trial.fit.share <= SETTINGS.better_at_least * before.fit.share
+        """Whether an accepted trial puts the images right. Metal whose residuals stay higher, as a share of the values
+        or in units of the noise, of which loss is the square, is there, but its shape is not found (decision 80)."""
+        most = SETTINGS.better_at_least
+        as_share, in_noise = trial.fit.share / before.fit.share, trial.fit.loss / before.fit.loss
+        return self.term != "metal" or (as_share <= most and in_noise <= most**2)
 
     def finding(self, terms: ImageTerms, *, convincing: bool = True) -> ModelFinding:
         """The finding of an accepted trial, with the amount that was estimated in the end."""

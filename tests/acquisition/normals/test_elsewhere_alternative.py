@@ -1,4 +1,4 @@
-"""Ambient and stray light on trial: no more of it is accepted than what shadows hold."""
+"""Ambient and stray light on trial: no more of it is accepted than what shadows hold, nor an object that drifts."""
 
 from dataclasses import replace
 
@@ -52,3 +52,19 @@ def test_stray_light_that_leaves_shadows_below_zero_is_not_accepted(solutions: t
     assert over.more_subtracted_than_measured
     assert not demanded(before).accepted(before, over)
     assert replace(demanded(before), term="gloss").accepted(before, over)
+
+
+def test_trial_of_an_object_far_from_its_place_is_accepted_only_if_it_was_farther_before(
+    solutions: tuple[Solution, Solution],
+) -> None:
+    """A relief of metal was solved as matt, 18° off and 90 mm from its place, because as metal it was 77 mm from it."""
+    before, trial = solutions
+
+    def moved(solution: Solution, by_m: float) -> Solution:
+        start = np.full_like(solution.state.depth_m, solution.state.depth_m.mean() - by_m)
+        return replace(solution, problem=replace(solution.problem, start_m=start))
+
+    pairs = [(0.0, 0.077), (0.09, 0.077), (-0.077, 0.09), (0.09, 0.0)]
+    verdicts = [demanded(before).accepted(moved(before, one), moved(trial, other)) for one, other in pairs]
+    assert [moved(trial, other).out_of_place for _, other in pairs] == [True, True, True, False]
+    assert verdicts == [False, True, False, True]

@@ -616,11 +616,16 @@ def test_solve_poor_fit_is_tried_as_metal_and_as_gloss_whatever_the_score(
     of a machined part fell to .25, its relative residuals to .63, and it was solved as matt, 24° off."""
     metal, before, trial = next(one for one in metal_dish[1] if one[0].kind == "metal")
 
-    def verdict(share: float, loss: float) -> bool:
+    def left(share: float, loss: float) -> Solution:
         fit = replace(trial.fit, share=share * before.fit.share, loss=loss * before.fit.loss, misfit=9.0)
-        return metal.accepted(before, replace(trial, fit=fit))
+        return replace(trial, fit=fit)
 
-    assert [verdict(0.63, 0.25), verdict(0.63, 0.8), verdict(1.8, 0.25)] == [True, False, False]
+    verdicts = [metal.accepted(before, left(*one)) for one in ((0.63, 0.25), (0.63, 0.8), (1.8, 0.25))]
+    assert verdicts == [True, False, False]
+    convincing = [metal.convincing(before, left(*one)) for one in ((0.3, 0.2), (0.63, 0.2), (0.3, 0.4))]
+    assert convincing == [True, False, False]
+    stated = [metal.finding(trial.state.shared.terms, convincing=one) for one in (True, False)]
+    assert [(one.corrected, "do not trust" in one.message) for one in stated] == [(True, False), (False, True)]
     assert before.scores is not None
     unscored = replace(before, scores=replace(before.scores, gloss=TermScore(gain=0.0, step=0.0)))
     quick = replace(unscored, problem=replace(before.problem, thorough=False))
