@@ -52,7 +52,7 @@ def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
         for one, convincing in accepted
         if not (one.silent or term_alternatives.vanished(one, terms))
     ]
-    return present, findings + remaining(present)
+    return present, sorted(findings + remaining(present), key=lambda one: not one.corrected)
 
 
 def solve(problem: Problem) -> Solution:

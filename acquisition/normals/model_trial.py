@@ -338,10 +338,12 @@ class Alternative:
 
     def convincing(self, before: Solution, trial: Solution) -> bool:
         """Whether an accepted trial puts the images right. Metal whose residuals stay higher, as a share of the values
-        or in units of the noise, of which loss is the square, is there, but its shape is not found (decision 80)."""
-        most = SETTINGS.better_at_least
-        as_share, in_noise = trial.fit.share / before.fit.share, trial.fit.loss / before.fit.loss
-        return self.term != "metal" or (as_share <= most and in_noise <= most**2)
+        or in units of the noise, of which loss is the square, is there, but its shape is not found (decision 80); where
+        nothing could be judged before, its fit is sound."""
+        if self.term != "metal" or before.unjudged:
+            return True
+        most, before_fit, after = SETTINGS.better_at_least, before.fit, trial.fit
+        return after.share <= most * before_fit.share and after.loss <= most**2 * before_fit.loss
 
     def finding(self, terms: ImageTerms, *, convincing: bool = True) -> ModelFinding:
         """The finding of an accepted trial, with the amount that was estimated in the end."""

@@ -105,8 +105,8 @@ def score_table(lines: Sequence[Line], group: Callable[[Line], str], table: Call
 
 
 def trial_table(lines: Sequence[Line], group: Callable[[Line], str], table: Callable[[list[list[str]]], str]) -> str:
-    """Trials by group and kind: misfit after over before, and estimate over what a step promised, least to greatest, of
-    the accepted and of the refused ones."""
+    """Trials by group and kind: misfit, share of residuals and loss after over before, and estimate over what a step
+    promised, least to greatest, of the accepted and of the refused ones."""
     trials: dict[tuple[str, str, bool], list[Trial]] = defaultdict(list)
     for line in lines:
         for one in cast("list[dict[str, Any]]", line.get("trials") or []):
@@ -115,12 +115,17 @@ def trial_table(lines: Sequence[Line], group: Callable[[Line], str], table: Call
     rows: list[list[str]] = []
     for (name, kind, accepted), all_ in sorted(trials.items()):
         promised = [trial.estimate / trial.step for trial in all_ if trial.step > 0]
-        misfits = [trial.misfit for trial in all_]
-        shown = f"{min(promised):.2f}–{max(promised):.2f}" if promised else ""
+        ratios = [[trial.misfit for trial in all_], [trial.share for trial in all_], [trial.loss for trial in all_]]
         verdict = "accepted" if accepted else "refused"
-        rows.append([name, kind, verdict, str(len(all_)), f"{min(misfits):.2f}–{max(misfits):.2f}", shown])
-    head = ["trials", "kind", "", "trials", "misfit ×", "estimate / promised"]
+        rows.append([name, kind, verdict, str(len(all_)), *map(_extremes, [*ratios, promised])])
+    head = ["trials", "kind", "", "trials", "misfit ×", "share ×", "loss ×", "estimate / promised"]
     return table([head, *rows]) if rows else ""
+
+
+def _extremes(values: Sequence[float]) -> str:
+    """Least to greatest of those that are known: some are not, of fits that cannot be judged and of older lines."""
+    known = [value for value in values if math.isfinite(value)]
+    return f"{min(known):.2f}–{max(known):.2f}" if known else ""
 
 
 def _demanded(gains: Sequence[float]) -> int:
