@@ -247,8 +247,8 @@ def _solve(
     image_sigma, patch_sigma, lamp_sigma_m = IMAGE_SIGMA_START, PATCH_SIGMA_START, LAMP_SIGMA_START_M
     brightness = slice(moving.stop, moving.stop + len(images))
     lamp_of_image = slice(brightness.stop, brightness.stop + 3 * len(images))
-    theta = np.zeros(lamp_of_image.stop)
-    covariance = np.zeros((len(theta), len(theta)))
+    theta: FloatArray = np.zeros(lamp_of_image.stop)
+    covariance: FloatArray = np.zeros((len(theta), len(theta)))
     for _ in range(ROUNDS):
         # Linearised where the geometry is by now: the slope of a plane that sags by 0.2 mm counts to second order.
         tilt, off = theta[tilt_at], theta[moving]
@@ -260,7 +260,7 @@ def _solve(
         whole = np.hstack([design, sources, images_of, own_lamp])
         whole[:, tilt_at] = seen.side / side[:, None]
         target = values - seen.log_shading - np.log(side) + whole[:, tilt_at] @ tilt + sources @ off
-        weight = 1 / (patch_sigma**2 + noise**2)
+        weight: FloatArray = 1 / (patch_sigma**2 + noise**2)
         full_prior = block_diag(prior, np.eye(len(images)) / image_sigma**2, np.eye(3 * len(images)) / lamp_sigma_m**2)
         covariance = np.asarray(np.linalg.inv(whole.T @ (weight[:, None] * whole) + full_prior), np.float64)
         theta = covariance @ (whole.T @ (weight * target))

@@ -1,11 +1,13 @@
 """Ambient light, and gloss that resembles it, on path-traced objects whose images turned lamps seem to explain."""
 
 import numpy as np
+import pytest
 
 from tests.unseen import patterns, run, scenes, with_fault
 from tests.unseen.captures import capture
 
 
+@pytest.mark.long
 def test_solve_ambient_light_is_not_taken_for_turned_lamps() -> None:
     pair = with_fault.solved("turned", 63, "lambert", "ambient:0.1")
     assert with_fault.kinds(pair.faulty) == [("ambient light", True)]

@@ -418,6 +418,7 @@ def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(
     assert demanded & again  # what a test demands is, however it fitted
 
 
+@pytest.mark.long
 @full_size
 def test_solve_stray_light_and_a_dark_image_are_put_right(
     cushion: scenes.Scene, images: Images, sound: NormalMap
