@@ -10,6 +10,7 @@ fits the images better replaces the model. What stays wrong is said in a finding
 from collections.abc import Callable
 from dataclasses import replace
 
+from acquisition import photometry
 from acquisition.models.result import ModelFinding
 from acquisition.normals import (
     alternation,
@@ -44,6 +45,7 @@ def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
     no_better: set[str] = set()
     while (trial := _best_trial(present, no_better)) is not None:
         alternative, solution = trial
+        accepted = [one for one in accepted if one[0].kind != alternative.kind]  # estimated anew
         accepted.append((alternative, alternative.convincing(present, solution)))
         present = solution
     terms = present.state.shared.terms
@@ -132,20 +134,55 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
             and (alternative.demanded or alternative.kind not in no_better)
             and alternative.told_by(len(present.scene.lamps))
         ]
+        accepted: list[tuple[Alternative, Solution]] = []
         best: tuple[Alternative, Solution] | None = None
         for alternative in alternatives:
-            if best and best[0].decisive and not alternative.decisive and model_trial.decides(present, best[1]):
+            if best and best[0].decisive and not alternative.decisive and _decides(present, best[1]):
                 break
-            corrected = (*alternative.problem.corrected, alternative.kind)
-            trial = solve(replace(alternative.problem, corrected=corrected))
+            trial = _trial(alternative)
             if alternative.accepted(present, trial):
-                best = min(best or (alternative, trial), (alternative, trial), key=_residuals)
+                accepted.append((alternative, trial))
+                best = min(accepted, key=_residuals)
             elif not alternative.demanded and trial.fit.misfit >= present.fit.misfit:
                 no_better.add(alternative.kind)
         if best:
-            return best
+            return _under_other_axes(accepted, best) or best
         tried |= {alternative.kind for alternative in alternatives}
     return None
+
+
+def _trial(alternative: Alternative) -> Solution:
+    problem = alternative.problem
+    return solve(replace(problem, corrected=(*problem.corrected, alternative.kind)))
+
+
+def _under_other_axes(
+    accepted: list[tuple[Alternative, Solution]], best: tuple[Alternative, Solution]
+) -> tuple[Alternative, Solution] | None:
+    """The accepted trial of other axes, where what fits best without them fits better with them. Not of metal: its
+    highlights alone fit a surface under other axes as well.
+
+    Under mirrored lamps gloss of any strength fitted a glossy profile better than the right axes without gloss, 53°
+    off, and once it was accepted, the right axes no better than the mirrored ones.
+    """
+    for axes, solution in accepted:
+        if axes.kind != lamp_alternatives.AXES or best[0].kind in (axes.kind, photometry.METAL):
+            continue
+        for both in term_alternatives.other_formation(solution):
+            if both.kind == best[0].kind and both.term == best[0].term:
+                trial = _trial(both)
+                if both.accepted(solution, trial) and _residuals((both, trial)) < _residuals(best):
+                    return axes, solution
+    return None
+
+
+def _decides(before: Solution, trial: Solution) -> bool:
+    """Whether an accepted trial is so much better, with about half the misfit and half the relative residuals, that it
+    need not be compared with others."""
+    most = model_trial.SETTINGS.better_at_least
+    return (
+        not trial.poor and trial.fit.misfit <= most * before.fit.misfit and trial.fit.share <= most * before.fit.share
+    )
 
 
 def _residuals(accepted: tuple[Alternative, Solution]) -> float:

@@ -89,7 +89,7 @@ def other_formation(present: Solution) -> list[Alternative]:
     light from other starts."""
     problem = present.problem
     if problem.nominal.terms is not None:
-        return [*scored_terms(present), *coded(present)]
+        return [*gloss(present), *scored_terms(present), *coded(present)]
     alternatives = [*gloss(present), *scored_terms(present), *metal(present), *coded(present)]
     if present.poor:
         for name, start in SECOND_STARTS:
@@ -99,7 +99,7 @@ def other_formation(present: Solution) -> list[Alternative]:
 
 
 def scored_terms(present: Solution) -> list[Alternative]:
-    """Roughness, ambient and stray light that the score tests demand; none beside gloss and metal.
+    """Roughness, ambient and stray light that the score tests demand; none beside metal, and no roughness beside gloss.
 
     Roughness from strong evidence on, which 94 % of 225 rough captures give and 2 % of 138 Lambertian and translucent
     ones (design seeds 11–129), or where values seem coded, which it resembles, or where the sample fits better
@@ -112,10 +112,14 @@ def scored_terms(present: Solution) -> list[Alternative]:
     known = problem.nominal.terms
     if scores is None:
         return []
-    if known is not None and (known.specular or problem.term_sigma.roughness > 0 or present.seems_coded):
+    if known is not None and (known.metal > 0 or problem.term_sigma.roughness > 0 or present.seems_coded):
         return []
+    elsewhere = problem.term_sigma.ambient > 0 or problem.term_sigma.offset > 0
+    names = [] if elsewhere else ["ambient", "offset"]
+    if known is None or not known.specular:
+        names.insert(0, "roughness")
     demanded: list[Alternative] = []
-    for name in ("roughness", "ambient", "offset") if known is None else ("roughness",):
+    for name in names:
         score: TermScore = getattr(scores, name)
         least = model_trial.SETTINGS.min_gain
         if name == "roughness":
@@ -160,17 +164,35 @@ def vanished(accepted: Alternative, terms: ImageTerms) -> bool:
 
 
 def coded(present: Solution) -> list[Alternative]:
-    """Codings undone: the usual one in a poor fit, all where the score test finds an exponent well below 1."""
-    exponents = CODED_EXPONENTS if present.seems_coded else CODED_EXPONENTS[-1:] if present.poor else ()
-    images, settings = present.problem.masked.images, model_trial.SETTINGS
-    most = settings.better if present.seems_coded else settings.better_at_least
+    """Codings undone: the usual one in a poor fit or where the score test finds an exponent below 1, all where it finds
+    one well below."""
+    usual = CODED_EXPONENTS[-1:] if present.poor or present.may_be_coded else ()
+    exponents = CODED_EXPONENTS if present.seems_coded else usual
+    settings = model_trial.SETTINGS
+    most = settings.better if present.may_be_coded else settings.better_at_least
+    problem = _without_light_from_elsewhere(present.problem)
     return [
         Alternative(
             CODED, f"the images are not linear: values are taken to the power of {exponent}",
-            present.problem.reread(changed_images.linearised(images, exponent)), most, exponent, coding=exponent,
+            problem.reread(changed_images.linearised(problem.masked.images, exponent)), most, exponent, coding=exponent,
         )
         for exponent in exponents
     ]  # fmt: skip
+
+
+def _without_light_from_elsewhere(problem: Problem) -> Problem:
+    """The problem before ambient and stray light were estimated, as which a coding, that lifts shadows, is taken."""
+    terms, sigma = problem.nominal.terms, problem.term_sigma
+    if sigma.ambient == 0 and sigma.offset == 0:
+        return problem
+    left = None if terms is None else replace(terms, ambient=0.0, offset=0.0)
+    kinds = {TERMS[name][0] for name in ("ambient", "offset")}
+    return replace(
+        problem,
+        nominal=replace(problem.nominal, terms=None if left == LAMBERTIAN else left),
+        term_sigma=replace(sigma, ambient=0.0, offset=0.0),
+        corrected=tuple(kind for kind in problem.corrected if kind not in kinds),
+    )
 
 
 def _excess_subtracted(scores: TermScores) -> bool:
@@ -182,19 +204,21 @@ def _excess_subtracted(scores: TermScores) -> bool:
 
 
 def gloss(present: Solution) -> list[Alternative]:
-    """Gloss of a dielectric, and of any strength, where the score test finds it; in a poor fit anyway, since the wrong
-    normals that sharp highlights make leave no score.
+    """Gloss of a dielectric, and of any strength, where the score test finds it, also beside light from elsewhere; in a
+    poor fit anyway, since the wrong normals that sharp highlights make leave no score.
 
     A dielectric that halves the misfit decides: of 115 matt captures with a fault (gamma, ambient and stray light,
     mirrored lamps, a flash, moved; design seeds 70, 71 and 73, eight lights) it leaves 0.60 at least.
     """
-    if present.problem.nominal.terms is not None or present.scores is None:
+    known = present.problem.nominal.terms
+    if present.scores is None or (known is not None and (known.specular or present.problem.term_sigma.roughness > 0)):
         return []
     found = tried_gain(present.scores, "gloss") > self_calibration.STRONG_EVIDENCE
-    if not found and not present.poor:
+    if not found and not (present.poor and known is None):
         return []
     most = 1.0 if found else model_trial.SETTINGS.better_at_least
-    starts = ImageTerms(gloss=GLOSS_START), ImageTerms(gloss=GLOSS_START, strength=1.0)
+    known = known or LAMBERTIAN
+    starts = replace(known, gloss=GLOSS_START), replace(known, gloss=GLOSS_START, strength=1.0)
     dielectric, other = (_with_term(present.problem, "gloss", one, most) for one in starts)
     return [replace(dielectric, least_images=photometry.OVERDETERMINED, decisive=True), other]
 
