@@ -275,7 +275,7 @@ class Solution:
 class Alternative:
     """Another model: kind, sentence and amount for its finding, the problem to solve, and when its fit is accepted.
 
-    `worse_at_most`: its misfit, of metal its loss, over that before. `coding`: exponent by which it changes the values.
+    `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values.
     `term`: the one of `ImageTerms` that it estimates. `step`: what one step promised of it from zero, of which half is
     found, or the fit is `better`. `silent`: it corrects the solver, not the capture. `sound_enough`: its fit need not
     be better than a sound one, because a test demands it that does not look at residuals. `least_images`: fewer leave
@@ -328,9 +328,7 @@ class Alternative:
         if self.term == "roughness":
             return terms.roughness / self.step > 0.5 and after.loss < before_fit.loss
         if self.term == "metal":
-            return after.loss <= self.worse_at_most * before_fit.loss and (
-                after.share <= SETTINGS.better * before_fit.share
-            )
+            return after.loss < before_fit.loss and after.share <= SETTINGS.better * before_fit.share
         if self.coding != 1:
             return self._linearises(before, trial)
         if not after.misfit <= self.worse_at_most * before_fit.misfit:

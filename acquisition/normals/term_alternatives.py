@@ -233,7 +233,7 @@ def metal(present: Solution) -> list[Alternative]:
 
 def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
     """One of `TERMS` estimated from a start, with what else the start has and is estimated already, accepted up to
-    `most` of the misfit, of metal of the loss; roughness by its loss alone."""
+    `most` of the misfit; roughness and metal by their loss."""
     estimated = {name} | {field.name for field in fields(start) if getattr(start, field.name) > 0}
     sigma = replace(problem.term_sigma, **{one: getattr(SETTINGS.term_sigma, one) for one in estimated})
     changed = replace(problem, nominal=replace(problem.nominal, terms=start), term_sigma=sigma)

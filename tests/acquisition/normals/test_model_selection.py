@@ -544,15 +544,16 @@ def test_solve_poor_fit_is_tried_as_metal_and_as_gloss_whatever_the_score(
     metal_dish: Tried,
 ) -> None:
     """Metal has to fit better as a share of the values, too: of a glossy machined part its misfit fell to .50 by the
-    variance of what it mirrors, while relative residuals were 1.8 times as large. Its fit need not be sound: the loss
-    of a machined part fell to .25, its relative residuals to .63, and it was solved as matt, 24° off."""
+    variance of what it mirrors, while relative residuals were 1.8 times as large. Its fit need not be sound, nor far
+    better in the noise: machined parts whose loss fell to .25 and .81, their relative residuals to .63 and .62, were
+    solved as matt and as glossy, 24° and 13° off."""
     metal, before, trial = next(one for one in metal_dish[1] if one[0].kind == "metal")
 
     def left(share: float, loss: float) -> Solution:
         fit = replace(trial.fit, share=share * before.fit.share, loss=loss * before.fit.loss, misfit=9.0)
         return replace(trial, fit=fit)
 
-    verdicts = [metal.accepted(before, left(*one)) for one in ((0.63, 0.25), (0.63, 0.8), (1.8, 0.25))]
+    verdicts = [metal.accepted(before, left(*one)) for one in ((0.63, 0.8), (0.63, 1.1), (0.9, 0.25))]
     assert verdicts == [True, False, False]
     convincing = [metal.convincing(before, left(*one)) for one in ((0.3, 0.2), (0.63, 0.2), (0.3, 0.4))]
     assert convincing == [True, False, False]
