@@ -352,7 +352,7 @@ class Alternative:
         sound = after.probability > SETTINGS.min_probability
         if before.seems_coded:
             most = SETTINGS.better if sound or loss <= least**2 else least
-            return loss <= SETTINGS.better**2 and share <= most * self.coding  # loss is a square
+            return loss <= SETTINGS.better and share <= most * self.coding
         if before.scores is not None and before.scores.exponent.step < 0:
             return loss <= (least if before.may_be_coded else least**2) and share <= least * self.coding
         return sound and after.misfit <= least * before_fit.misfit and share <= 1

@@ -128,7 +128,7 @@ def test_solve_smooth_metal_is_not_taken_for_coded_values(height: scenes.Height,
 @pytest.mark.parametrize(
     ("exponent", "gain", "loss", "misfit", "most"),
     [
-        pytest.param(-0.5, 50.0, 0.7, 1.0, 1.9, id="clear score, sound"),
+        pytest.param(-0.5, 50.0, 0.85, 1.0, 1.9, id="clear score, sound"),
         pytest.param(-0.5, 50.0, 0.2, 1.6, 1.9, id="clear score, far less loss"),
         pytest.param(-0.5, 50.0, 0.7, 1.6, 1.2, id="clear score, poor"),
         pytest.param(-0.5, 50.0, 0.9, 1.0, 0.0, id="clear score, hardly less loss"),
