@@ -161,7 +161,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     indirect = _IndirectLight(np.zeros_like(coarse.values), np.zeros_like(coarse.values), 0.0, significant=False)
     normals, sky = np.zeros_like(ray_direction), np.ones_like(depth)
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
-    turn, calibrations, from_elsewhere = 0, 0, priors.terms.ambient > 0 or priors.terms.offset > 0
+    turn, calibrations, from_elsewhere = 0, 0, priors.terms.from_elsewhere
     while True:
         measured = divide_intensity(coarse.values, shared.log_intensity)
         values = measured - indirect.radiance

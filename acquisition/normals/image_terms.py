@@ -78,6 +78,11 @@ class ImageTerms:
         return self.gloss > 0 or self.metal > 0
 
     @property
+    def from_elsewhere(self) -> bool:
+        """Whether there is ambient or stray light; of a prior's σ, whether either is estimated."""
+        return self.ambient > 0 or self.offset > 0
+
+    @property
     def roughness_rad(self) -> float:
         """Standard deviation of the facets' slopes, rad, by interpolation in `ROUGH_WEIGHTS`."""
         return float(np.interp(self.roughness, ROUGH_WEIGHTS, FACET_SLOPES_RAD))

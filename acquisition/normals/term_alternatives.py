@@ -114,10 +114,9 @@ def scored_terms(present: Solution) -> list[Alternative]:
         return []
     if known is not None and (known.metal > 0 or problem.term_sigma.roughness > 0 or present.seems_coded):
         return []
-    elsewhere = problem.term_sigma.ambient > 0 or problem.term_sigma.offset > 0
-    names = [] if elsewhere else ["ambient", "offset"]
-    if known is None or not known.specular:
-        names.insert(0, "roughness")
+    names = ["roughness"] if known is None or not known.specular else []
+    if not problem.term_sigma.from_elsewhere:
+        names += ["ambient", "offset"]
     demanded: list[Alternative] = []
     for name in names:
         score: TermScore = getattr(scores, name)
@@ -183,7 +182,7 @@ def coded(present: Solution) -> list[Alternative]:
 def _without_light_from_elsewhere(problem: Problem) -> Problem:
     """The problem before ambient and stray light were estimated, as which a coding, that lifts shadows, is taken."""
     terms, sigma = problem.nominal.terms, problem.term_sigma
-    if sigma.ambient == 0 and sigma.offset == 0:
+    if not sigma.from_elsewhere:
         return problem
     left = None if terms is None else replace(terms, ambient=0.0, offset=0.0)
     kinds = {TERMS[name][0] for name in ("ambient", "offset")}
