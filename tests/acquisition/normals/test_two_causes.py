@@ -7,6 +7,7 @@ import pytest
 
 from acquisition import photometry
 from acquisition.normals import Images, lamp_alternatives, model_selection
+from acquisition.normals.model_trial import Problem, Solution
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
 from tests.acquisition.normals.test_model_selection import (
@@ -70,3 +71,23 @@ def test_best_trial_is_other_axes_where_gloss_fits_better_under_them(mirrored: l
     assert choice(0.9) is axes
     assert choice(0.01) is None
     assert choice(0.9, photometry.METAL) is None
+
+
+def test_selection_takes_other_axes_before_gloss_that_fits_better_without_them(
+    mirrored: list[Trial], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = mirrored[0][1]
+    righted = next(one[2] for one in mirrored if one[1] is before and one[0].kind == lamp_alternatives.AXES)
+    solve = model_selection.solve
+
+    def with_better_gloss(problem: Problem) -> Solution:
+        """Gloss under mirrored lamps leaves a little less than the right axes alone."""
+        trial = solve(problem)
+        if problem.corrected != ("gloss",):
+            return trial
+        return replace(trial, fit=replace(trial.fit, misfit=righted.fit.misfit, share=0.9 * righted.fit.share))
+
+    monkeypatch.setattr(model_selection, "solve", with_better_gloss)
+    chosen = model_selection._best_trial(before, set())  # pyright: ignore[reportPrivateUsage]
+    assert chosen is not None
+    assert chosen[0].kind == lamp_alternatives.AXES
