@@ -4,18 +4,18 @@ Every function looks at a solution and gives alternatives (`model_trial.Alternat
 Intensities come late among all alternatives, because they absorb other faults.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, FloatArray
-from acquisition.normals import changed_images, model_trial, self_calibration
-from acquisition.normals.goodness_of_fit import Fit
-from acquisition.normals.model_trial import Alternative, Solution
+from acquisition.normals import alternation, changed_images, light_tests, model_trial, self_calibration
+from acquisition.normals.light_tests import WorstImage
+from acquisition.normals.model_trial import Alternative, Problem, Solution
 
-MOVED = "moved object"
-"""Kind of the finding of images that are moved back."""
+MOVED, INTENSITIES = "moved object", "intensities"
+"""Kinds of the findings of images that are moved back, and that are scaled."""
 
 
 def moved_object(present: Solution) -> list[Alternative]:
@@ -46,43 +46,57 @@ def moved_object(present: Solution) -> list[Alternative]:
 
 
 def bad_image(present: Solution) -> list[Alternative]:
-    """One image left out that fits far worse than the others; in a poor fit, or once it has been scaled, the worst,
-    where the others fit better without it, and not poorly.
+    """One image left out, without which the others fit far better; in a poor fit also one without which they fit best,
+    or that fits worst, and of images that were scaled the one without which the others fit best.
 
-    Of 28 poor captures without a fault (design seeds 100–113, every reflectance) it leaves 0.81 of the misfit and more
-    but for three of metal, which fit still better as metal; of ten with a flash in one image 0.26–0.72.
+    Images that were scaled beside it are as they were: a bad one makes others seem too dark or too bright.
     """
-    problem, worst = present.problem, worst_image(present.fit)
-    if worst is None:
-        return []
-    scaled = np.broadcast_to(problem.factors, len(present.fit.images))[worst.number] != 1
-    if not (worst.outlying or present.poor or scaled):
-        return []
-    message = f"image {worst.number + 1} does not fit the others: it is left out"
-    rest = problem.reread(changed_images.without(problem.masked.images, worst.number))
-    most = 1.0 if worst.outlying else model_trial.SETTINGS.better
+    problem, worst = present.problem, _worst_images(present)
+    scaled = np.broadcast_to(problem.factors, len(present.scene.lamps)) != 1
+    tried = {one.number: one.outlying for one in worst if one.outlying or present.poor or scaled[one.number]}
+    if worst and present.poor and np.any(np.isfinite(present.fit.images)):
+        tried.setdefault(int(np.nanargmax(present.fit.images)), False)
+    unscaled = _unscaled(problem)
     return [
         Alternative(
-            "bad image", message, rest, most, worst.number + 1, decisive=worst.outlying, never_poor=not worst.outlying
+            "bad image", f"image {number + 1} does not fit the others: it is left out",
+            unscaled.reread(changed_images.without(unscaled.masked.images, number)), model_trial.SETTINGS.better,
+            number + 1, leaves_out=True, decisive=outlying,
         )
-    ]
+        for number, outlying in sorted(tried.items(), key=lambda one: not one[1])
+    ]  # fmt: skip
 
 
-@dataclass(frozen=True)
-class WorstImage:
-    """The image that fits worst, and whether that is far worse than the others do."""
-
-    number: int
-    outlying: bool
+def one_outlies(present: Solution) -> bool:
+    """Whether the images fit far better without one of them."""
+    return any(one.outlying for one in _worst_images(present))
 
 
-def worst_image(fit: Fit) -> WorstImage | None:
-    """The image that fits worst; none: there are too few others."""
-    if np.count_nonzero(np.isfinite(fit.images)) <= photometry.OVERDETERMINED:
-        return None
-    worst = int(np.nanargmax(fit.images))
-    usual = float(np.nanmedian(np.delete(fit.images, worst)))
-    return WorstImage(worst, bool(fit.images[worst] > photometry.SETTINGS.outlying_deviations * usual))
+def _worst_images(present: Solution) -> list[WorstImage]:
+    """The image without which the others fit best, by least squares at a solution's depth: with its intensities, which
+    a bad image changes, and with those stated, unless that image's own is far from it; none where too few are left."""
+    coarse, nominal, log_intensity = present.problem.level.coarse, present.problem.nominal, _log_intensity(present)
+    found: dict[int, WorstImage] = {}
+    for intensity, scaled in (
+        (log_intensity, np.zeros_like(log_intensity, np.bool_)),
+        (None, _far_intensities(present)),
+    ):
+        values = coarse.values if intensity is None else alternation.divide_intensity(coarse.values, intensity)
+        worst = light_tests.worst_image(
+            replace(coarse, values=values), present.state.depth_m, nominal.lamps, nominal.calibration
+        )
+        if worst is not None and not scaled[worst.number]:
+            found[worst.number] = min(worst, found.get(worst.number, worst), key=lambda one: one.residual_share)
+    return list(found.values())
+
+
+def _unscaled(problem: Problem) -> Problem:
+    """The problem before images were scaled."""
+    if np.all(problem.factors == 1):
+        return problem
+    factors = np.broadcast_to(problem.factors, len(problem.nominal.lamps))
+    before = problem.reread(changed_images.scaled(problem.masked.images, 1 / factors))
+    return replace(before, factors=1.0, corrected=tuple(kind for kind in problem.corrected if kind != INTENSITIES))
 
 
 def other_intensities(present: Solution) -> list[Alternative]:
@@ -96,7 +110,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
     # The descent before has put most of the factors right already: noise decides which of the two fits better.
-    return [Alternative("intensities", message, scaled, 1 / model_trial.SETTINGS.better, float(factors[far][0]))]
+    return [Alternative(INTENSITIES, message, scaled, 1 / model_trial.SETTINGS.better, float(factors[far][0]))]
 
 
 def _far_intensities(present: Solution) -> BoolArray:

@@ -139,8 +139,8 @@ def _axes_sentence(axes: FloatArray) -> str:
 
 def swapped_lamps(present: Solution) -> list[Alternative]:
     """Two lamps exchanged, where least squares fits much better then; four images are explained by any lamps."""
-    problem, nominal, worst = present.problem, present.problem.nominal, image_alternatives.worst_image(present.fit)
-    doubted = present.poor or (worst is not None and worst.outlying)
+    problem, nominal = present.problem, present.problem.nominal
+    doubted = present.poor or image_alternatives.one_outlies(present)
     if not doubted or len(nominal.lamps) < photometry.REDUNDANT:
         return []
     swap = min(

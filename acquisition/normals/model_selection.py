@@ -45,7 +45,7 @@ def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
     no_better: set[str] = set()
     while (trial := _best_trial(present, no_better)) is not None:
         alternative, solution = trial
-        accepted = [one for one in accepted if one[0].kind != alternative.kind]  # estimated anew
+        accepted = [one for one in accepted if one[0].kind in alternative.problem.corrected]  # others are undone
         accepted.append((alternative, alternative.convincing(present, solution)))
         present = solution
     terms = present.state.shared.terms

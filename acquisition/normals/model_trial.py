@@ -56,7 +56,7 @@ class TrialSettings:
     trials, anything else 1.08 and more in 56, but a glossy sheet 0.79 and 0.82 (decision 81)."""
     better_at_least: float = tuned(0.55, "misfit ratio")
     """Misfit of a second start over that before, up to which it is accepted, and residual of least squares after over
-    before two lamps are exchanged, below which that is tried. A fall by a hundredth once accepted ambient light on a
+    before two lamps are exchanged, or without one image, below which that is tried. A fall by a hundredth once accepted ambient light on a
     gear, whose error rose from 3.9° to 8.3°. Of 210 captures, sound and with faults (design seeds 62, 63 and
     101–112), second starts that leave 0.5–0.62 of misfit and relative residuals are two, both of metal, of which the
     one that no other beats is right."""
@@ -275,13 +275,12 @@ class Solution:
 class Alternative:
     """Another model: kind, sentence and amount for its finding, the problem to solve, and when its fit is accepted.
 
-    `worse_at_most`: its misfit over that before; metal and codings have rules of their own (`accepted`), and are only
-    `demanded` by it. `coding`: exponent by which it changes the values.
-    `term`: the one of `ImageTerms` that it estimates. `step`: what one step promised of it from zero, of which half is
-    found, or the fit is `better`. `silent`: it corrects the solver, not the capture. `sound_enough`: its fit need not
-    be better than a sound one, because a test demands it that does not look at residuals. `least_images`: fewer leave
-    residuals that do not tell it from others. `never_poor`: its fit must not be poor. `decisive`: once it is by far the
-    best so far, only other decisive ones that follow are tried.
+    `worse_at_most`: its misfit over that before; some have rules of their own (`accepted`), and are only `demanded` by
+    it. `coding`: exponent by which it changes the values. `leaves_out`: it leaves an image out. `term`: the one of
+    `ImageTerms` that it estimates. `step`: what one step promised of it from zero, of which half is found, or the fit
+    is `better`. `silent`: it corrects the solver, not the capture. `sound_enough`: its fit need not be better than a
+    sound one, because a test demands it that does not look at residuals. `least_images`: fewer leave residuals that do
+    not tell it from others. `decisive`: once it is by far the best so far, only other decisive ones are tried.
     """
 
     kind: str
@@ -296,7 +295,7 @@ class Alternative:
     sound_enough: bool = False
     least_images: int = photometry.REDUNDANT
     decisive: bool = False
-    never_poor: bool = False
+    leaves_out: bool = False
 
     @property
     def demanded(self) -> bool:
@@ -311,14 +310,13 @@ class Alternative:
         """Whether a trial replaces the solution before it: the object is in its place, or nearer to it than before, the
         fit good enough, and light from elsewhere no more than what is measured.
 
-        A surface that moves to the end of the depths that are allowed has not been found: nearer to the lamps most
-        measurements are in shadow, and anything fits the rest. Where nothing could be judged before, the trial's fit
-        has to be sound.
+        A surface at the end of the depths that are allowed has not been found: nearer to the lamps most measurements
+        are in shadow, and anything fits the rest. Where nothing could be judged before, the fit has to be sound.
         """
         before_fit, after, terms = before.fit, trial.fit, trial.state.shared.terms
         if trial.out_of_place and abs(trial.moved_m) >= abs(before.moved_m):
             return False
-        if (self.coding != 1 and not trial.seems_linear) or (self.never_poor and trial.poor):
+        if self.coding != 1 and not trial.seems_linear:
             return False
         if self.term in ("ambient", "offset") and trial.more_subtracted_than_measured:
             return False
@@ -326,6 +324,9 @@ class Alternative:
             return after.probability > SETTINGS.min_probability
         if self.sound_enough and not trial.badly_fitting:
             return True
+        if self.leaves_out:  # of a wrong model, too, the loss falls a little without the worst image
+            sound = not trial.poor or after.misfit <= SETTINGS.better_at_least * before_fit.misfit
+            return sound and after.loss <= SETTINGS.better**2 * before_fit.loss
         if self.term == "roughness":
             return terms.roughness / self.step > 0.5 and after.loss < before_fit.loss
         if self.term == "metal":

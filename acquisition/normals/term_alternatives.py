@@ -248,8 +248,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     """
     problem, level = present.problem, present.problem.level
     others = {translucency.KIND, *(TERMS[name][0] for name in ("gloss", "metal", "ambient", "offset"))}
-    worst = image_alternatives.worst_image(present.fit)
-    if others & set(problem.corrected) or (worst is not None and worst.outlying):
+    if others & set(problem.corrected) or image_alternatives.one_outlies(present):
         return []
     scores = present.scores if problem.nominal.terms is None else None
     glossy = scores is not None and tried_gain(scores, "gloss") > model_trial.SETTINGS.min_gain

@@ -1,11 +1,13 @@
-"""Outwardness of normals at the outline, and the test for two swapped lamps."""
+"""Outwardness of normals at the outline, and the tests for two swapped lamps and for one bad image."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from acquisition.normals import light_tests
 from acquisition.normals.pixel_solve import Pixels
-from tests.acquisition.normals.shared_scene import measured
+from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
 
 SIZE = 64
 
@@ -89,10 +91,33 @@ def test_swapped_pair_of_exchanged_lamps_names_both(first: int, second: int) -> 
     assert swap.residual_share < 0.1
 
 
+def noisy(made: MeasuredPixels, added: float = 0.0) -> Pixels:
+    """The pixels with noise, and light of a lamp at the camera in the third image."""
+    values = made.values + np.random.default_rng(0).normal(0, 0.003, made.values.shape)
+    values[2] += added * made.normals[2]
+    return replace(made.pixels, values=values.astype(np.float32))
+
+
 def test_swapped_pair_of_sound_lamps_leaves_residual() -> None:
     made = measured()
-    noisy = made.values + np.random.default_rng(0).normal(0, 0.003, made.values.shape)
-    pixels = Pixels(
-        made.pixels.shape, made.pixels.index, made.pixels.ray, noisy.astype(np.float32), made.pixels.clipped
-    )
-    assert light_tests.swapped_pair(pixels, made.depth_m, made.lamp, made.calibration).residual_share > 1
+    assert light_tests.swapped_pair(noisy(made), made.depth_m, made.lamp, made.calibration).residual_share > 1
+
+
+def test_worst_image_names_the_one_with_a_flash() -> None:
+    made = measured()
+    worst = light_tests.worst_image(noisy(made, added=0.3), made.depth_m, made.lamp, made.calibration)
+    assert worst is not None
+    assert worst.number == 2
+    assert worst.outlying
+
+
+def test_worst_image_of_sound_ones_does_not_outlie() -> None:
+    made = measured()
+    worst = light_tests.worst_image(noisy(made), made.depth_m, made.lamp, made.calibration)
+    assert worst is not None
+    assert worst.residual_share > 0.8
+
+
+def test_worst_image_of_four_is_unknown() -> None:
+    made = measured(4)
+    assert light_tests.worst_image(noisy(made), made.depth_m, made.lamp, made.calibration) is None

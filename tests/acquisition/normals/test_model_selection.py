@@ -578,7 +578,11 @@ def test_metal_that_fits_only_in_part_is_a_finding_that_is_not_corrected_after_t
     fit = replace(trial.fit, share=0.63 * before.fit.share, loss=0.25 * before.fit.loss, misfit=0.5)
     solution = replace(trial, fit=fit)
     dark = replace(metal, kind="bad image", term="", step=0.0)
-    trials = iter([(dark, solution), (metal, solution), (dark, solution), None])
+    after_dark, again = (
+        replace(one, problem=replace(one.problem, corrected=(kind,)))
+        for one, kind in ((metal, "bad image"), (dark, "metal"))
+    )
+    trials = iter([(dark, solution), (after_dark, solution), (again, solution), None])
 
     def plain(_problem: Problem) -> Solution:
         return before
@@ -592,3 +596,21 @@ def test_metal_that_fits_only_in_part_is_a_finding_that_is_not_corrected_after_t
     assert present is solution
     assert [(one.kind, one.corrected) for one in findings[:2]] == [("bad image", True), ("metal", False)]
     assert "bad image" not in [one.kind for one in findings[2:]]
+
+
+def test_what_an_accepted_alternative_undoes_is_no_finding(metal_dish: Tried, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Images that were scaled beside a bad one are not, once it is left out."""
+    metal, before, trial = next(one for one in metal_dish[1] if one[0].kind == "metal")
+    first, then = (replace(metal, kind=kind, term="", step=0.0) for kind in ("intensities", "bad image"))
+    trials = iter([(first, trial), (then, trial), None])
+
+    def plain(_problem: Problem) -> Solution:
+        return before
+
+    def best_trial(_present: Solution, _no_better: set[str]) -> tuple[Alternative, Solution] | None:
+        return next(trials)
+
+    monkeypatch.setattr(model_selection, "solve", plain)
+    monkeypatch.setattr(model_selection, "_best_trial", best_trial)
+    _, findings = model_selection.select(before.problem)
+    assert [one.kind for one in findings if one.corrected] == ["bad image"]
