@@ -5,13 +5,13 @@ Intensities come late among all alternatives, because they absorb other faults.
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.normals import alternation, changed_images, light_tests, model_trial, self_calibration
-from acquisition.normals.light_tests import WorstImage
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 
 MOVED, INTENSITIES = "moved object", "intensities"
@@ -46,48 +46,57 @@ def moved_object(present: Solution) -> list[Alternative]:
 
 
 def bad_image(present: Solution) -> list[Alternative]:
-    """One image left out, without which the others fit far better; in a poor fit also one without which they fit best,
-    or that fits worst, and of images that were scaled the one without which the others fit best.
+    """One image left out, without which the others fit far better, or that fits far worse than they do; after it was
+    scaled also where it is the worst by less, and in a poor fit, then more of the loss has to be its.
 
     Images that were scaled beside it are as they were: a bad one makes others seem too dark or too bright.
     """
-    problem, worst = present.problem, _worst_images(present)
+    problem, unscaled, better = present.problem, _unscaled(present.problem), model_trial.SETTINGS.better
     scaled = np.broadcast_to(problem.factors, len(present.scene.lamps)) != 1
-    tried = {one.number: one.outlying for one in worst if one.outlying or present.poor or scaled[one.number]}
-    if worst and present.poor and np.any(np.isfinite(present.fit.images)):
-        tried.setdefault(int(np.nanargmax(present.fit.images)), False)
-    unscaled = _unscaled(problem)
+    doubted = {one: one.outlying or bool(scaled[one.number]) for one in _worst_images(present)}
     return [
         Alternative(
-            "bad image", f"image {number + 1} does not fit the others: it is left out",
-            unscaled.reread(changed_images.without(unscaled.masked.images, number)), model_trial.SETTINGS.better,
-            number + 1, leaves_out=True, decisive=outlying,
+            "bad image", f"image {worst.number + 1} does not fit the others: it is left out",
+            unscaled.reread(changed_images.without(unscaled.masked.images, worst.number)),
+            better if sure else better**2, worst.number + 1, leaves_out=True, decisive=worst.outlying,
         )
-        for number, outlying in sorted(tried.items(), key=lambda one: not one[1])
+        for worst, sure in sorted(doubted.items(), key=lambda one: not one[0].outlying)
+        if sure or present.poor
     ]  # fmt: skip
 
 
 def one_outlies(present: Solution) -> bool:
-    """Whether the images fit far better without one of them."""
+    """Whether one image fits far worse than the others, or these fit far better without one."""
     return any(one.outlying for one in _worst_images(present))
 
 
-def _worst_images(present: Solution) -> list[WorstImage]:
-    """The image without which the others fit best, by least squares at a solution's depth: with its intensities, which
-    a bad image changes, and with those stated, unless that image's own is far from it; none where too few are left."""
+class _WorstImage(NamedTuple):
+    """The worst image (number) by one of its tests, and whether it is by far."""
+
+    number: int
+    outlying: bool
+
+
+def _worst_images(present: Solution) -> list[_WorstImage]:
+    """The worst images, each once: the one that fits worst, and the one without which the others fit best, by least
+    squares at a solution's depth: with its intensities, which a bad image changes, and with those stated, unless that
+    image's own is far from it. None where too few are left."""
     coarse, nominal, log_intensity = present.problem.level.coarse, present.problem.nominal, _log_intensity(present)
-    found: dict[int, WorstImage] = {}
-    for intensity, scaled in (
-        (log_intensity, np.zeros_like(log_intensity, np.bool_)),
-        (None, _far_intensities(present)),
-    ):
-        values = coarse.values if intensity is None else alternation.divide_intensity(coarse.values, intensity)
-        worst = light_tests.worst_image(
+    if np.count_nonzero(np.isfinite(present.fit.images)) <= photometry.OVERDETERMINED:
+        return []
+    worst = int(np.nanargmax(present.fit.images))
+    usual = float(np.nanmedian(np.delete(present.fit.images, worst)))
+    outlying = {worst: bool(present.fit.images[worst] > photometry.SETTINGS.outlying_deviations * usual)}
+    stated = np.zeros_like(log_intensity)
+    for intensity, far in ((log_intensity, stated != 0), (stated, _far_intensities(present))):
+        values = alternation.divide_intensity(coarse.values, intensity)
+        found = light_tests.worst_image(
             replace(coarse, values=values), present.state.depth_m, nominal.lamps, nominal.calibration
         )
-        if worst is not None and not scaled[worst.number]:
-            found[worst.number] = min(worst, found.get(worst.number, worst), key=lambda one: one.residual_share)
-    return list(found.values())
+        if found is not None and not far[found.number]:
+            by_far = found.residual_share <= model_trial.SETTINGS.better_at_least
+            outlying[found.number] = by_far or outlying.get(found.number, False)
+    return [_WorstImage(*one) for one in outlying.items()]
 
 
 def _unscaled(problem: Problem) -> Problem:

@@ -325,7 +325,7 @@ class Alternative:
             return True
         if self.leaves_out:  # of a wrong model, too, the loss falls a little without the worst image
             sound = not trial.poor or after.misfit <= SETTINGS.better_at_least * before_fit.misfit
-            return sound and after.loss <= SETTINGS.better**2 * before_fit.loss
+            return sound and after.loss <= self.worse_at_most * before_fit.loss
         if self.term == "roughness":
             return terms.roughness / self.step > 0.5 and after.loss < before_fit.loss
         if self.term == "metal":
