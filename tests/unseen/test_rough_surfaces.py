@@ -29,3 +29,11 @@ def test_solve_rough_surface_in_stray_light_is_as_without_it(family: str) -> Non
     pair = with_fault.solved(family, 60, "oren-nayar:0.5", "offset:0.03")
     assert {("rough surface", True), ("stray light", True)} <= set(with_fault.kinds(pair.faulty))
     assert pair.error_ratio < 1.2
+
+
+def test_solve_rough_relief_in_stray_light_as_both() -> None:
+    """No shadow tells of the stray light, and roughness alone fits the images better than stray light alone."""
+    pair = with_fault.solved("relief", 421, "oren-nayar:0.3", "offset:0.03")
+    assert with_fault.kinds(pair.sound) == [("rough surface", True)]
+    assert with_fault.kinds(pair.faulty) == [("rough surface", True), ("stray light", True)]
+    assert pair.error_ratio < 1.3
