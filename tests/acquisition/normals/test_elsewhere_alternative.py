@@ -8,7 +8,7 @@ import pytest
 from acquisition.normals import model_selection, term_alternatives
 from acquisition.normals.model_trial import Solution
 from tests.acquisition import scenes
-from tests.acquisition.normals.test_model_selection import images_of, object_of, recorded_solutions, solved
+from tests.acquisition.normals.selection_cases import images_of, object_of, recorded_solutions, solved
 
 SIZE = 48
 STRAY = 0.05

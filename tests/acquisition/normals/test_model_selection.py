@@ -1,24 +1,21 @@
 """Model selection: each fault of a capture is put right or named, and a sound capture is left alone."""
 
 import re
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Generator
 from dataclasses import replace
-from functools import cache
 
 import cv2
 import numpy as np
 import pytest
 
-from acquisition import normals, photometry
+from acquisition import photometry
 from acquisition.models.light_plan import Light
-from acquisition.models.result import ATTACHED, CAST, NormalMap, SolveSettings
+from acquisition.models.result import ATTACHED, CAST, NormalMap
 from acquisition.normals import (
     Images,
     lamp_alternatives,
     light_tests,
     model_selection,
-    session_images,
     term_alternatives,
 )
 from acquisition.normals.image_terms import ImageTerms
@@ -26,38 +23,31 @@ from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.term_tests import TermScore
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
-from tests.acquisition.normals.test_solve import ROUGH_DEPTH_M, two_rings
-
-STRONG_FAULT_SIZE, SIZE, FULL_SIZE = 48, 64, 80
-"""Pixels along an image of the cushion: for strong faults, the default, and for weak ones and long tests."""
-SMOOTH_SIZE, FULL_SMOOTH_SIZE = 48, 64
-"""Of dish and ball."""
+from tests.acquisition.normals.selection_cases import (
+    FULL_SIZE,
+    FULL_SMOOTH_SIZE,
+    SIZE,
+    SMOOTH_SIZE,
+    STRONG_FAULT_SIZE,
+    Trial,
+    Tried,
+    hollow,
+    images_of,
+    kinds,
+    lit,
+    mean_deg,
+    object_of,
+    read,
+    recorded_trials,
+    reflected,
+    relit,
+    solved,
+    sound_of,
+)
 
 strong_fault_size = pytest.mark.parametrize("size", [STRONG_FAULT_SIZE])
 full_size = pytest.mark.parametrize("size", [FULL_SIZE])
 full_smooth_size = pytest.mark.parametrize("smooth_size", [FULL_SMOOTH_SIZE])
-
-Trial = tuple[Alternative, Solution, Solution]
-"""An alternative, the solution before it, and its own."""
-Tried = tuple[NormalMap, list[Trial]]
-"""A result, and all that was tried for it."""
-
-
-@cache
-def object_of(height: scenes.Height, size: int) -> scenes.Scene:
-    return scenes.scene(height, scenes.calibration(size))
-
-
-@cache
-def images_of(height: scenes.Height, size: int) -> Images:
-    return read(object_of(height, size))
-
-
-@cache
-def sound_of(height: scenes.Height, size: int) -> Tried:
-    """The result of sound images, and all that is tried for it."""
-    with recorded_trials() as tried:
-        return solved(object_of(height, size), images_of(height, size)), tried
 
 
 @pytest.fixture
@@ -85,62 +75,9 @@ def images(size: int) -> Images:
     return images_of(scenes.bumps, size)
 
 
-def read(true: scenes.Scene, count: int = 8) -> Images:
-    """Images with errors of 1 % and 1 mm."""
-    known = true.calibration
-    observations = scenes.capture(true, two_rings(count), seed=1)
-    stack = session_images.read(observations, known, slice(0, known.height), slice(0, known.width))
-    return stack
-
-
-def solved(cushion: scenes.Scene, images: Images, *, thorough: bool = True) -> NormalMap:
-    return normals.solve_stack(
-        images, cushion.calibration, SolveSettings(), normals.ObjectPlace(ROUGH_DEPTH_M, silhouette=cushion.mask),
-        thorough=thorough,
-    )  # fmt: skip
-
-
 @pytest.fixture
 def sound(size: int) -> NormalMap:
     return sound_of(scenes.bumps, size)[0]
-
-
-def mean_deg(cushion: scenes.Scene, normal_map: NormalMap) -> float:
-    return float(np.mean(cushion.error_deg(normal_map.normals)))
-
-
-def kinds(normal_map: NormalMap) -> list[tuple[str, bool]]:
-    return [(finding.kind, finding.corrected) for finding in normal_map.findings]
-
-
-@contextmanager
-def recorded_trials() -> Generator[list[Trial]]:
-    """Every alternative that is tried while the context lasts."""
-    tried: list[Trial] = []
-    accepted = Alternative.accepted
-
-    def recording(alternative: Alternative, before: Solution, trial: Solution) -> bool:
-        tried.append((alternative, before, trial))
-        return accepted(alternative, before, trial)
-
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(Alternative, "accepted", recording)
-        yield tried
-
-
-@contextmanager
-def recorded_solutions() -> Generator[list[Solution]]:
-    """Every solution while the context lasts, the plain model's first."""
-    solutions: list[Solution] = []
-    solve = model_selection.solve
-
-    def recording(problem: Problem) -> Solution:
-        solutions.append(solve(problem))
-        return solutions[-1]
-
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(model_selection, "solve", recording)
-        yield solutions
 
 
 @pytest.fixture
@@ -148,17 +85,6 @@ def tried() -> Generator[list[Trial]]:
     """Every alternative that the test's solves try."""
     with recorded_trials() as trials:
         yield trials
-
-
-def relit(lights: Sequence[Light], order: Sequence[int], mirror: tuple[int, int] = (1, 1)) -> tuple[Light, ...]:
-    """The lights in another order, with x and y of positions and axes mirrored."""
-    sign = np.array([*mirror, 1.0])
-    return tuple(
-        Light(
-            position=tuple((sign * lights[number].position).tolist()), axis=tuple((sign * lights[number].axis).tolist())
-        )
-        for number in order
-    )
 
 
 def test_solve_sound_capture_has_no_findings(sound: NormalMap) -> None:
@@ -283,18 +209,6 @@ def test_solve_moved_object_is_registered(cushion: scenes.Scene, images: Images,
     assert mean_deg(cushion, result) < unmended
 
 
-def lit(true: scenes.Scene, images: Images) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Light vectors and unit vectors to the lamps (F, N, 3), and to the camera (N, 3), at the object's pixels."""
-    known = true.calibration
-    rows, columns = np.nonzero(true.mask)
-    depth = true.depth[rows, columns].astype(np.float32)
-    ray = photometry.rays(known, slice(0, known.height), slice(0, known.width))[:, rows, columns]
-    point, along = photometry.points(ray, depth), photometry.ray_directions(ray)
-    light = np.moveaxis(photometry.light_vectors(point, photometry.lamps(images.lights), known), 1, -1)
-    lamp = light / np.linalg.norm(light, axis=-1, keepdims=True)
-    return light, lamp, -along.T / np.linalg.norm(along.T, axis=1, keepdims=True)
-
-
 def with_blinn_phong(true: scenes.Scene, images: Images, strength: float, exponent: float) -> Images:
     """The images with strength · |s| (n·h)^exponent added where the surface is lit."""
     light, lamp, view = lit(true, images)
@@ -305,17 +219,6 @@ def with_blinn_phong(true: scenes.Scene, images: Images, strength: float, expone
     values[:, true.mask] += np.where(
         values[:, true.mask] > 0, strength * np.linalg.norm(light, axis=-1) * cosine**exponent, 0
     )
-    return scenes.with_values(images, values)
-
-
-def reflected(true: scenes.Scene, images: Images, reflectance: Reflectance) -> Images:
-    """The Lambertian images times what another surface reflects of a Lambertian one at each pixel."""
-    _, lamp, view = lit(true, images)
-    rows, columns = np.nonzero(true.mask)
-    normal, albedo = true.normals[rows, columns], np.full(len(rows), 0.5)
-    plain, other = (one.value(normal, lamp, view, albedo) for one in (Reflectance(), reflectance))
-    values = images.whole.values.copy()
-    values[:, rows, columns] *= (other / np.maximum(plain, 1e-3)).astype(np.float32)
     return scenes.with_values(images, values)
 
 
@@ -432,12 +335,6 @@ def test_solve_four_images_with_stray_light_are_solved_by_the_plain_model(
     result = solved(cushion, scenes.with_values(four, four.whole.values + np.float32(0.1)))
     assert {alternative.kind for alternative, _, _ in tried} <= {"gloss"}
     assert "stray light" not in [kind for kind, _ in kinds(result)]
-
-
-def hollow(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A round dish."""
-    r2 = (x**2 + y**2) / 0.055**2
-    return np.where(r2 < 1, 0.012 + 0.02 * r2, 0.0)
 
 
 @pytest.fixture

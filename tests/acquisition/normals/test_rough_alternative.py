@@ -10,7 +10,7 @@ from acquisition.normals.model_trial import Solution
 from acquisition.normals.term_tests import TermScore
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
-from tests.acquisition.normals.test_model_selection import (
+from tests.acquisition.normals.selection_cases import (
     images_of,
     object_of,
     recorded_solutions,

@@ -19,7 +19,7 @@ from acquisition.normals import (
 )
 from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.term_tests import TermScore
-from tests.acquisition.normals.test_model_selection import recorded_solutions
+from tests.acquisition.normals.selection_cases import recorded_solutions
 from tests.acquisition.scenes import with_values
 from tests.unseen import patterns, scenes
 from tests.unseen.captures import Capture, capture

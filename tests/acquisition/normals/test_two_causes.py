@@ -10,7 +10,7 @@ from acquisition.normals import Images, lamp_alternatives, model_selection
 from acquisition.normals.model_trial import Problem, Solution
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
-from tests.acquisition.normals.test_model_selection import (
+from tests.acquisition.normals.selection_cases import (
     Trial,
     images_of,
     kinds,
