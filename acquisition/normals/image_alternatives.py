@@ -78,9 +78,9 @@ class _WorstImage(NamedTuple):
 
 
 def _worst_images(present: Solution) -> list[_WorstImage]:
-    """The worst images, each once: the one that fits worst, and the one without which the others fit best, by least
-    squares at a solution's depth: with its intensities, which a bad image changes, and with those stated, unless that
-    image's own is far from it. None where too few are left."""
+    """The worst images, each once: the one that fits worst, the one that was scaled most, and the one without which the
+    others fit best, by least squares at a solution's depth: with its intensities, which a bad image changes, and with
+    those stated, unless that image's own is far from it. None where too few are left."""
     coarse, nominal, log_intensity = present.problem.level.coarse, present.problem.nominal, _log_intensity(present)
     if np.count_nonzero(np.isfinite(present.fit.images)) <= photometry.OVERDETERMINED:
         return []
@@ -96,6 +96,8 @@ def _worst_images(present: Solution) -> list[_WorstImage]:
         if found is not None and not far[found.number]:
             by_far = found.residual_share <= model_trial.SETTINGS.better_at_least
             outlying[found.number] = by_far or outlying.get(found.number, False)
+    if np.any(factors := np.abs(np.log(present.problem.factors))):
+        outlying.setdefault(int(np.argmax(factors)), False)
     return [_WorstImage(*one) for one in outlying.items()]
 
 
