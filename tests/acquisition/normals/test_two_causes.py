@@ -65,12 +65,35 @@ def test_best_trial_is_other_axes_where_gloss_fits_better_under_them(mirrored: l
         """What is chosen where gloss under mirrored lamps leaves so much of the residuals of the right axes alone."""
         fit = replace(unrighted.fit, misfit=righted.fit.misfit, share=share * righted.fit.share)
         best = replace(gloss, kind=kind), replace(unrighted, fit=fit)
-        chosen = model_selection._under_other_axes([(axes, righted), best], best)  # pyright: ignore[reportPrivateUsage]
+        chosen = model_selection._better_with_another([(axes, righted), best], best)  # pyright: ignore[reportPrivateUsage]
         return chosen and chosen[0]
 
     assert choice(0.9) is axes
     assert choice(0.01) is None
     assert choice(0.9, photometry.METAL) is None
+
+
+def test_best_trial_is_roughness_where_with_stray_light_it_fits_better_than_other_axes() -> None:
+    """A rough profile in stray light fitted turned lamps better than either of the two alone, 51° off."""
+    made = object_of(scenes.bumps, SIZE)
+    rough_images = reflected(made, images_of(scenes.bumps, SIZE), Reflectance("oren-nayar", 0.5))
+    with recorded_trials() as tried:
+        solved(made, scenes.with_values(rough_images, rough_images.whole.values + np.float32(0.02)))
+    before = tried[0][1]
+    rough, _, alone = next(one for one in tried if one[0].kind == "rough surface" and one[1] is before)
+    both = next(one[2] for one in tried if one[0].kind == "stray light" and one[1] is alone)
+    left = both.fit.misfit * both.fit.share / (alone.fit.misfit * alone.fit.share)
+
+    def choice(share: float) -> object:
+        """What is chosen where other axes leave so much of the residuals that are left with roughness."""
+        axes = replace(rough, kind=lamp_alternatives.AXES, term="", step=0.0)
+        best = axes, replace(alone, fit=replace(alone.fit, share=share * alone.fit.share), scores=None)
+        chosen = model_selection._better_with_another([(rough, alone), best], best)  # pyright: ignore[reportPrivateUsage]
+        return chosen and chosen[0]
+
+    assert left < 0.95
+    assert choice(1.01 * left) is rough
+    assert choice(0.99 * left) is None
 
 
 def test_selection_takes_other_axes_before_gloss_that_fits_better_without_them(
