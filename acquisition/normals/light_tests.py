@@ -221,7 +221,7 @@ def swapped_pair(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, cal
         _residual(rows[:, np.where(order == a, b, np.where(order == b, a, order))], values, used) for a, b in pairs
     ]
     best = int(np.argmin(after))
-    return Swap(*pairs[best], float(after[best] / before))
+    return Swap(*pairs[best], after[best] / before)
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ def worst_image(
     left = np.flatnonzero(np.any(used, axis=0))
     if len(left) <= photometry.OVERDETERMINED:
         return None
-    residuals = _residual(rows, values, used & (np.arange(len(lamps)) != left[:, None, None]))
+    residuals = np.array([_residual(rows, values, used & (np.arange(len(lamps)) != one)) for one in left])
     least = int(np.argmin(residuals))
     return WorstImage(int(left[least]), float(residuals[least] / np.median(np.delete(residuals, least))))
 
@@ -262,16 +262,15 @@ def _equations(
     return light.transpose(2, 0, 1).astype(np.float64), values, used
 
 
-def _residual(rows: FloatArray, values: FloatArray, used: BoolArray) -> FloatArray:
-    """Median over pixels of the rms residual of least squares over the rms value: (...,) of light vectors
-    (..., K, F, 3), values (K, F) and which are used (..., K, F); 1 where no pixel has four."""
-    weighted = np.swapaxes(rows * used[..., None], -1, -2)
+def _residual(rows: FloatArray, values: FloatArray, used: BoolArray) -> float:
+    """Median over pixels of the rms residual of least squares over the rms value; light vectors (K, F, 3), values
+    (K, F) and which are used (K, F). 1 where no pixel has four."""
+    weighted = np.swapaxes(rows * used[:, :, None], 1, 2)
     matrix = weighted @ rows
-    matrix += (1e-6 * np.trace(matrix, axis1=-2, axis2=-1) + 1e-15)[..., None, None] * np.eye(3)
-    g = np.linalg.solve(matrix, weighted @ values[..., None])
-    residual = (values - (rows @ g)[..., 0]) * used
-    share = np.sum(residual**2, axis=-1) / np.maximum(np.sum((values * used) ** 2, axis=-1), 1e-30)
-    enough = np.count_nonzero(used, axis=-1) >= photometry.OVERDETERMINED
-    some = np.any(enough, axis=-1)
-    median = np.nanmedian(np.where(enough | ~some[..., None], share, np.nan), axis=-1)
-    return np.where(some, median, 1.0) ** 0.5
+    matrix += (1e-6 * np.trace(matrix, axis1=1, axis2=2) + 1e-15)[:, None, None] * np.eye(3)
+    g = np.linalg.solve(matrix, weighted @ values[:, :, None])
+    residual = (values - (rows @ g)[:, :, 0]) * used
+    enough = np.count_nonzero(used, axis=1) >= photometry.OVERDETERMINED
+    if not np.any(enough):
+        return 1.0
+    return float(np.median(np.sum(residual[enough] ** 2, axis=1) / np.sum((values * used)[enough] ** 2, axis=1)) ** 0.5)
