@@ -63,7 +63,7 @@ REASONS: dict[str, str] = {
         reflectance_solve.SAMPLE_PIXELS error_variance.STRIP_ROWS
         error_variance.NEIGHBOUR_ROWS final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS
         integrability.OVERLAP_ROWS integrability.SAMPLED_CELLS integration.STRIP_ROWS interreflection.AZIMUTHS
-        interreflection.WALL_AZIMUTHS light_tests.MAX_SWAP_PIXELS memory_mapped.LARGE_BYTES
+        interreflection.WALL_AZIMUTHS light_tests.MAX_SWAPPED light_tests.MAX_TEST_PIXELS memory_mapped.LARGE_BYTES
         photon_transfer.INITIAL_SAMPLE pixel_noise.MAX_PRODUCTS
         pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS
         pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS

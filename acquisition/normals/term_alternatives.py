@@ -83,7 +83,7 @@ TERMS = {
 }
 """Kind and sentence of the finding for each of `ImageTerms`."""
 
-FROM_ELSEWHERE = frozenset(TERMS[name][0] for name in ("ambient", "offset"))
+FROM_ELSEWHERE = frozenset(kind for name, (kind, _) in TERMS.items() if name in ("ambient", "offset"))
 """Kinds of the findings of light from elsewhere."""
 
 

@@ -91,6 +91,14 @@ def test_swapped_pair_of_exchanged_lamps_names_both(first: int, second: int) -> 
     assert swap.residual_share < 0.1
 
 
+def test_swapped_pair_among_many_lamps_names_both() -> None:
+    made, order = measured(24), np.arange(24)
+    order[[3, 15]] = 15, 3
+    swap = light_tests.swapped_pair(made.pixels, made.depth_m, made.lamp[order], made.calibration)
+    assert (swap.first, swap.second) == (3, 15)
+    assert swap.residual_share < 0.1
+
+
 def noisy(made: MeasuredPixels, added: float = 0.0) -> Pixels:
     """The pixels with noise, and light of a lamp at the camera in the third image."""
     values = made.values + np.random.default_rng(0).normal(0, 0.003, made.values.shape)
