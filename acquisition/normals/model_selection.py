@@ -161,28 +161,27 @@ def _trial(alternative: Alternative) -> Solution:
 def _better_with_another(
     accepted: list[tuple[Alternative, Solution]], best: tuple[Alternative, Solution]
 ) -> tuple[Alternative, Solution] | None:
-    """The accepted trial that fits better than the best one once another is accepted, too: other axes, with what is
-    best without them; or a term that a score demands, with another one, where axes are the best, with or without one.
-    Not where metal is: its highlights alone fit a surface under other axes as well.
+    """The accepted trial that fits better than the best one once another is accepted, too: of other axes, with what
+    scores demand then, or with what is best without them; or where axes are the best, of a term that a score demands,
+    with another one. Not where metal is: its highlights alone fit a surface under other axes as well.
 
     Under mirrored lamps gloss of any strength fitted a glossy profile better than the right axes without gloss, 53°
-    off, and once it was accepted, the right axes no better than the mirrored ones. A rough profile in stray light
-    fitted turned lamps better than stray light or roughness alone, 51° off.
+    off, and once it was accepted, the right axes no better than the mirrored ones; a coding fitted a rough sheet better
+    than the right axes without roughness, 63° off. A rough profile in stray light fitted turned lamps better than stray
+    light or roughness alone, 51° off.
     """
-    axes, residuals = lamp_alternatives.AXES, _residuals(best)
-    if best[0].kind == axes:
-        scored = [one for one in accepted if one[0].step != 0]
-        if scored:
-            residuals = min(residuals, _residuals_with(best[1], term_alternatives.scored_terms(best[1])))
-        followed = [(one, term_alternatives.scored_terms(one[1])) for one in scored]
-    else:
-        same = best[0].kind, best[0].term
-        followed = [
-            (one, [both for both in term_alternatives.other_formation(one[1]) if (both.kind, both.term) == same])
-            for one in accepted
-            if one[0].kind == axes and best[0].kind != photometry.METAL
-        ]
-    return next((first for first, others in followed if _residuals_with(first[1], others) < residuals), None)
+    axes = lamp_alternatives.AXES
+    rivals = [one for one in accepted if (one[0].step != 0 if best[0].kind == axes else one[0].kind == axes)]
+    if not rivals or best[0].kind == photometry.METAL:
+        return None
+    same = best[0].kind, best[0].term
+    residuals = min(_residuals(best), _residuals_with(best[1], term_alternatives.scored_terms(best[1])))
+    for rival in rivals:
+        formation = term_alternatives.other_formation(rival[1])
+        others = [one for one in formation if one.step != 0 or (one.kind, one.term) == same]
+        if _residuals_with(rival[1], others) < residuals:
+            return rival
+    return None
 
 
 def _residuals_with(present: Solution, alternatives: list[Alternative]) -> float:
