@@ -11,11 +11,14 @@ import numpy as np
 
 from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, FloatArray
-from acquisition.normals import alternation, changed_images, light_tests, model_trial, self_calibration
+from acquisition.normals import alternation, changed_images, goodness_of_fit, light_tests, model_trial, self_calibration
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 
 MOVED, INTENSITIES = "moved object", "intensities"
 """Kinds of the findings of images that are moved back, and that are scaled."""
+
+SOUND_MISFIT = float(np.exp(goodness_of_fit.SETTINGS.log_misfit_mean))
+"""Median of the misfit of sound captures."""
 
 
 def moved_object(present: Solution) -> list[Alternative]:
@@ -80,13 +83,15 @@ class _WorstImage(NamedTuple):
 def _worst_images(present: Solution) -> list[_WorstImage]:
     """The worst images, each once: the one that fits worst, the one that was scaled most, and the one without which the
     others fit best, by least squares at a solution's depth: with its intensities, which a bad image changes, and with
-    those stated, unless that image's own is far from it. None where too few are left."""
+    those stated, unless that image's own is far from it. None where too few are left; none is by far that fits as well
+    as half of all sound captures do: of images without noise, ratios of residuals say nothing."""
     coarse, nominal, log_intensity = present.problem.level.coarse, present.problem.nominal, _log_intensity(present)
     if np.count_nonzero(np.isfinite(present.fit.images)) <= photometry.OVERDETERMINED:
         return []
-    worst = int(np.nanargmax(present.fit.images))
-    usual = float(np.nanmedian(np.delete(present.fit.images, worst)))
-    outlying = {worst: bool(present.fit.images[worst] > photometry.SETTINGS.outlying_deviations * usual)}
+    misfits = present.fit.images
+    worst = int(np.nanargmax(misfits))
+    usual = float(np.nanmedian(np.delete(misfits, worst)))
+    outlying = {worst: bool(misfits[worst] > photometry.SETTINGS.outlying_deviations * usual)}
     stated = np.zeros_like(log_intensity)
     for intensity, far in ((log_intensity, stated != 0), (stated, _far_intensities(present))):
         values = alternation.divide_intensity(coarse.values, intensity)
@@ -98,7 +103,7 @@ def _worst_images(present: Solution) -> list[_WorstImage]:
             outlying[found.number] = by_far or outlying.get(found.number, False)
     if np.any(factors := np.abs(np.log(present.problem.factors))):
         outlying.setdefault(int(np.argmax(factors)), False)
-    return [_WorstImage(*one) for one in outlying.items()]
+    return [_WorstImage(number, bool(by_far and misfits[number] > SOUND_MISFIT)) for number, by_far in outlying.items()]
 
 
 def _unscaled(problem: Problem) -> Problem:

@@ -52,6 +52,13 @@ def test_image_with_a_flash_is_tried_without_however_the_images_fit(lit_from_the
     assert not np.any(clipped[np.arange(len(clipped)) != BAD])
 
 
+def test_no_image_outlies_that_fits_as_well_as_those_of_sound_captures(lit_from_the_camera: Solution) -> None:
+    """Of images without noise one may fit far worse than the others and still far better than any measured one."""
+    images = lit_from_the_camera.fit.images
+    fit = replace(lit_from_the_camera.fit, images=0.5 * images / np.max(images))
+    assert not image_alternatives.one_outlies(replace(lit_from_the_camera, fit=fit))
+
+
 def test_worst_image_of_a_poor_fit_has_to_take_more_of_the_loss_with_it(sound: Solution) -> None:
     poor = replace(sound, fit=replace(sound.fit, misfit=10.0))
     alternatives = image_alternatives.bad_image(poor)
