@@ -17,9 +17,6 @@ from acquisition.normals.model_trial import Alternative, Problem, Solution
 MOVED, INTENSITIES = "moved object", "intensities"
 """Kinds of the findings of images that are moved back, and that are scaled."""
 
-SOUND_MISFIT = float(np.exp(goodness_of_fit.SETTINGS.log_misfit_mean))
-"""Median of the misfit of sound captures."""
-
 
 def moved_object(present: Solution) -> list[Alternative]:
     """Later images moved back, where the registration says that object or camera moved.
@@ -103,7 +100,8 @@ def _worst_images(present: Solution) -> list[_WorstImage]:
             outlying[found.number] = by_far or outlying.get(found.number, False)
     if np.any(factors := np.abs(np.log(present.problem.factors))):
         outlying.setdefault(int(np.argmax(factors)), False)
-    return [_WorstImage(number, bool(by_far and misfits[number] > SOUND_MISFIT)) for number, by_far in outlying.items()]
+    sound = goodness_of_fit.SETTINGS.median_misfit
+    return [_WorstImage(number, bool(by_far and misfits[number] > sound)) for number, by_far in outlying.items()]
 
 
 def _unscaled(problem: Problem) -> Problem:
