@@ -251,14 +251,14 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     """
     problem, level = present.problem, present.problem.level
     others = {translucency.KIND, TERMS["gloss"][0], TERMS["metal"][0], *FROM_ELSEWHERE}
-    if others & set(problem.corrected) or image_alternatives.one_outlies(present):
+    if others & set(problem.corrected):
         return []
     scores = present.scores if problem.nominal.terms is None else None
     glossy = scores is not None and tried_gain(scores, "gloss") > model_trial.SETTINGS.min_gain
     if present.out_of_place or glossy or not problem.thorough:
         return []
     leak = present.leak
-    if leak is None or not leak.sought:
+    if leak is None or not leak.sought or image_alternatives.one_outlies(present):
         return []
     length_px = level.factor * leak.length_px
     # Noise of neighbours alike: what a block of the coarse grid has, not a pixel's own.

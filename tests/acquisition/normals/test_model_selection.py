@@ -1,7 +1,7 @@
 """Model selection: each fault of a capture is put right or named, and a sound capture is left alone."""
 
 import re
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 
 import cv2
@@ -10,7 +10,7 @@ import pytest
 
 from acquisition import photometry
 from acquisition.models.light_plan import Light
-from acquisition.models.result import ATTACHED, CAST, NormalMap
+from acquisition.models.result import ATTACHED, CAST, ModelFinding, NormalMap
 from acquisition.normals import (
     Images,
     lamp_alternatives,
@@ -467,6 +467,23 @@ def test_solve_poor_fit_is_tried_as_metal_and_as_gloss_whatever_the_score(
     assert ["gloss" in kinds_offered for kinds_offered in offered] == [True, False]
 
 
+def selected(
+    before: Solution, best: Sequence[tuple[Alternative, Solution]], monkeypatch: pytest.MonkeyPatch
+) -> tuple[Solution, list[ModelFinding]]:
+    """What the selection makes of a plain solution and of the best trials after it."""
+    trials = iter([*best, None])
+
+    def plain(_problem: Problem) -> Solution:
+        return before
+
+    def best_trial(_present: Solution, _no_better: set[str]) -> tuple[Alternative, Solution] | None:
+        return next(trials)
+
+    monkeypatch.setattr(model_selection, "solve", plain)
+    monkeypatch.setattr(model_selection, "_best_trial", best_trial)
+    return model_selection.select(before.problem)
+
+
 def test_metal_that_fits_only_in_part_is_a_finding_that_is_not_corrected_after_those_that_are(
     metal_dish: Tried, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -479,17 +496,7 @@ def test_metal_that_fits_only_in_part_is_a_finding_that_is_not_corrected_after_t
         replace(one, problem=replace(one.problem, corrected=(kind,)))
         for one, kind in ((metal, "bad image"), (dark, "metal"))
     )
-    trials = iter([(dark, solution), (after_dark, solution), (again, solution), None])
-
-    def plain(_problem: Problem) -> Solution:
-        return before
-
-    def best_trial(_present: Solution, _no_better: set[str]) -> tuple[Alternative, Solution] | None:
-        return next(trials)
-
-    monkeypatch.setattr(model_selection, "solve", plain)
-    monkeypatch.setattr(model_selection, "_best_trial", best_trial)
-    present, findings = model_selection.select(before.problem)
+    present, findings = selected(before, [(dark, solution), (after_dark, solution), (again, solution)], monkeypatch)
     assert present is solution
     assert [(one.kind, one.corrected) for one in findings[:2]] == [("bad image", True), ("metal", False)]
     assert "bad image" not in [one.kind for one in findings[2:]]
@@ -499,15 +506,5 @@ def test_what_an_accepted_alternative_undoes_is_no_finding(metal_dish: Tried, mo
     """Images that were scaled beside a bad one are not, once it is left out."""
     metal, before, trial = next(one for one in metal_dish[1] if one[0].kind == "metal")
     first, then = (replace(metal, kind=kind, term="", step=0.0) for kind in ("intensities", "bad image"))
-    trials = iter([(first, trial), (then, trial), None])
-
-    def plain(_problem: Problem) -> Solution:
-        return before
-
-    def best_trial(_present: Solution, _no_better: set[str]) -> tuple[Alternative, Solution] | None:
-        return next(trials)
-
-    monkeypatch.setattr(model_selection, "solve", plain)
-    monkeypatch.setattr(model_selection, "_best_trial", best_trial)
-    _, findings = model_selection.select(before.problem)
+    _, findings = selected(before, [(first, trial), (then, trial)], monkeypatch)
     assert [one.kind for one in findings if one.corrected] == ["bad image"]
