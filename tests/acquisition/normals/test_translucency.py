@@ -163,6 +163,9 @@ def test_solve_translucent_cluster_is_sharpened(monkeypatch: pytest.MonkeyPatch)
     glossy = replace(plain, scores=replace(plain.scores, gloss=TermScore(gain=200.0, step=0.8)))
     proposed = [len(term_alternatives.translucent_surface(one)) for one in (plain, glossy)]
     assert proposed == [1, 0], "what a glossy surface mirrors into shadows is no leak"
+    misfits = plain.fit.images * np.where(np.arange(len(plain.fit.images)) == 0, 10.0, 1.0)
+    outlying = replace(plain, fit=replace(plain.fit, images=misfits))
+    assert not term_alternatives.translucent_surface(outlying), "one image alone may be blurred"
 
 
 def test_solve_opaque_cluster_is_not_sharpened(monkeypatch: pytest.MonkeyPatch) -> None:
