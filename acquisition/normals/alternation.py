@@ -174,7 +174,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         mixed = _mixed(coarse, normals, variance, dark)
         shadow_images = None
         if discontinuous:
-            shadow_images = ShadowImages(coarse, measured - estimate.nondiffuse_value, estimate.light, present.lamps)
+            shadow_images = ShadowImages(coarse, measured, indirect.radiance, estimate, present.lamps)
         cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
         depth, continuity_weight, discontinuous = _integrated(coarse, normals, variance, depth, shadow_images, cuts)
         chosen = drawn[~(dark | mixed)[drawn]]

@@ -22,6 +22,7 @@ from scipy.sparse.linalg import splu
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.tuned import tuned
+from acquisition.normals.estimate import Estimate
 from acquisition.normals.pixel_solve import Pixels
 
 
@@ -58,15 +59,33 @@ NEIGHBOUR_SINE = 0.38
 class ShadowImages:
     """Images in which cast shadows are sought, at N pixels under F lamps.
 
-    `values` (F, N) are without highlights but with indirect light: taken out by a depth that is still wrong, it would
-    move all shadow borders the same way, by up to a pixel. `light` (F, 3, N) are the light vectors at the present
-    depth, `lamp` (F, 6) positions and axes in the view frame, m.
+    `measured` (F, N) are the values, `estimate` is their present solution, `indirect` (F, N) the indirect radiance in
+    them, and `lamp` (F, 6) positions and axes in the view frame, m.
     """
 
     pixels: Pixels
-    values: Float32Array
-    light: Float32Array
+    measured: Float32Array
+    indirect: Float32Array
+    estimate: Estimate
     lamp: Float32Array
+
+    def lit_share(self, dark: float) -> Float32Array:
+        """Each pixel's value over its largest one, by strength of the light (F, N), 0–1: less than `dark` in shadow.
+
+        Without highlights but with indirect light: taken out by a depth that is still wrong, it would move all shadow
+        borders the same way, by up to a pixel. Under lamps more slanted than is usual, surfaces that face the camera
+        are as dark as shadows; they have `dark` where direct light is three quarters of what their normals reflect.
+        """
+        light, clipped, ray = self.estimate.light, self.pixels.clipped, photometry.ray_directions(self.pixels.ray)
+        strength = np.maximum(np.sqrt(np.einsum("fcn,fcn->fn", light, light)), np.float32(1e-9))
+        values = self.measured - self.estimate.nondiffuse_value
+        ratio = values / strength
+        largest = np.maximum(np.max(np.where(clipped, 0, ratio), axis=0), np.float32(1e-6))
+        share = np.where(clipped, np.float32(1), np.maximum(ratio / largest, 0))
+        facing = -np.einsum("fcn,cn->fn", light, ray) / (strength * np.linalg.norm(ray, axis=0))
+        unshadowed = np.maximum(np.einsum("fcn,cn->fn", light, self.estimate.g), 0)
+        grazed = (facing < photometry.SETTINGS.grazing_cosine) & (4 * (values - self.indirect) > 3 * unshadowed)
+        return np.where(grazed, np.maximum(share, np.float32(dark)), share)
 
 
 @dataclass(frozen=True)
@@ -237,10 +256,9 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
     `depth_m` (N,) is the present depth, of which that of the shadows' tips is used.
     """
     pixels = shadows.pixels
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", shadows.light, shadows.light))
-    ratio = shadows.values / np.maximum(strength, 1e-9)
-    largest = np.max(np.where(pixels.clipped, 0, ratio), axis=0)
-    share = np.where(pixels.clipped, 1.0, np.maximum(ratio / np.maximum(largest, 1e-6), 0))
+    lit = photometry.SETTINGS.grazing_cosine
+    dark = float(np.float32(3 * lit / 4))  # light that fades slowly between the two casts no shadow
+    share = shadows.lit_share(dark)
     row, column = np.unravel_index(pixels.index, pixels.shape)
     across, down = np.polyfit(pixels.ray[0], column, 1), np.polyfit(pixels.ray[1], row, 1)
     rays = pixels.image(pixels.ray)
@@ -249,16 +267,9 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
     for shading, position in zip(share, shadows.lamp[:, :3].astype(float), strict=True):
         lamp_x, lamp_y, lamp_z = position[0], -position[1], -position[2]  # OpenCV's frame
         target = (across[0] * lamp_x / lamp_z + across[1], down[0] * lamp_y / lamp_z + down[1])
-        image = pixels.image(shading.astype(np.float32), -1.0)
-        edge, tip, bound = _shadow_runs(
-            image,
-            target[0],
-            target[1],
-            3 * photometry.SETTINGS.grazing_cosine / 4,  # light that fades slowly between the two casts no shadow
-            photometry.SETTINGS.grazing_cosine,
-            photometry.SETTINGS.edge_px,
-            photometry.SETTINGS.edge_px,
-        )
+        image = pixels.image(shading, -1.0)
+        border = photometry.SETTINGS.edge_px
+        edge, tip, bound = _shadow_runs(image, *target, dark, lit, border, border)
         if len(edge) == 0:
             continue
         z, near, far = depth_image.ravel()[tip], rays.reshape(2, -1)[:, tip], rays.reshape(2, -1)[:, edge]
