@@ -67,16 +67,16 @@ class SharedSettings:
     design seeds 30 and 31, eight lights by two rings, November 2026)."""
     significant_deviations: float = tuned(5.0, "σ")
     """Deviation from what is expected, in σ, that is no noise among millions of pixels: of an object from its
-    background, of a highlight from the diffuse prediction, and of light in cast shadows from none. Silhouettes of 432
-    simulated objects before tables have a mean overlap (IoU) of 0.964 with it and 0.963 with 6 (scratch evaluation,
-    November 2026)."""
+    background, and of a highlight from the diffuse prediction. Silhouettes of 432 simulated objects before tables have
+    a mean overlap (IoU) of 0.964 with it and 0.963 with 6 (scratch evaluation, November 2026)."""
     outlying_deviations: float = tuned(3.0, "σ")
-    """Deviation, in σ, from which something counts as outlying: residuals of a pixel, whose rms then asks for a
-    second start, which costs time, a measurement in shadow, which costs a solution with gloss as much, an image's
-    misfit against the others', which is then left out on trial, its intensity under the widest prior, which is then
-    scaled, the noise of intensities that no sound capture has, the noise of a value of which channels are clipped,
-    and the gain of turned lamps. Of Gaussian deviations 0.3 % are larger. Turned lamps gain 0–2 on sound captures and
-    4–13 where they are 10° off, on machined parts 1.6 (design seeds 60, 62 and 63, ten lights, November 2026)."""
+    """Deviation, in σ, from which something counts as outlying: residuals of a pixel, whose rms then asks for a second
+    start, which costs time, a measurement in shadow, which costs a solution with gloss as much, an image's misfit
+    against the others', which is then left out on trial, its intensity under the widest prior, which is then scaled,
+    the noise of intensities that no sound capture has, the noise of a value of which channels are clipped, light in
+    cast shadows as from below the surface, and the gain of turned lamps. Of Gaussian deviations 0.3 % are larger.
+    Turned lamps gain 0–2 on sound captures and 4–13 where they are 10° off, on machined parts 1.6 (design seeds 60, 62
+    and 63, ten lights, November 2026)."""
     grazing_cosine: float = tuned(0.4, "cosine")
     """Cosine of the most slanted light, of 66°: measurements above it determine the noise of intensities, those below
     it that of directions, and surfaces steeper than that light are walls. A value of that share of a pixel's largest,

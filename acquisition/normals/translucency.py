@@ -107,7 +107,7 @@ def leak(pixels: Pixels, values: Float32Array, shading: Float32Array, over: Surf
         return None
     observed = np.concatenate([_relative(one, one.image) for one in shadows])
     coefficient, error = _regressed(shadows, observed, over, TESTED_PX, cell)
-    if coefficient < photometry.SETTINGS.significant_deviations * error:
+    if coefficient < photometry.SETTINGS.outlying_deviations * error:
         return Leak(coefficient, error, 0.0)
     coefficients = [_regressed(shadows, observed, over, length, cell)[0] for length in LENGTHS_PX]
     return Leak(coefficient, error, _length_at_one(np.array(coefficients)))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from acquisition.models.result import NormalMap
-from acquisition.normals import Images, term_alternatives
+from acquisition.normals import Images, model_selection, term_alternatives
 from acquisition.normals.image_terms import ImageTerms
-from acquisition.normals.model_trial import Solution
+from acquisition.normals.model_trial import Alternative, Solution
 from acquisition.normals.term_tests import TermScore
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
@@ -162,6 +162,20 @@ def test_values_seem_coded_unless_roughness_gains_more(trial: Trial) -> None:
     assert before.seems_coded
     for gain, step, seems in ((100.0, 0.4, False), (100.0, -0.4, True), (25.0, 0.4, True)):
         assert scored(before, 50.0, -0.4, TermScore(gain, step)).seems_coded == seems
+
+
+def test_coding_beside_roughness_leaves_half_of_its_loss_or_a_smaller_share_of_the_values(trial: Trial) -> None:
+    """Three sound rough objects were solved as coded and hardly rough, 6–9° off in place of 4–5°."""
+    coding, before, after = trial
+    rough = replace(coding, term="roughness", coding=1.0), replace(after, fit=replace(before.fit, loss=0.7, share=0.1))
+
+    def left(loss: float, share: float, *others: tuple[Alternative, Solution]) -> bool:
+        best = coding, replace(after, fit=replace(after.fit, loss=loss * 0.7, share=share * 0.1))
+        return best in model_selection.without_codings_of_roughness([*others, best])
+
+    verdicts = [left(*one, rough) for one in ((0.8, 1.5), (0.8, 0.9), (0.4, 1.5))]
+    assert verdicts == [False, True, True]
+    assert left(0.8, 1.5)
 
 
 def test_values_seem_linear_where_no_exponent_is_left_that_roughness_does_not_explain(trial: Trial) -> None:
