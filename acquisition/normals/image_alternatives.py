@@ -47,7 +47,8 @@ def moved_object(present: Solution) -> list[Alternative]:
 
 def bad_image(present: Solution) -> list[Alternative]:
     """One image left out, without which the others fit far better, or that fits far worse than they do; after it was
-    scaled also where it is the worst by less, and in a poor fit, then more of the loss has to be its.
+    scaled also where it is the worst by less, and in a poor fit, or one by unlikely intensities, then more of the loss
+    has to be its.
 
     Images that were scaled beside it are as they were: a bad one makes others seem too dark or too bright.
     """
@@ -61,7 +62,7 @@ def bad_image(present: Solution) -> list[Alternative]:
             better if sure else better**2, worst.number + 1, leaves_out=True, decisive=worst.outlying,
         )
         for worst, sure in sorted(doubted.items(), key=lambda one: not one[0].outlying)
-        if sure or present.poor
+        if sure or present.poor or present.intensities_scatter
     ]  # fmt: skip
 
 
@@ -81,7 +82,8 @@ def _worst_images(present: Solution) -> list[_WorstImage]:
     """The worst images, each once: the one that fits worst, the one that was scaled most, and the one without which the
     others fit best, by least squares at a solution's depth: with its intensities, which a bad image changes, and with
     those stated, unless that image's own is far from it. None where too few are left; none is by far that fits as well
-    as half of all sound captures do: of images without noise, ratios of residuals say nothing."""
+    as half of all sound captures do, with an intensity as stated: of images without noise, ratios of residuals say
+    nothing. Other intensities may fit a flash in one image, which on a sheet is as good as even."""
     coarse, nominal, log_intensity = present.problem.level.coarse, present.problem.nominal, _log_intensity(present)
     if np.count_nonzero(np.isfinite(present.fit.images)) <= photometry.OVERDETERMINED:
         return []
@@ -100,8 +102,9 @@ def _worst_images(present: Solution) -> list[_WorstImage]:
             outlying[found.number] = by_far or outlying.get(found.number, False)
     if np.any(factors := np.abs(np.log(present.problem.factors))):
         outlying.setdefault(int(np.argmax(factors)), False)
-    sound = goodness_of_fit.SETTINGS.median_misfit
-    return [_WorstImage(number, bool(by_far and misfits[number] > sound)) for number, by_far in outlying.items()]
+    most = photometry.SETTINGS.outlying_deviations * nominal.calibration.intensity_sigma
+    doubtful = (misfits > goodness_of_fit.SETTINGS.median_misfit) | (np.abs(log_intensity) > most)
+    return [_WorstImage(number, bool(by_far and doubtful[number])) for number, by_far in outlying.items()]
 
 
 def _unscaled(problem: Problem) -> Problem:

@@ -159,8 +159,7 @@ class Solution:
 
     @property
     def out_of_place(self) -> bool:
-        """Whether the object is so far from where it was stated, within a step of the largest shift, that it must have
-        drifted there: the shift is 50 mm at most over 96 Lambertian captures of design seeds by two rings."""
+        """Whether the object has drifted within a step of the largest shift: of 96 sound captures it is up to 50 mm."""
         return abs(self.moved_m) >= alternation.SETTINGS.max_shift_m - alternation.MAX_SHIFT_STEP_M
 
     @property
@@ -168,6 +167,12 @@ class Solution:
         """Whether the noise of intensities, or the object's place, is beyond what any sound capture needs. That of
         directions detail below a pixel raises to its bound, whether lamps are where they should be or 5 mm off."""
         return self.scene.noise.intensity >= SETTINGS.max_intensity or self.out_of_place
+
+    @property
+    def intensities_scatter(self) -> bool:
+        """Whether the intensities' standard deviation is outlying: others than stated may fit a bad image."""
+        stated, counts = self.problem.nominal.calibration.intensity_sigma, np.isfinite(self.fit.images)
+        return bool(np.std(self.state.shared.log_intensity[counts]) > photometry.SETTINGS.outlying_deviations * stated)
 
     @property
     def unjudged(self) -> bool:
@@ -182,14 +187,12 @@ class Solution:
 
     @property
     def may_be_coded(self) -> bool:
-        """Whether the score test finds an exponent below 1, by half of what makes values seem coded, and no roughness
-        that would gain more."""
+        """Whether the score test finds an exponent below 1, by half of what `seems_coded`, and less roughness."""
         return self._exponent_below(SETTINGS.coded_exponent / 2)
 
     @property
     def seems_linear(self) -> bool:
-        """Whether the values have no exponent far from 1, unless roughness explains it: above it are values that were
-        linear before they were linearised, below it those of another coding."""
+        """Whether no exponent far from 1 is left that roughness does not explain: above it values were linear."""
         if self.scores is None:
             return False
         return self._rather_rough or abs(self.scores.exponent.step) < SETTINGS.coded_exponent
@@ -237,8 +240,7 @@ class Solution:
 
     @cached_property
     def rough_misfit(self) -> float:
-        """Misfit of the sample solved again as `ROUGH` over that as Lambertian, with what pixels share as it is:
-        that may have taken up so much of the roughness that no score is left."""
+        """Misfit of the sample as `ROUGH` over that as Lambertian, with shared parameters that may hide the score."""
         again = (replace(self.scene, terms=terms) for terms in (None, ROUGH))
         stated = self.problem.nominal.noise
         plain, rough = (fit_of(self.sample, self.sample.solved_again(scene), stated).misfit for scene in again)
@@ -246,12 +248,11 @@ class Solution:
 
     @property
     def more_subtracted_than_measured(self) -> bool:
-        """Whether light from elsewhere, as estimated, leaves more measurements of an image clearly below zero, in the
-        median, than a sound one does: no pixel is darker than what falls on it beside the lamps' light.
+        """Whether light from elsewhere leaves more of an image, in the median, clearly below zero than is sound.
 
-        Relief of the size of a pixel fits better where most of each image is ambient light. That leaves 13 and 1.1 %
-        of two reliefs below zero, which erred by 13 and 21°; true ambient light of 3 and 10 % leaves 0.04 % of five
-        captures at most (design seeds 371–386, eight lights by two rings). A single bad image may be darker."""
+        Taken for most of each image, it leaves 13 and 1.1 % of two fine reliefs below zero, 13 and 21° off; true
+        ambient light of 3 and 10 % 0.04 % at most of five captures (design seeds 371–386). One image may be darker.
+        """
         solution, noise = self.sample.solution, self.problem.nominal.noise.single_precision()
         elsewhere, shared = solution.estimate.nondiffuse_value, photometry.SETTINGS
         variance = noise.variance(np.maximum(solution.measured, 0), np.zeros_like(solution.measured))
@@ -267,8 +268,7 @@ class Solution:
 
     @property
     def poor(self) -> bool:
-        """Whether the fit is so bad, or so little of it is left to judge, that costly alternatives are worth a
-        trial."""
+        """Whether the fit is so bad, or so little is left to judge, that costly alternatives are worth a trial."""
         return self.problem.thorough and (self.unjudged or self.badly_fitting or self.at_end_of_range)
 
 
@@ -325,6 +325,7 @@ class Alternative:
             return True
         if self.leaves_out:  # of a wrong model, too, the loss falls a little without the worst image
             sound = not trial.poor or after.misfit <= SETTINGS.better_at_least * before_fit.misfit
+            sound &= not (before.intensities_scatter and trial.intensities_scatter)  # it was another image
             return sound and after.loss <= self.worse_at_most * before_fit.loss
         if self.term == "roughness":
             return terms.roughness / self.step > 0.5 and after.loss < before_fit.loss
