@@ -74,7 +74,8 @@ class ShadowImages:
 
         Without highlights but with indirect light: taken out by a depth that is still wrong, it would move all shadow
         borders the same way, by up to a pixel. Under lamps more slanted than is usual, surfaces that face the camera
-        are as dark as shadows; they have `dark` where direct light is three quarters of what their normals reflect.
+        are as dark as shadows; their share is at least `dark` where direct light is three quarters of what normals and
+        albedo reflect.
         """
         light, clipped, ray = self.estimate.light, self.pixels.clipped, photometry.ray_directions(self.pixels.ray)
         strength = np.maximum(np.sqrt(np.einsum("fcn,fcn->fn", light, light)), np.float32(1e-9))
@@ -257,7 +258,8 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
     """
     pixels = shadows.pixels
     lit = photometry.SETTINGS.grazing_cosine
-    dark = float(np.float32(3 * lit / 4))  # light that fades slowly between the two casts no shadow
+    # Light that fades slowly between the two casts no shadow. Images hold `dark` itself, in single precision.
+    dark = float(np.float32(3 * lit / 4))
     share = shadows.lit_share(dark)
     row, column = np.unravel_index(pixels.index, pixels.shape)
     across, down = np.polyfit(pixels.ray[0], column, 1), np.polyfit(pixels.ray[1], row, 1)

@@ -19,6 +19,7 @@ from acquisition.models.result import FisherInformation, NormalMap
 from acquisition.normals import (
     alternation,
     error_variance,
+    goodness_of_fit,
     integrability,
     integration,
     interreflection,
@@ -32,6 +33,7 @@ from acquisition.normals import (
     term_solve,
 )
 from acquisition.normals.alternation import AlternationResult
+from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 
@@ -128,6 +130,13 @@ class SolvedSample:
     def solved_again(self, scene: Scene) -> PixelSolution:
         """The solution in another scene: normals and albedo anew, all that pixels share as it is."""
         return _solve_pixels(self.pixels, self.state, scene)
+
+    def fit(self, solution: PixelSolution, stated: image_values.Noise) -> Fit:
+        """Fit of a solution of the sample in the stated noise."""
+        ray = self.pixels.ray
+        low, high = ray.min(axis=1, keepdims=True), ray.max(axis=1, keepdims=True)
+        place = ((ray - low) / np.maximum(high - low, 1e-9))[::-1]
+        return goodness_of_fit.evaluate(solution.estimate, solution.values, stated, solution.extra_variance, place)
 
 
 def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> tuple[Scene, SolvedSample]:

@@ -12,21 +12,19 @@ from functools import cached_property
 import numpy as np
 
 from acquisition import photometry
-from acquisition.image_values import Noise
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
 from acquisition.normals import (
     alternation,
     final_solve,
-    goodness_of_fit,
     image_set,
     registration,
     surface_diffusion,
     translucency,
 )
 from acquisition.normals.alternation import AlternationResult
-from acquisition.normals.final_solve import PixelSolution, SolvedSample
+from acquisition.normals.final_solve import SolvedSample
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.images import Images
@@ -159,7 +157,8 @@ class Solution:
 
     @property
     def out_of_place(self) -> bool:
-        """Whether the object has drifted within a step of the largest shift: of 96 sound captures it is up to 50 mm."""
+        """Whether the object is so far from where it was stated, within a step of the largest shift, that it must have
+        drifted there: the shift is 50 mm at most over 96 Lambertian captures of design seeds by two rings."""
         return abs(self.moved_m) >= alternation.SETTINGS.max_shift_m - alternation.MAX_SHIFT_STEP_M
 
     @property
@@ -187,12 +186,14 @@ class Solution:
 
     @property
     def may_be_coded(self) -> bool:
-        """Whether the score test finds an exponent below 1, by half of what `seems_coded`, and less roughness."""
+        """Whether the score test finds an exponent below 1, by half of what makes values seem coded, and no roughness
+        that would gain more."""
         return self._exponent_below(SETTINGS.coded_exponent / 2)
 
     @property
     def seems_linear(self) -> bool:
-        """Whether no exponent far from 1 is left that roughness does not explain: above it values were linear."""
+        """Whether the values have no exponent far from 1, unless roughness explains it: above it are values that were
+        linear before they were linearised, below it those of another coding."""
         if self.scores is None:
             return False
         return self._rather_rough or abs(self.scores.exponent.step) < SETTINGS.coded_exponent
@@ -240,19 +241,21 @@ class Solution:
 
     @cached_property
     def rough_misfit(self) -> float:
-        """Misfit of the sample as `ROUGH` over that as Lambertian, with shared parameters that may hide the score."""
+        """Misfit of the sample solved again as `ROUGH` over that as Lambertian, with what pixels share as it is:
+        that may have taken up so much of the roughness that no score is left."""
         again = (replace(self.scene, terms=terms) for terms in (None, ROUGH))
         stated = self.problem.nominal.noise
-        plain, rough = (fit_of(self.sample, self.sample.solved_again(scene), stated).misfit for scene in again)
+        plain, rough = (self.sample.fit(self.sample.solved_again(scene), stated).misfit for scene in again)
         return rough / plain
 
     @property
     def more_subtracted_than_measured(self) -> bool:
-        """Whether light from elsewhere leaves more of an image, in the median, clearly below zero than is sound.
+        """Whether light from elsewhere, as estimated, leaves more measurements of an image clearly below zero, in the
+        median, than a sound one does: no pixel is darker than what falls on it beside the lamps' light.
 
-        Taken for most of each image, it leaves 13 and 1.1 % of two fine reliefs below zero, 13 and 21° off; true
-        ambient light of 3 and 10 % 0.04 % at most of five captures (design seeds 371–386). One image may be darker.
-        """
+        Relief of the size of a pixel fits better where most of each image is ambient light. That leaves 13 and 1.1 %
+        of two reliefs below zero, which erred by 13 and 21°; true ambient light of 3 and 10 % leaves 0.04 % of five
+        captures at most (design seeds 371–386, eight lights by two rings). A single bad image may be darker."""
         solution, noise = self.sample.solution, self.problem.nominal.noise.single_precision()
         elsewhere, shared = solution.estimate.nondiffuse_value, photometry.SETTINGS
         variance = noise.variance(np.maximum(solution.measured, 0), np.zeros_like(solution.measured))
@@ -268,7 +271,8 @@ class Solution:
 
     @property
     def poor(self) -> bool:
-        """Whether the fit is so bad, or so little is left to judge, that costly alternatives are worth a trial."""
+        """Whether the fit is so bad, or so little of it is left to judge, that costly alternatives are worth a
+        trial."""
         return self.problem.thorough and (self.unjudged or self.badly_fitting or self.at_end_of_range)
 
 
@@ -384,14 +388,6 @@ class Alternative:
             message += f" ({value:.1%} of white)"
         message += "" if convincing else ", which fits only in part: do not trust the normals"
         return ModelFinding(kind=self.kind, message=message, corrected=convincing, value=value)
-
-
-def fit_of(sample: SolvedSample, solution: PixelSolution, stated: Noise) -> Fit:
-    """Fit of a solution of the sample in the stated noise."""
-    ray = sample.pixels.ray
-    low, high = ray.min(axis=1, keepdims=True), ray.max(axis=1, keepdims=True)
-    place = ((ray - low) / np.maximum(high - low, 1e-9))[::-1]
-    return goodness_of_fit.evaluate(solution.estimate, solution.values, stated, solution.extra_variance, place)
 
 
 def decisive(alternatives: Sequence[Alternative]) -> list[Alternative]:

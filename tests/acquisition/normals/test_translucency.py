@@ -1,6 +1,7 @@
 """Light that spreads below the surface: recognised in shadows of path-traced captures, and taken back."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -102,6 +103,23 @@ def test_leak_of_sharp_shadows_is_insignificant() -> None:
         assert leak is not None
         assert abs(leak.coefficient) < 4 * leak.standard_error
         assert leak.length_px == 0
+
+
+@pytest.mark.parametrize(("standard_error", "sought"), [(0.25, True), (0.4, False)])
+def test_leak_is_sought_from_three_standard_errors_on(
+    standard_error: float, sought: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A knot whose light in shadows was 0.85 ± 0.185 of the prediction went unnoticed, 8° off in place of 6°."""
+    regressed = translucency._regressed
+
+    def uncertain(*arguments: Any) -> tuple[float, float]:
+        coefficient, _ = regressed(*arguments)
+        return coefficient, standard_error * abs(coefficient)
+
+    monkeypatch.setattr(translucency, "_regressed", uncertain)
+    leak = leak_of(1.2)
+    assert leak is not None
+    assert leak.sought == sought
 
 
 @pytest.mark.parametrize("length_px", [0.8, 1.2, 1.8])
