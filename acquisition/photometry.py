@@ -108,11 +108,15 @@ class SharedSettings:
     known, and of a pixel's indirect light under all lights alike. At the true shape the prediction is 0.80–0.97 of the
     indirect light of five path-traced objects, since the camera does not see all surfaces
     (November 2026)."""
-    misfit_factor: float = tuned(0.25, "1")
-    """B of a pixel's variance (1 + B m max(χ² − s, 0)) σ₀², σ₀² of the posterior, m the number of lights, χ² the
-    whitened residuals' squares over their degrees of freedom, s the stated noise's share of them. Errors of 117
-    captures of design seeds 65, 70, 71, 73 and 75 are likeliest with 0.26 (two rings of 6–20 lights, November 2026);
-    `acquisition.normals.error_variance` says how it is fitted."""
+    misfit_factor: float = tuned(0.2, "1")
+    """B of a pixel's variance (1 + B m (ε + C ε̄)) σ₀², σ₀² of the posterior, m the number of lights, ε by how much the
+    squares of whitened residuals exceed what the stated noise explains, ε̄ the same of all pixels that face the camera.
+    Errors of 272 captures of design seeds 439–472 (eight families, eight lights by two rings) are likeliest with 0.2
+    and 0.25, less likely with 0.1 and 0.4 by 0.034 and 0.024 of the mean log likelihood; of 45 under 20 lights (seeds
+    457–462) likeliest with 0.15 and 0.2. `acquisition.normals.error_variance` says how it is fitted."""
+    whole_misfit_share: float = tuned(0.3, "1")
+    """C: weight of the misfit of the whole object beside a pixel's own. On the 272 captures of B errors are less likely
+    with 0, 0.15 and 0.6 by 0.014, 0.001 and 0.012 of the mean log likelihood (decision 86)."""
     unchecked_sigma_deg: float = tuned(8.0, "deg")
     """E, degrees: 1 σ of a normal that nothing has checked: fewer than four lights are usable, or something is wrong
     with the capture that could not be put right. Of 118 captures with a fault or metal left in (design seeds 70–73,
@@ -261,14 +265,22 @@ def facing(normal_map: NormalMap, calibration: Calibration) -> BoolArray:
     The rim beyond that slant is seen edge-on by few pixels of large σ, which no light helps.
     """
     ray = rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
-    along = ray_directions(ray)
-    cosine = -np.einsum("hwc,chw->hw", normal_map.normals, along) / np.sqrt(np.einsum("chw,chw->hw", along, along))
-    return normal_map.mask & inside(normal_map) & (cosine > np.cos(np.radians(GRADED_SLANT_DEG)))
+    return normal_map.mask & inside(normal_map.silhouette) & within_graded_slant(normal_map.normals, ray)
 
 
-def inside(normal_map: NormalMap) -> BoolArray:
+def inside(silhouette: BoolArray) -> BoolArray:
     """The object's pixels (H, W) but those of the silhouette itself, which show the table too."""
-    return cv2.erode(normal_map.silhouette.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
+    return cv2.erode(silhouette.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
+
+
+def within_graded_slant(normals: Float32Array, ray: Float32Array) -> BoolArray:
+    """Which normals (H, W, 3), view frame, lie within `GRADED_SLANT_DEG` of their viewing rays (2, H, W)."""
+    out = np.empty(ray.shape[1:], np.bool_)
+    for row, one in enumerate(normals):  # row by row, for the memory that all directions take
+        along = ray_directions(ray[:, row])
+        cosine = -np.einsum("wc,cw->w", one, along) / np.sqrt(np.einsum("cw,cw->w", along, along))
+        out[row] = cosine > np.cos(np.radians(GRADED_SLANT_DEG))
+    return out
 
 
 def mean_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None = None) -> float:

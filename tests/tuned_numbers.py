@@ -37,7 +37,7 @@ REASONS: dict[str, str] = {
         light_tests.NEAR
         photometry.PIXEL_UNKNOWNS image_values.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         reflectance_kernels.BASIS_SIZE
-        goodness_of_fit.GRID baselines.FAR_DEG
+        goodness_of_fit.GRID error_variance.POOLED_PX baselines.FAR_DEG
         reflectance_solve.UNKNOWN_VARIANCE_RAD2 distant.OBJECT_SIZE_M distant.CAMERA_M distant.LAMPS_M
         distant.BRIGHT_ALBEDO reflectance_solve.HIGHLIGHT_SHARE
         equivalent_session.EXPOSURE

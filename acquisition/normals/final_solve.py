@@ -203,11 +203,12 @@ def solve(
         maps["normals"][window], maps["sigma_deg"][window], surface["variance"], independent
     )
     lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
-    maps["sigma_deg"][window], structure_deg = error_variance.sigma_deg(
-        maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window],
+    facing = photometry.inside(masked.mask) & photometry.within_graded_slant(maps["normals"][window], masked.ray)
+    errors = error_variance.evaluate(
+        maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window], facing,
         capture_deg=capture_sigma_deg, sharpened=sharpened,
     )  # fmt: skip
-    misfit = error_variance.misfit(maps["residual"][window], lights_used, stated_share)
+    maps["sigma_deg"][window] = errors.sigma_deg
     depth = integration.depth(
         maps["normals"][window].transpose(2, 0, 1), masked.mask, masked.ray,
         integration.confidence(surface.pop("variance")), surface.pop("start"),
@@ -242,8 +243,8 @@ def solve(
             "intensity": noise.intensity,
             "direction": noise.direction,
             "shot": float(np.mean(noise.shot)),
-            "misfit": misfit,
-            "structure_deg": structure_deg,
+            "misfit": errors.misfit,
+            "structure_deg": errors.structure_deg,
             "regression_share": regression_share,
         },
         notes={

@@ -27,7 +27,8 @@ def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
     cosine = -np.sum(normal.T * ray_direction, axis=0) / np.linalg.norm(ray_direction, axis=0)
     matrices = information.matrices.reshape(len(rows), -1)
     finite = np.isfinite(np.column_stack([matrices, normal, depth, normal_map.albedo[rows, columns]])).all(axis=1)
-    counted = photometry.inside(normal_map)[rows, columns] & (cosine > np.cos(np.radians(photometry.GRADED_SLANT_DEG)))
+    inside = photometry.inside(normal_map.silhouette)[rows, columns]
+    counted = inside & (cosine > np.cos(np.radians(photometry.GRADED_SLANT_DEG)))
     return np.flatnonzero(finite & counted & (depth > 0))
 
 

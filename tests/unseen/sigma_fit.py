@@ -22,6 +22,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.errors import RigError
 from acquisition.models.result import NormalMap
 from acquisition.normals import error_variance
+from acquisition.normals.error_variance import ErrorVariance
 from tests.unseen import faults, run, stages
 from tests.unseen.captures import capture
 from tests.unseen.patterns import fixed
@@ -195,15 +196,17 @@ def _solve(scene: Scene, count: int, fault: str | None) -> dict[str, np.ndarray]
     model."""
     recorded: list[FloatArray] = []
 
-    def record(*maps: np.ndarray, capture_deg: float, sharpened: bool) -> tuple[np.ndarray, float]:
-        parts = error_variance.components(*maps)
-        parts[CHANGE] = error_variance.crease_deg2(maps[-1], np.isfinite(maps[0]))
+    def record(*maps: np.ndarray, capture_deg: float, sharpened: bool) -> ErrorVariance:
+        found = original(*maps, capture_deg=capture_deg, sharpened=sharpened)
+        *of_components, _ = maps
+        parts = error_variance.components(*of_components, whole=found.misfit - 1)
+        parts[CHANGE] = error_variance.crease_deg2(of_components[-1], np.isfinite(maps[0]))
         recorded.append(parts)
-        return original(*maps, capture_deg=capture_deg, sharpened=sharpened)
+        return found
 
-    original = error_variance.sigma_deg
+    original = error_variance.evaluate
     captured = capture(scene, fixed("two-rings", scene, count, scene.seed % 4, 4), fault=faults.named(fault))
-    patches = [stages.Patch(error_variance, "sigma_deg", record)]
+    patches = [stages.Patch(error_variance, "evaluate", record)]
     if fault is not None:
         patches += next(stage for stage in stages.STAGES if stage.name == "model selection").patches
     with stages.off(stages.Stage("", "", tuple(patches))):

@@ -26,6 +26,7 @@ from acquisition.normals import (
     shadow_light,
     term_alternatives,
 )
+from acquisition.normals.error_variance import ErrorVariance
 from acquisition.normals.model_trial import Alternative
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.normals.self_calibration import Priors, SharedParameters
@@ -146,9 +147,9 @@ def _no_alternative(*_: object) -> list[Alternative]:
     return []
 
 
-def _posterior_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> tuple[Float32Array, float]:
-    """In place of `error_variance.sigma_deg`."""
-    return posterior_deg, 0.0
+def _posterior_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> ErrorVariance:
+    """In place of `error_variance.evaluate`."""
+    return ErrorVariance(posterior_deg, misfit=1.0, structure_deg=0.0)
 
 
 OPAQUE = tuple(one for one in model_selection.ALTERNATIVES if one is not term_alternatives.translucent_surface)
@@ -253,7 +254,7 @@ STAGES = (
     Stage(
         "variance components of σ",
         "σ is that of the posterior, lowered by the projection.",
-        (Patch(error_variance, "sigma_deg", _posterior_sigma),),
+        (Patch(error_variance, "evaluate", _posterior_sigma),),
     ),
 )
 """The stages of the near solver that the bench's captures reach. Sensor and pixel noise are not among them: the bench

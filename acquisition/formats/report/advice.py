@@ -139,9 +139,10 @@ def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     if poor and len(poor) <= len(probabilities) / 2:  # most of them do not fit as badly
         warnings.append(f"{', '.join(poor)}: fits the others badly: check that image and its lamp.")
     known = normal_map.mask & np.isfinite(normal_map.sigma_deg)
-    structure = normal_map.noise.get("structure_deg", 0.0) * np.count_nonzero(known)  # a mean over pixels
+    inside = known & photometry.inside(normal_map.silhouette)  # nearly those that face the camera, without poses
+    structure = normal_map.noise.get("structure_deg", 0.0) * np.count_nonzero(inside)  # a mean over facing pixels
     remedy = "add lights"
-    if structure > np.sqrt(0.5) * np.sum(normal_map.sigma_deg, where=known):  # more than half of σ²
+    if structure > np.sqrt(0.5) * np.sum(normal_map.sigma_deg, where=inside):  # more than half of σ²
         remedy = "the surface changes from pixel to pixel: larger images help, not more lights"
     uncertain = f"{{}} of the normals are uncertain by more than {MAX_SIGMA_DEG:.0f}°: {remedy}."
     return warnings + _told(uncertain, normal_map.sigma_deg > MAX_SIGMA_DEG, known, 5 * MIN_REPORTED_SHARE)

@@ -8,7 +8,9 @@ from acquisition.normals import error_variance
 from acquisition.normals.error_variance import STRIP_ROWS
 
 SHAPE = (2 * STRIP_ROWS + 30, 20)
+EVERYWHERE = np.ones(SHAPE, bool)
 MISFIT = photometry.SETTINGS.misfit_factor
+WHOLE = photometry.SETTINGS.whole_misfit_share
 
 
 def bounded(variance_deg2: float) -> float:
@@ -30,10 +32,10 @@ def sigma(
     def full(value: float) -> np.ndarray:
         return np.full(SHAPE, value, np.float32)
 
-    return error_variance.sigma_deg(
-        full(posterior_deg), full(residual), np.full(SHAPE, lights, np.uint8), full(stated_share), bent(0),
+    return error_variance.evaluate(
+        full(posterior_deg), full(residual), np.full(SHAPE, lights, np.uint8), full(stated_share), bent(0), EVERYWHERE,
         capture_deg=capture_deg,
-    )[0]  # fmt: skip
+    ).sigma_deg  # fmt: skip
 
 
 def test_sigma_perfect_fit_is_the_posterior() -> None:
@@ -48,7 +50,7 @@ def test_sigma_of_model_that_holds_is_the_posterior() -> None:
 def test_sigma_excess_over_stated_noise_does_not_fall_with_lights(lights: int) -> None:
     """χ² is twice the freedom, of which the stated noise explains half of one: 1.5 for each light."""
     residual = float(np.sqrt(2 * (lights - 3) / lights))
-    expected = bounded(1.0 + 1.5 * MISFIT * lights)
+    expected = bounded(1.0 + 1.5 * MISFIT * (1 + WHOLE) * lights)
     assert sigma(residual=residual, lights=lights, stated_share=0.5) == pytest.approx(expected, rel=1e-5)
 
 
@@ -60,15 +62,15 @@ def test_sigma_of_pixel_that_images_do_not_tell_of_is_a_random_normals() -> None
     assert sigma(1e4) == pytest.approx(random, rel=1e-3)
 
 
-def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
+def test_excess_weighs_pixels_by_degrees_of_freedom() -> None:
     residual, stated = np.array([[1.0, 2.0, 9.0]], np.float32), np.array([[1.0, 0.5, 0.5]], np.float32)
     excess = (5 - 2 * 1.0) + (4 * 8 - 5 * 0.5)
     lights = np.array([[5, 8, 3]], np.uint8)
-    assert error_variance.misfit(residual, lights, stated) == pytest.approx(1 + excess / (2 + 5))
-    assert error_variance.misfit(residual, np.full((1, 3), 3, np.uint8), stated) == 1.0
-    assert error_variance.misfit(0 * residual, lights, stated) == 1.0
-    most = error_variance.misfit(residual * 100, np.full((1, 3), 6, np.uint8), np.ones((1, 3), np.float32))
-    assert most == pytest.approx(2 * photometry.SETTINGS.significant_deviations**2)
+    assert error_variance.excess(residual, lights, stated) == pytest.approx(excess / (2 + 5))
+    assert error_variance.excess(residual, np.full((1, 3), 3, np.uint8), stated) == 0.0
+    assert error_variance.excess(0 * residual, lights, stated) == 0.0
+    most = error_variance.excess(residual * 100, np.full((1, 3), 6, np.uint8), np.ones((1, 3), np.float32))
+    assert most == pytest.approx(2 * photometry.SETTINGS.significant_deviations**2 - 1)
 
 
 @pytest.mark.parametrize(
@@ -85,21 +87,39 @@ def test_sigma_component_adds_in_quadrature(change: dict[str, float], added_deg:
 def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
     """One badly fitting pixel at the last row of a strip raises its known neighbours alike; unknown ones stay NaN."""
     residual = np.zeros(SHAPE, np.float32)
-    residual[STRIP_ROWS - 1, 10] = 3.0
+    residual[STRIP_ROWS - 1, 10] = 5.0
     posterior = np.ones(SHAPE, np.float32)
     posterior[STRIP_ROWS, 9:12] = np.nan
     ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
-    result = error_variance.sigma_deg(posterior, residual, lights, ones, bent(0), capture_deg=0.0)[0]
+    result = error_variance.evaluate(
+        posterior, residual, lights, ones, bent(0), EVERYWHERE, capture_deg=0.0
+    ).sigma_deg  # fmt: skip
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
-    excess = (9 * 8) / (6 * 5) - 1
+    excess = (25 * 8) / (22 * 5) - 1
     assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(1.0 + MISFIT * 8 * excess), rel=1e-4)
-    assert result[STRIP_ROWS - 3, 10] == pytest.approx(bounded(1.0), rel=1e-5)
-    assert np.count_nonzero(result > 1.01 * bounded(1.0)) == 6
+    assert result[STRIP_ROWS - 4, 10] == pytest.approx(bounded(1.0), rel=1e-5)
+    assert np.count_nonzero(result > 1.01 * bounded(1.0)) == 22
+
+
+def test_misfit_of_facing_pixels_raises_all_others() -> None:
+    """A half of the rows fits badly; only those that face the camera say so, and pixels that fit well are told."""
+    residual = np.full(SHAPE, np.sqrt(5 / 8), np.float32)
+    residual[:100] *= np.sqrt(3)
+    ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
+    facing = EVERYWHERE.copy()
+    facing[:50] = False
+    found = error_variance.evaluate(ones, residual, lights, ones, bent(0), facing, capture_deg=0.0)
+    whole = 2 * 50 / (SHAPE[0] - 50)
+    assert found.misfit == pytest.approx(1 + whole)
+    assert found.sigma_deg[-1] == pytest.approx(bounded(1 + MISFIT * 8 * WHOLE * whole), rel=1e-5)
+    assert found.sigma_deg[0] == pytest.approx(bounded(1 + MISFIT * 8 * (2 + WHOLE * whole)), rel=1e-5)
+    rim = error_variance.evaluate(ones, residual, lights, ones, bent(0), ~EVERYWHERE, capture_deg=0.0)
+    assert rim.misfit == pytest.approx(1 + 2 * 100 / SHAPE[0])
 
 
 @pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])
 def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None:
-    result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), capture_deg=0.0)[0]
+    result = error_variance.evaluate(*_plain_maps(), bent(90, row), EVERYWHERE, capture_deg=0.0).sigma_deg
     crease = np.degrees(2 * np.sin(np.radians(45)) / 2)
     tuned = error_variance.SETTINGS
     # A normal and the mean of four neighbours, one of which is 90° away, lie atan(1/3) apart.
@@ -114,7 +134,9 @@ def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None
 @pytest.mark.parametrize("sharpened", [False, True])
 def test_sigma_follows_detail_where_there_is_no_crease(*, sharpened: bool) -> None:
     """A bend of 20° is less of a crease than what counts as one. All detail of sharpened images is extrapolated."""
-    result = error_variance.sigma_deg(*_plain_maps(), bent(20), capture_deg=0.0, sharpened=sharpened)[0]
+    result = error_variance.evaluate(
+        *_plain_maps(), bent(20), EVERYWHERE, capture_deg=0.0, sharpened=sharpened
+    ).sigma_deg
     detail = np.degrees(np.arctan2(np.sin(np.radians(20)), 3 + np.cos(np.radians(20)))) / 2
     share = 1.0 if sharpened else error_variance.SETTINGS.structure_share
     raised = bounded(1.0 + share**2 * (detail**2 - error_variance.NOISE_DETAIL))
@@ -176,8 +198,10 @@ def tilted_rows(rows: slice, angle_deg: float) -> np.ndarray:
 @pytest.mark.parametrize("row", [20, STRIP_ROWS - 1, STRIP_ROWS])
 def test_sigma_of_a_wall_narrower_than_pixels_is_that_of_any_inclination(row: int, wide: int) -> None:
     """A deviation of 15° may be half of a pixel at 30° or a fifth at 75°: ω (90° − ω)/2."""
-    result = error_variance.sigma_deg(*_plain_maps(), tilted_rows(slice(row, row + wide), 15.0), capture_deg=0.0)[0]
-    chance = error_variance.SETTINGS.line_deviations**2 * error_variance.NOISE_LINE
+    result = error_variance.evaluate(
+        *_plain_maps(), tilted_rows(slice(row, row + wide), 15.0), EVERYWHERE, capture_deg=0.0
+    ).sigma_deg
+    chance = photometry.SETTINGS.outlying_deviations**2 * error_variance.NOISE_LINE
     line = np.sqrt(np.degrees(2 * np.sin(np.radians(7.5))) ** 2 - chance)
     assert result[row : row + wide] == pytest.approx(bounded(1.0 + line * (90 - line) / 2), rel=0.02)
     assert np.max(result[[row - 1, row + wide]]) < 1.5 * bounded(1.0)
@@ -219,7 +243,8 @@ def test_line_of_what_is_no_line_is_none(of: str) -> None:
 
 def test_structure_of_one_crease_is_its_share_of_the_pixels_and_noise_makes_none() -> None:
     flat, crease = (
-        error_variance.sigma_deg(*_plain_maps(), normals, capture_deg=0.0)[1] for normals in (bent(0), bent(90))
+        error_variance.evaluate(*_plain_maps(), normals, EVERYWHERE, capture_deg=0.0).structure_deg
+        for normals in (bent(0), bent(90))
     )
     assert flat == 0.0
     tuned, detail = error_variance.SETTINGS, np.degrees(np.arctan(1 / 3)) / 2
@@ -229,5 +254,6 @@ def test_structure_of_one_crease_is_its_share_of_the_pixels_and_noise_makes_none
     noisy = bent(0) + np.random.default_rng(0).normal(0, np.radians(2.0) / np.sqrt(2), (*SHAPE, 3)) * [1, 1, 0]
     noisy = (noisy / np.linalg.norm(noisy, axis=-1, keepdims=True)).astype(np.float32)
     residual, lights, share = _plain_maps()[1:]
-    found = error_variance.sigma_deg(np.full(SHAPE, 2.0, np.float32), residual, lights, share, noisy, capture_deg=0.0)
-    assert found[1] < 0.4 * tuned.structure_share * 2.0
+    sigma_deg = np.full(SHAPE, 2.0, np.float32)
+    found = error_variance.evaluate(sigma_deg, residual, lights, share, noisy, EVERYWHERE, capture_deg=0.0)
+    assert found.structure_deg < 0.4 * tuned.structure_share * 2.0
