@@ -108,7 +108,8 @@ def _others(present: Solution, *, unscored: bool) -> list[Alternative]:
     gloss = term_alternatives.gloss(present) if most_gained else []
     scored = [] if present.unjudged else term_alternatives.scored_terms(present)
     if not unscored:
-        return [*(one for one in gloss if one.demanded), *scored]
+        coded = term_alternatives.coded(present) if present.seems_coded else []
+        return [*(one for one in gloss if one.demanded), *scored, *coded]
     return [
         *gloss,
         *scored,

@@ -356,6 +356,8 @@ class Alternative:
         least, before_fit, after = SETTINGS.better_at_least, before.fit, trial.fit
         loss, share = after.loss / before_fit.loss, after.share / before_fit.share
         sound = after.probability > SETTINGS.min_probability
+        if before.problem.term_sigma.from_elsewhere and max(loss, share) <= SETTINGS.better:
+            return True  # without light from elsewhere, which explained the same shadows, and worse
         if before.seems_coded:
             most = SETTINGS.better if sound or loss <= least**2 else least
             return loss <= SETTINGS.better and share <= most * self.coding

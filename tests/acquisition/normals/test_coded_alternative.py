@@ -156,6 +156,22 @@ def test_linearised_values_are_accepted_up_to_a_share_of_the_values_as_score_and
     assert [share for share in shares if accepted(share)] == [share for share in shares if share < most]
 
 
+@pytest.mark.parametrize(
+    ("loss", "share", "takes"), [(0.7, 0.8, True), (0.95, 0.8, False), (0.7, 0.95, False)], ids=str
+)
+def test_coding_takes_the_place_of_light_from_elsewhere_that_fits_worse(
+    trial: Trial, loss: float, share: float, takes: bool
+) -> None:
+    """Both explain what is in shadows: a coded profile was solved in ambient light, 12.8° off in place of 5.3°."""
+    alternative, before, after = trial
+    sigma = replace(before.problem.term_sigma, ambient=0.15)
+    stated = scored(replace(before, fit=replace(before.fit, misfit=4.0)), 1.0, -0.1)
+    fit = replace(after.fit, share=share * before.fit.share, loss=loss * before.fit.loss, misfit=1.6)
+    in_light = replace(stated, problem=replace(before.problem, term_sigma=sigma))
+    assert not alternative.accepted(stated, replace(after, fit=fit))
+    assert alternative.accepted(in_light, replace(after, fit=fit)) == takes
+
+
 def test_values_seem_coded_unless_roughness_gains_more(trial: Trial) -> None:
     """Two of eight very rough objects were solved as coded, 5.9° and 7.0° off, in place of 3.5° and 4.5°."""
     _, before, _ = trial
