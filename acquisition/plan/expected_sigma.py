@@ -35,11 +35,17 @@ class ExpectedSigma:
 
     @classmethod
     def of(cls, normal_map: NormalMap, calibration_rad: float = 0.0) -> "ExpectedSigma":
-        """Misfit and findings of the images so far; a misfit of 1, that of a model that holds, where none is stated."""
+        """Misfit and findings of the images so far; a misfit of 1, that of a model that holds, where none is stated.
+
+        What a pilot of fewer than `photometry.REDUNDANT` images names, with which no other model is tried, further
+        images can put right, so that it counts for nothing.
+        """
+        told = len(normal_map.flags) >= photometry.REDUNDANT
+        findings = [finding for finding in normal_map.findings if told or finding.corrected]
         return cls(
             misfit=max(normal_map.noise.get("misfit", 1.0), 1.0),
             structure_deg=normal_map.noise.get("structure_deg", 0.0),
-            capture_deg=photometry.capture_sigma_deg(normal_map.findings),
+            capture_deg=photometry.capture_sigma_deg(findings),
             calibration_rad=calibration_rad,
         )
 

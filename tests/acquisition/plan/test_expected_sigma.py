@@ -67,9 +67,13 @@ def test_of_normal_map_reads_misfit_and_findings() -> None:
     corrected, left = (ModelFinding(kind="lamps", message="-", corrected=one) for one in (True, False))
     metal = ModelFinding(kind=photometry.METAL, message="-", corrected=True)
     settings = photometry.SETTINGS
-    for findings, added in (
-        ((corrected,), 0.0),
-        ((corrected, metal), settings.unchecked_sigma_deg / 2),
-        ((metal, left), settings.unchecked_sigma_deg),
+    half = settings.unchecked_sigma_deg / 2
+    more = replace(known, flags=np.concatenate([known.flags, known.flags[:1]]))
+    for findings, of_pilot, of_more in (
+        ((corrected,), 0.0, 0.0),
+        ((corrected, metal), half, half),
+        ((left,), 0.0, settings.unchecked_sigma_deg),
+        ((metal, left), half, settings.unchecked_sigma_deg),
     ):
-        assert ExpectedSigma.of(replace(known, findings=findings)).capture_deg == added
+        assert ExpectedSigma.of(replace(known, findings=findings)).capture_deg == of_pilot
+        assert ExpectedSigma.of(replace(more, findings=findings)).capture_deg == of_more
