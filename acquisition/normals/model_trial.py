@@ -280,13 +280,12 @@ class Solution:
 class Alternative:
     """Another model: kind, sentence and amount for its finding, the problem to solve, and when its fit is accepted.
 
-    `worse_at_most`: its misfit over that before, as `loss_at_most` its loss; some have rules of their own (`accepted`),
-    and are only `demanded` by it. `coding`: exponent by which it changes the values. `leaves_out`: it leaves an image
-    out. `term`: the one of `ImageTerms` that it estimates. `step`: what one step promised of it from zero, of which
-    half is found, or the fit is `better`. `silent`: it corrects the solver, not the capture. `sound_enough`: its fit
-    need not be better than a sound one, because a test demands it that does not look at residuals. `least_images`:
-    fewer leave residuals that do not tell it from others. `decisive`: once it is by far the best so far, only other
-    decisive ones are tried.
+    `worse_at_most`: its misfit over that before; some have rules of their own (`accepted`), and are only `demanded` by
+    it. `coding`: exponent by which it changes the values. `leaves_out`: it leaves an image out. `term`: the one of
+    `ImageTerms` that it estimates. `step`: what one step promised of it from zero, of which half is found, or the fit
+    is `better`. `silent`: it corrects the solver, not the capture. `sound_enough`: its fit need not be better than a
+    sound one, because a test demands it that does not look at residuals. `least_images`: fewer leave residuals that do
+    not tell it from others. `decisive`: once it is by far the best so far, only other decisive ones are tried.
     """
 
     kind: str
@@ -302,7 +301,6 @@ class Alternative:
     least_images: int = photometry.REDUNDANT
     decisive: bool = False
     leaves_out: bool = False
-    loss_at_most: float = np.inf
 
     @property
     def demanded(self) -> bool:
@@ -321,7 +319,7 @@ class Alternative:
         before_fit, after, terms = before.fit, trial.fit, trial.state.shared.terms
         if trial.out_of_place and abs(trial.moved_m) >= abs(before.moved_m):
             return False
-        if after.loss > self.loss_at_most * before_fit.loss or (self.coding != 1 and not trial.seems_linear):
+        if self.coding != 1 and not trial.seems_linear:
             return False
         if self.term in ("ambient", "offset") and trial.more_subtracted_than_measured:
             return False

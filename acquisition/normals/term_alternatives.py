@@ -247,8 +247,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
 
     Not where one image fits far worse, which alone may be blurred, nor of a glossy surface, by its score or as it is
     solved, which mirrors lamps into shadows, nor after ambient or stray light, which falls there, too, nor of a surface
-    that has drifted away, whose shadows fall elsewhere. A mean free path of less than a pixel of the coarse grid is
-    accepted only where the loss falls: indirect light at the edges of shadows resembles it (decision 88).
+    that has drifted away, whose shadows fall elsewhere.
     """
     problem, level = present.problem, present.problem.level
     others = {translucency.KIND, TERMS["gloss"][0], TERMS["metal"][0], *FROM_ELSEWHERE}
@@ -269,9 +268,11 @@ def translucent_surface(present: Solution) -> list[Alternative]:
         1000 * length_px * float(np.mean(present.state.depth_m)) / problem.nominal.calibration.camera_matrix[0][0]
     )
     message = f"light spreads by {length_mm:.1f} mm below the surface, or images are out of focus: they are sharpened"
-    settings = model_trial.SETTINGS
-    found = Alternative(translucency.KIND, message, problem.reread(sharpened), settings.clearly_worse, length_mm)
-    return [replace(found, loss_at_most=settings.better) if leak.length_px < translucency.TESTED_PX else found]
+    return [
+        Alternative(
+            translucency.KIND, message, problem.reread(sharpened), model_trial.SETTINGS.clearly_worse, length_mm
+        )
+    ]
 
 
 def _full_surface(present: Solution) -> tuple[SurfaceGraph, Float32Array]:

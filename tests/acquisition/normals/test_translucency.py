@@ -20,7 +20,6 @@ from acquisition.normals import (
 )
 from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.term_tests import TermScore
-from acquisition.normals.translucency import Leak
 from tests.acquisition.normals.selection_cases import recorded_solutions
 from tests.acquisition.scenes import with_values
 from tests.unseen import patterns, scenes
@@ -185,12 +184,6 @@ def test_solve_translucent_cluster_is_sharpened(monkeypatch: pytest.MonkeyPatch)
     misfits = plain.fit.images * np.where(np.arange(len(plain.fit.images)) == 0, 10.0, 1.0)
     outlying = replace(plain, fit=replace(plain.fit, images=misfits))
     assert not term_alternatives.translucent_surface(outlying), "one image alone may be blurred"
-    better = replace(plain, fit=replace(plain.fit, loss=0.95 * plain.fit.loss))
-    for length_px, accepted in ((0.8, False), (1.2, True)):
-        found = Leak(coefficient=length_px, standard_error=0.05, length_px=length_px)
-        monkeypatch.setattr(translucency, "leak", lambda *_, leak=found: leak)
-        (short,) = term_alternatives.translucent_surface(replace(plain))
-        assert short.accepted(plain, better) == accepted, "less than a pixel has to lower the loss"
 
 
 def test_solve_opaque_cluster_is_not_sharpened(monkeypatch: pytest.MonkeyPatch) -> None:
