@@ -73,8 +73,9 @@ class SharedSettings:
     """Deviation, in σ, from which something counts as outlying: residuals of a pixel, whose rms then asks for a second
     start, which costs time, a measurement in shadow, which costs a solution with gloss as much, an image's misfit
     against the others', which is then left out on trial, its intensity under the widest prior, which is then scaled,
-    the noise of intensities that no sound capture has, the noise of a value of which channels are clipped, light in
-    cast shadows as from below the surface, and the gain of turned lamps. Of Gaussian deviations 0.3 % are larger.
+    the intensity of one image, or the scatter of all, against what is stated, the noise of intensities that no sound
+    capture has, the noise of a value of which channels are clipped, light in cast shadows as from below the surface,
+    the normals of a line narrower than a pixel, and the gain of turned lamps. Of Gaussian deviations 0.3 % are larger.
     Turned lamps gain 0–2 on sound captures and 4–13 where they are 10° off, on machined parts 1.6 (design seeds 60, 62
     and 63, ten lights, November 2026)."""
     grazing_cosine: float = tuned(0.4, "cosine")

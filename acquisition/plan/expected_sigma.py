@@ -37,8 +37,8 @@ class ExpectedSigma:
     def of(cls, normal_map: NormalMap, calibration_rad: float = 0.0) -> "ExpectedSigma":
         """Misfit and findings of the images so far; a misfit of 1, that of a model that holds, where none is stated.
 
-        What a pilot of fewer than `photometry.REDUNDANT` images names, with which no other model is tried, further
-        images can put right, so that it counts for nothing.
+        What is named of fewer than `photometry.REDUNDANT` images, with which most other models are not tried, further
+        images can put right, so that it does not count.
         """
         told = len(normal_map.flags) >= photometry.REDUNDANT
         findings = [finding for finding in normal_map.findings if told or finding.corrected]

@@ -22,13 +22,12 @@ def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
     rows, columns = information.rows, information.columns
     if not len(rows):
         return np.empty(0, dtype=np.int64)
-    ray_direction = photometry.ray_directions(visibility.rays_at(calibration, rows, columns))
+    ray = visibility.rays_at(calibration, rows, columns)
     normal, depth = normal_map.normals[rows, columns], normal_map.depth[rows, columns]
-    cosine = -np.sum(normal.T * ray_direction, axis=0) / np.linalg.norm(ray_direction, axis=0)
     matrices = information.matrices.reshape(len(rows), -1)
     finite = np.isfinite(np.column_stack([matrices, normal, depth, normal_map.albedo[rows, columns]])).all(axis=1)
-    inside = photometry.inside(normal_map.silhouette)[rows, columns]
-    counted = inside & (cosine > np.cos(np.radians(photometry.GRADED_SLANT_DEG)))
+    counted = photometry.inside(normal_map.silhouette)[rows, columns]
+    counted &= photometry.within_graded_slant(normal[None], ray[:, None])[0]
     return np.flatnonzero(finite & counted & (depth > 0))
 
 

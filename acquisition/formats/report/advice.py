@@ -139,7 +139,7 @@ def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     if poor and len(poor) <= len(probabilities) / 2:  # most of them do not fit as badly
         warnings.append(f"{', '.join(poor)}: fits the others badly: check that image and its lamp.")
     known = normal_map.mask & np.isfinite(normal_map.sigma_deg)
-    inside = known & photometry.inside(normal_map.silhouette)  # nearly those that face the camera, without poses
+    inside = known & photometry.inside(normal_map.silhouette)  # nearly those that face the camera, which takes its rays
     structure = normal_map.noise.get("structure_deg", 0.0) * np.count_nonzero(inside)  # a mean over facing pixels
     remedy = "add lights"
     if structure > np.sqrt(0.5) * np.sum(normal_map.sigma_deg, where=inside):  # more than half of σ²
