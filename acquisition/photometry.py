@@ -109,15 +109,12 @@ class SharedSettings:
     known, and of a pixel's indirect light under all lights alike. At the true shape the prediction is 0.80–0.97 of the
     indirect light of five path-traced objects, since the camera does not see all surfaces
     (November 2026)."""
-    misfit_factor: float = tuned(0.2, "1")
-    """B of a pixel's variance (1 + B m (ε + C ε̄)) σ₀², σ₀² of the posterior, m the number of lights, ε by how much the
+    misfit_factor: float = tuned(0.3, "1")
+    """B of a pixel's variance (1 + B m (ε + ε̄)) σ₀², σ₀² of the posterior, m the number of lights, ε by how much the
     squares of whitened residuals exceed what the stated noise explains, ε̄ the same of all pixels that face the camera.
-    Errors of 272 captures of design seeds 439–472 (eight families, eight lights by two rings) are likeliest with 0.2
-    and 0.25, less likely with 0.1 and 0.4 by 0.034 and 0.024 of the mean log likelihood; of 45 under 20 lights (seeds
-    457–462) likeliest with 0.15 and 0.2. `acquisition.normals.error_variance` says how it is fitted."""
-    whole_misfit_share: float = tuned(0.3, "1")
-    """C: weight of the misfit of the whole object beside a pixel's own. On the 272 captures of B errors are less likely
-    with 0, 0.15 and 0.6 by 0.014, 0.001 and 0.012 of the mean log likelihood (decision 86)."""
+    Errors of 272 captures of design seeds 439–472 (eight families, eight lights by two rings) are likeliest with it,
+    less likely with 0.2 and 0.4 by 0.010 and 0.005 of the mean log likelihood; of 112 under 20 lights (seeds 457–470)
+    likelier by 0.027 with 0.15. `acquisition.normals.error_variance` says how it is fitted."""
     unchecked_sigma_deg: float = tuned(8.0, "deg")
     """E, degrees: 1 σ of a normal that nothing has checked: fewer than four lights are usable, or something is wrong
     with the capture that could not be put right. Of 118 captures with a fault or metal left in (design seeds 70–73,

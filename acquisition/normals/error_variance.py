@@ -5,7 +5,7 @@ predicted, a pixel that mixes two surfaces. What tells is how badly the pixel's 
 changes from pixel to pixel:
 
     σ² = 1 / (1/v + 1/V²),
-    v = (1 + B m (ε + C ε̄)) σ₀² + M² max(Δ² − Δ₀², 0) + M² max(λ² − 5/16 σ₀², 0) + ω (90° − ω)/2 + E² [unchecked]
+    v = (1 + B m (ε + ε̄)) σ₀² + M² max(Δ² − Δ₀², 0) + M² max(λ² − 5/16 σ₀², 0) + ω (90° − ω)/2 + E² [unchecked]
 
 V = 49° is 1 σ of a normal of which no image tells anything (`photometry.bounded_variance`): without it pixels in
 cavities that are hardly lit and fit badly have σ up to 480°, and 2–9 % of the pixels make up half of the mean σ.
@@ -47,13 +47,13 @@ Gaussian surrounding tells less, the sum of squared second differences along row
 fits on design seeds, November 2026).
 
 The constants are rounded from those that make the errors of design captures likeliest under Rayleigh's law with a heavy
-tail (bivariate t, 20 degrees of freedom), such that the factor of σ₀² itself is 1: B, C and M of 272 captures of seeds
-439–472 under eight lights, of which P(e < σ) is 0.73 and P(e < 2σ) 0.937 (decision 86); E, 8.9° of few lights, of 117
+tail (bivariate t, 20 degrees of freedom), such that the factor of σ₀² itself is 1: B and M of 272 captures of seeds
+439–472 under eight lights, of which P(e < σ) is 0.71 and P(e < 2σ) 0.933 (decision 88); E, 8.9° of few lights, of 117
 of seeds 65, 70, 71, 73 and 75 under 6–20. `python -m tests.unseen fit-sigma` fits such captures, and prints how much
 less likely the errors are without each component. The constants depend on the tail that is assumed
 (`tests.unseen.sigma_fit`). How they do on captures that they were not fitted to stands in `tests/unseen/reports.md`.
 
-B, C and E are `photometry`'s, because a plan's forecast takes them into account as well.
+B and E are `photometry`'s, because a plan's forecast takes them into account as well.
 """
 
 from dataclasses import dataclass
@@ -62,7 +62,7 @@ import cv2
 import numpy as np
 
 from acquisition import photometry
-from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 
 
@@ -72,8 +72,8 @@ class ErrorVarianceSettings:
 
     structure_share: float = tuned(0.45, "share")
     """M: 1 σ of the normal as a share of Δ, half of the angle of a crease, and of λ, half of that to the mean of its
-    neighbours' normals. Of 272 captures of design seeds 439–472 errors are likelier than with 0.4 by 0.002 of the mean
-    log likelihood (eight lights by two rings, decision 86); of 110 of seeds 205–215 and 225 with 0.5 by 0.008, of 64 of
+    neighbours' normals. Of 272 captures of design seeds 439–472 errors are likelier than with 0.4 by 0.001 of the mean
+    log likelihood (eight lights by two rings, decision 88); of 110 of seeds 205–215 and 225 with 0.5 by 0.008, of 64 of
     216–219 with 0.4 by 0.022 (8 and 20 lights, decision 75)."""
     min_crease_deg: float = tuned(12.0, "deg")
     """Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell. It is one of 8, 12, 16, 20 and
@@ -108,7 +108,8 @@ POOLED_PX = 5
 @dataclass(frozen=True)
 class ErrorVariance:
     """σ (H, W) in degrees over both tangential directions, NaN where there is no normal; and what forecasts of further
-    lights go by, of the facing pixels: the misfit 1 + ε̄, and the mean of what creases, detail and lines make of σ."""
+    lights go by, of the facing pixels: the misfit, 1 + the mean of ε + ε̄, and that of what creases, detail and lines
+    make of σ."""
 
     sigma_deg: Float32Array
     misfit: float
@@ -126,7 +127,8 @@ def evaluate(
     """
     known = np.isfinite(posterior_deg)
     facing = facing & known if np.any(facing & known) else known
-    whole = excess(residual, np.where(facing, lights, 0), stated_share)
+    of_facing = residual, np.where(facing, lights, 0), stated_share
+    whole = typical_excess(*of_facing)
     out, weight = np.full_like(posterior_deg, np.nan), weights(sharpened=sharpened)
     total = 0.0
     for start in range(0, len(out), STRIP_ROWS):
@@ -140,7 +142,7 @@ def evaluate(
         out[start:stop] = np.where(known[start:stop], np.sqrt(variance), np.nan)
         structure = np.sqrt(np.tensordot(weight[CREASE : LINE + 1], parts[CREASE : LINE + 1], 1))
         total += float(np.sum(structure[facing[start:stop]], dtype=np.float64))
-    return ErrorVariance(out, 1 + whole, total / max(np.count_nonzero(facing), 1))
+    return ErrorVariance(out, 1 + excess(*of_facing) + whole, total / max(np.count_nonzero(facing), 1))
 
 
 def weights(*, sharpened: bool = False) -> Float32Array:
@@ -165,7 +167,7 @@ def components(
     squares, freedom = _squares(residual, np.where(known, lights, 0))
     unexplained = np.subtract(squares, stated_share * freedom, dtype=np.float32)
     local = np.maximum(_pooled(unexplained) / np.maximum(_pooled(freedom), 1), 0)
-    shared = local + np.float32(photometry.SETTINGS.whole_misfit_share * whole)
+    shared = local + np.float32(whole)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
     detail = np.maximum(detail_deg2(normals, known) - NOISE_DETAIL * base, 0)
     line = line_deg(normals, known, base)
@@ -175,10 +177,27 @@ def components(
 
 
 def excess(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
-    """ε̄ of all pixels together, from maps as of `components`; 0 where no pixel has a residual."""
+    """Mean ε of all pixels together, from maps as of `components`; 0 where no pixel has a residual."""
     squares, freedom = _squares(residual, lights)
+    return _mean_excess(squares - stated_share * freedom, freedom)
+
+
+def typical_excess(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
+    """ε̄: trimmed mean, that of `excess` without the `min_pixel_share` of the pixels whose own ε is largest."""
+    squares, freedom = _squares(residual, lights)
+    told = freedom > 0
+    squares, freedom, share = squares[told], freedom[told], stated_share[told]
+    if not len(freedom):
+        return 0.0
+    each = squares / freedom - share
+    kept = each <= np.quantile(each, 1 - photometry.SETTINGS.min_pixel_share)
+    return _mean_excess(each[kept] * freedom[kept], freedom[kept])
+
+
+def _mean_excess(unexplained: FloatArray | Float32Array, freedom: FloatArray | Float32Array) -> float:
+    """What is not explained of squares of residuals over their degrees of freedom, at least 0."""
     total = float(np.sum(freedom, dtype=np.float64))
-    return max(float(np.sum(squares - stated_share * freedom, dtype=np.float64)) / total, 0.0) if total > 0 else 0.0
+    return max(float(np.sum(unexplained, dtype=np.float64)) / total, 0.0) if total > 0 else 0.0
 
 
 def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, Float32Array]:

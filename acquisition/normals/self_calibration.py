@@ -107,7 +107,7 @@ class Priors:
 @dataclass(frozen=True)
 class Equations:
     """Normal equations of the shared parameters: `matrix` x = `right` (M, M), the prior's `precision` (M, M), what it
-    pulls back by (M,), and which are `held` fixed (M,).
+    pulls back by (M,), which are `held` fixed (M,), and which are `terms` (M,).
 
     Log intensities (F) come first, then lamp positions (3F), shift and terms.
     """
@@ -117,11 +117,23 @@ class Equations:
     precision: FloatArray
     before: FloatArray
     held: BoolArray
+    terms: BoolArray
 
     def posterior(self) -> tuple[FloatArray, FloatArray]:
-        """Change (M,) of the parameters to the maximum a posteriori, and their covariance (M, M)."""
-        covariance = np.asarray(np.linalg.inv(self.matrix + self.precision), np.float64)
+        """Change (M,) of the parameters to the maximum a posteriori, and their covariance (M, M).
+
+        Of lamps and shift images tell `effective_sample_divisor` times as much as they are weighed by, since pixels err
+        by themselves where the model holds: given the terms, the covariance is that of the errors which then remain
+        (sandwich estimator). A term approximates what surfaces do, so that pixels err together. What a model that
+        does not hold adds is `error_variance`'s to say.
+        """
+        total = self.matrix + self.precision
+        covariance = np.asarray(np.linalg.inv(total), np.float64)
         change = covariance @ (self.right - self.precision @ np.where(self.held, 0.0, self.before))
+        exact = np.ix_(~self.terms, ~self.terms)
+        given = np.asarray(np.linalg.inv(total[exact]), np.float64)
+        independent = self.precision[exact] + self.matrix[exact] / SETTINGS.effective_sample_divisor
+        covariance[exact] += given @ independent @ given - given
         return np.where(self.held, 0.0, change), covariance
 
 
@@ -182,7 +194,7 @@ def normal_equations(
         intensity_sigma = evidence_maximised_sigma(matrix, right + matrix @ before, others, intensity_sigma)
     precision = np.asarray(block_diag(np.diag(_precision(np.full(count, intensity_sigma))), others), np.float64)
     free = np.concatenate([np.full(count, priors.intensity), np.full(3 * count, priors.position_m), sigma]) > 0
-    return Equations(matrix, right, precision, before, ~free)
+    return Equations(matrix, right, precision, before, ~free, np.arange(len(free)) > 4 * count)
 
 
 def gauss_newton_step(

@@ -1,9 +1,9 @@
 """σ expected of a result after planned lights: the variance components of a result, as far as the images so far tell.
 
-    σ² = (1 + B (1 + C) m (κ − 1)) (v + L²) + S² + E²
+    σ² = (1 + B m (κ − 1)) (v + L²) + S² + E²
 
-v is the posterior's variance and m the number of lights that will reach the pixel. κ is χ² of the images so far over
-all pixels that face the camera, since few images have few residuals: in place of each pixel's own, ε, and theirs, ε̄;
+v is the posterior's variance and m the number of lights that will reach the pixel. κ − 1 is the mean of ε + ε̄ of the
+images so far over all pixels that face the camera, since few images have few residuals, in place of each pixel's own;
 what raises it is shared by images, so that its part does not fall with their number. L is what the calibration
 leaves uncertain of all lamps alike, E that of normals which nothing checks: by fewer than four lights, or in a capture
 of which something is wrong (`photometry.capture_sigma_deg`). S is what creases, detail and lines make of σ in the
@@ -52,8 +52,7 @@ class ExpectedSigma:
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
         """Expected σ (P,) in degrees of pixels with a posterior."""
         settings = photometry.SETTINGS
-        share = settings.misfit_factor * (1 + settings.whole_misfit_share)
-        factor = 1 + share * posterior.lit * (self.misfit - 1)
+        factor = 1 + settings.misfit_factor * posterior.lit * (self.misfit - 1)
         few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, settings.unchecked_sigma_deg**2, 0.0)
         # Both tangential directions of a normal, as the posterior's variance counts them.
         shared = 2 * self.calibration_rad**2

@@ -10,7 +10,6 @@ from acquisition.normals.error_variance import STRIP_ROWS
 SHAPE = (2 * STRIP_ROWS + 30, 20)
 EVERYWHERE = np.ones(SHAPE, bool)
 MISFIT = photometry.SETTINGS.misfit_factor
-WHOLE = photometry.SETTINGS.whole_misfit_share
 
 
 def bounded(variance_deg2: float) -> float:
@@ -50,7 +49,7 @@ def test_sigma_of_model_that_holds_is_the_posterior() -> None:
 def test_sigma_excess_over_stated_noise_does_not_fall_with_lights(lights: int) -> None:
     """χ² is twice the freedom, of which the stated noise explains half of one: 1.5 for each light."""
     residual = float(np.sqrt(2 * (lights - 3) / lights))
-    expected = bounded(1.0 + 1.5 * MISFIT * (1 + WHOLE) * lights)
+    expected = bounded(1.0 + 1.5 * MISFIT * 2 * lights)
     assert sigma(residual=residual, lights=lights, stated_share=0.5) == pytest.approx(expected, rel=1e-5)
 
 
@@ -102,19 +101,33 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
 
 
 def test_misfit_of_facing_pixels_raises_all_others() -> None:
-    """A half of the rows fits badly; only those that face the camera say so, and pixels that fit well are told."""
+    """χ² is 3 or 9 in some rows and 1 in others; only those that face the camera say so, but the worst 8 % of them."""
     residual = np.full(SHAPE, np.sqrt(5 / 8), np.float32)
-    residual[:100] *= np.sqrt(3)
+    residual[:400] *= np.sqrt(3)
+    residual[50:60] *= np.sqrt(3)
     ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
     facing = EVERYWHERE.copy()
     facing[:50] = False
     found = error_variance.evaluate(ones, residual, lights, ones, bent(0), facing, capture_deg=0.0)
-    whole = 2 * 50 / (SHAPE[0] - 50)
-    assert found.misfit == pytest.approx(1 + whole)
-    assert found.sigma_deg[-1] == pytest.approx(bounded(1 + MISFIT * 8 * WHOLE * whole), rel=1e-5)
-    assert found.sigma_deg[0] == pytest.approx(bounded(1 + MISFIT * 8 * (2 + WHOLE * whole)), rel=1e-5)
+    rows = SHAPE[0] - 50
+    mean = (340 * 2 + 10 * 8) / rows
+    # More than 8 % of the rows have a χ² of 3, so that it is theirs, not 1, up to which pixels count.
+    typical = 340 * 2 / (rows - 10)
+    assert found.misfit == pytest.approx(1 + mean + typical)
+    assert found.sigma_deg[-1] == pytest.approx(bounded(1 + MISFIT * 8 * typical), rel=1e-5)
+    assert found.sigma_deg[0] == pytest.approx(bounded(1 + MISFIT * 8 * (2 + typical)), rel=1e-5)
     rim = error_variance.evaluate(ones, residual, lights, ones, bent(0), ~EVERYWHERE, capture_deg=0.0)
-    assert rim.misfit == pytest.approx(1 + 2 * 100 / SHAPE[0])
+    assert rim.misfit == pytest.approx(1 + (390 * 2 + 10 * 8) / SHAPE[0] + 390 * 2 / (SHAPE[0] - 10))
+
+
+@pytest.mark.parametrize(("rows", "told"), [(20, False), (60, True)])
+def test_misfit_of_few_pixels_is_not_that_of_the_object(rows: int, told: bool) -> None:
+    """Of 542 rows 43 are 8 %."""
+    residual = np.full(SHAPE, np.sqrt(5 / 8), np.float32)
+    residual[:rows] *= 2.0
+    ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
+    found = error_variance.evaluate(ones, residual, lights, ones, bent(0), EVERYWHERE, capture_deg=0.0)
+    assert (found.sigma_deg[-1, 0] > 1.01 * bounded(1.0)) == told
 
 
 @pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])

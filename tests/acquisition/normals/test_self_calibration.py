@@ -12,7 +12,7 @@ from acquisition.models.shot import Observations
 from acquisition.normals import alternation, image_terms, pixel_solve, self_calibration
 from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms, TermValues
 from acquisition.normals.pixel_solve import Estimate
-from acquisition.normals.self_calibration import Priors, SharedParameters
+from acquisition.normals.self_calibration import Equations, Priors, SharedParameters
 from tests.acquisition import scenes
 from tests.acquisition.normals.shared_scene import measured
 
@@ -172,13 +172,53 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
     prior = np.array([9.0**-2] * count + [5.0**-2] * 3 * count + [3.0**-2, *term_sigma**-2])
     parameters = astuple(terms) if glossy else ()
     before = np.concatenate([present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m], parameters])
-    covariance = np.linalg.inv(matrix / self_calibration.SETTINGS.effective_sample_divisor + np.diag(prior))
-    dense = covariance @ (right / self_calibration.SETTINGS.effective_sample_divisor - prior * before)
+    divisor = self_calibration.SETTINGS.effective_sample_divisor
+    covariance = np.linalg.inv(matrix / divisor + np.diag(prior))
+    dense = covariance @ (right / divisor - prior * before)
+    lamps = 4 * count + 1
+    given = np.linalg.inv((matrix / divisor + np.diag(prior))[:lamps, :lamps])
+    covariance[:lamps, :lamps] += given @ (np.diag(prior) + matrix / divisor**2)[:lamps, :lamps] @ given - given
     scale = np.sqrt(np.diag(covariance))[: 4 * count + 1]
     moved = np.concatenate([step.log_intensity, step.lamp_offset_m.T.ravel(), [step.shift_m]])
     np.testing.assert_allclose(moved / scale, dense[: 4 * count + 1] / scale, atol=1e-7)
     scales = np.sqrt(np.outer(*[np.diag(covariance)] * 2))
     np.testing.assert_allclose(step.covariance[:size, :size] / scales, covariance / scales, atol=1e-7)
+
+
+def test_posterior_covariance_is_that_of_the_errors_of_independent_pixels() -> None:
+    """Parameters drawn by the prior, and residuals by the images' information, which is weighed a twentieth."""
+    rng, count, draws = np.random.default_rng(4), 5, 4000
+    root = rng.normal(size=(count, count)) * np.geomspace(0.2, 20, count)
+    information, precision = root @ root.T, np.diag(np.geomspace(0.5, 2, count))
+    factor = np.linalg.cholesky(information)
+    divisor = self_calibration.SETTINGS.effective_sample_divisor
+    errors, said = np.empty((draws, count)), np.zeros((count, count))
+    for error in errors:
+        true = rng.normal(size=count) / np.sqrt(np.diag(precision))
+        right = (information @ true + factor @ rng.normal(size=count)) / divisor
+        nothing = np.zeros(count, bool)
+        equations = Equations(information / divisor, right, precision, np.zeros(count), nothing, nothing)
+        change, said = equations.posterior()
+        error[:] = change - true
+    whitened = np.linalg.solve(np.linalg.cholesky(said), errors.T)
+    np.testing.assert_allclose(np.cov(whitened), np.eye(count), atol=0.1)
+
+
+def test_posterior_of_terms_is_no_surer_than_images_are_weighed() -> None:
+    """Terms approximate what surfaces do; given them, lamps are as sure as without any."""
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(4, 6))
+    matrix, precision, nothing = root @ root.T, np.eye(4), np.zeros(4)
+    terms = np.array([False, False, False, True])
+    _, covariance = Equations(matrix, nothing, precision, nothing, terms & ~terms, terms).posterior()
+    weighed = np.linalg.inv(matrix + precision)
+    np.testing.assert_allclose(covariance[3], weighed[3], rtol=1e-9)
+    lamps = slice(0, 3)
+    _, given = Equations(
+        matrix[lamps, lamps], nothing[lamps], precision[lamps, lamps], nothing[lamps], *[terms[lamps]] * 2
+    ).posterior()
+    by_term = np.outer(weighed[lamps, 3], weighed[3, lamps]) / weighed[3, 3]
+    np.testing.assert_allclose(covariance[lamps, lamps], given + by_term, rtol=1e-9)
 
 
 def test_position_derivative_equals_finite_difference() -> None:

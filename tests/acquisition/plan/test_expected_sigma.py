@@ -39,7 +39,7 @@ def test_sigma_of_unlit_pixel_is_a_random_normals() -> None:
 
 def test_sigma_rises_with_misfit_of_images_so_far() -> None:
     tuned = photometry.SETTINGS
-    factor = 1 + tuned.misfit_factor * (1 + tuned.whole_misfit_share) * 6 * (3 - 1)
+    factor = 1 + tuned.misfit_factor * 6 * (3 - 1)
     variance = factor * 2.0**2
     assert ExpectedSigma(3.0).sigma_deg(posterior(2.0)) == pytest.approx(bounded(variance))
 
