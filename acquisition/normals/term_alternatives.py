@@ -206,8 +206,9 @@ def _excess_subtracted(scores: TermScores) -> bool:
 
 
 def gloss(present: Solution) -> list[Alternative]:
-    """Gloss of a dielectric, and of any strength, where the score test finds it, also beside light from elsewhere; in a
-    poor fit anyway, since the wrong normals that sharp highlights make leave no score.
+    """Gloss of a dielectric, and of any strength, where the score test finds it, also beside light from elsewhere, and
+    with any gain where one finds roughness, which few highlights resemble; in a poor fit anyway, since the wrong
+    normals that sharp highlights make leave no score.
 
     A dielectric that halves the misfit decides: of 115 matt captures with a fault (gamma, ambient and stray light,
     mirrored lamps, a flash, moved; design seeds 70, 71 and 73, eight lights) it leaves 0.60 at least.
@@ -215,7 +216,8 @@ def gloss(present: Solution) -> list[Alternative]:
     known = present.problem.nominal.terms
     if present.scores is None or (known is not None and (known.specular or present.problem.term_sigma.roughness > 0)):
         return []
-    found = tried_gain(present.scores, "gloss") > self_calibration.STRONG_EVIDENCE
+    rough = tried_gain(present.scores, "roughness") > self_calibration.STRONG_EVIDENCE
+    found = tried_gain(present.scores, "gloss") > (0.0 if rough else self_calibration.STRONG_EVIDENCE)
     if not found and not (present.poor and known is None):
         return []
     most = 1.0 if found else model_trial.SETTINGS.better_at_least

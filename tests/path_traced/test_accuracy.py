@@ -134,17 +134,28 @@ def test_interreflection_correction_recovers_most_of_loss(name: str) -> None:
 
 @pytest.mark.parametrize("name", objects.NAMES)
 def test_interreflection_dark_scene_error_is_not_raised(name: str) -> None:
-    """Albedo 0.05: there is little to take out, and what is taken out must not be more than that."""
+    """Albedo 0.05: there is little to take out, and taking it out turns normals the right way."""
     corrected, without = mean_of_draws(name, "dark"), mean_of_draws(name, "dark", corrected=False)
     show(f"{name}, dark, corrected and not", corrected, without)
-    assert corrected <= without + 0.02
+    assert corrected < without
 
 
-# The goal is 0.02° of each. Elsewhere than on the animal there is light to take out, and taking it out turns normals
-# the right way: 0.23° on the part (its error falls from 1.04° to 0.94°), 0.11° on the rabbit (0.70° to 0.68°), 0.20° in
-# the bowl (0.50° to 0.44°), 0.70° in the groove, which has 1.2 % of indirect light (0.85° to 0.40°).
+def test_gloss_of_a_groove_is_not_taken_for_roughness() -> None:
+    """Few pixels mirror a lamp, so that gloss gains less by one step than roughness, with which three draws of six err
+    by 1.5 to 1.7°."""
+    draws = range(6)
+    found = [[one.kind for one in solve("vee", "gloss", 8, draw, 0.01, True)[0].findings] for draw in draws]
+    errors_deg = [one.mean_deg for one in grades("vee", "gloss", draws=len(draws))]
+    show("groove with gloss, mean degrees of six draws", *errors_deg)
+    assert found == [["gloss"]] * len(draws)
+    assert max(errors_deg) <= 0.8
+
+
+# The part errs by 0.77° in place of 0.87° without the correction, the animal by 0.455° in place of 0.458°, the rabbit
+# by 0.718° in place of 0.723°, the bowl by 0.27° in place of 0.35°, and the groove, which has 1.2 % of indirect light,
+# by 0.25° in place of 0.81°.
 @pytest.mark.parametrize(
-    ("name", "bar_deg"), [("part", 0.28), ("animal", 0.02), ("rabbit", 0.14), ("bowl", 0.24), ("vee", 0.8)]
+    ("name", "bar_deg"), [("part", 0.28), ("animal", 0.06), ("rabbit", 0.14), ("bowl", 0.24), ("vee", 0.8)]
 )
 def test_interreflection_dark_scene_normals_stay(name: str, bar_deg: float) -> None:
     """Mean angle between the normals with and without the interreflection correction."""
