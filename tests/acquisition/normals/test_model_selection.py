@@ -126,10 +126,12 @@ def test_other_axes_in_a_sound_fit_are_tried_beside_what_a_score_demands(
     rough = replace(
         before,
         problem=replace(before.problem, thorough=False),
-        scores=replace(before.scores, roughness=TermScore(gain=50.0, step=0.3)),
+        scores=replace(before.scores, roughness=TermScore(gain=50.0, step=0.3), gloss=TermScore(0.0, 0.0)),
     )
     assert not rough.poor
     assert {one.kind for one in lamp_alternatives.other_axes(rough)} == {"axes of the lamps", "rough surface"}
+    glossy = replace(rough, scores=replace(rough.scores, gloss=TermScore(gain=0.1, step=0.3)))
+    assert {one.kind for one in lamp_alternatives.other_axes(glossy)} == {"axes of the lamps", "rough surface", "gloss"}
     scores = replace(before.scores, roughness=TermScore(0.0, 0.0), exponent=TermScore(gain=200.0, step=-0.5))
     coded = replace(rough, scores=scores)
     assert {one.kind for one in lamp_alternatives.other_axes(coded)} == {"axes of the lamps", "coded values"}
