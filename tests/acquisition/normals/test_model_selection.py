@@ -130,7 +130,7 @@ def test_other_axes_in_a_sound_fit_are_tried_beside_what_a_score_demands(
     )
     assert not rough.poor
     assert {one.kind for one in lamp_alternatives.other_axes(rough)} == {"axes of the lamps", "rough surface"}
-    glossy = replace(rough, scores=replace(rough.scores, gloss=TermScore(gain=0.1, step=0.3)))
+    glossy = replace(rough, scores=replace(before.scores, roughness=TermScore(50.0, 0.3), gloss=TermScore(0.1, 0.3)))
     assert {one.kind for one in lamp_alternatives.other_axes(glossy)} == {"axes of the lamps", "rough surface", "gloss"}
     scores = replace(before.scores, roughness=TermScore(0.0, 0.0), exponent=TermScore(gain=200.0, step=-0.5))
     coded = replace(rough, scores=scores)
