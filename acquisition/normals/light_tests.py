@@ -230,6 +230,15 @@ def swapped_pair(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, cal
     return Swap(*pairs[best], after[best] / before)
 
 
+def relative_residual(
+    pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, others: Float32Array, calibration: Calibration
+) -> float:
+    """Least-squares residual under `others` (F, 6) over that under `lamps`, as of `swapped_pair`, at depth (N,), m: 1
+    of light from far, which fits under mirrored and turned lamps alike."""
+    after, before = (_residual(*_equations(pixels, depth_m, one, calibration)) for one in (others, lamps))
+    return after / max(before, 1e-12)
+
+
 @dataclass(frozen=True)
 class WorstImage:
     """The image (number) without which the others fit best, and the residual then, over that without another image."""

@@ -17,6 +17,7 @@ from acquisition import normals
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import interreflection
 from acquisition.normals.pixel_solve import Pixels
+from tests.acquisition.normals.selection_cases import recorded_solutions
 from tests.path_traced import bench, captures, objects
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
@@ -138,6 +139,19 @@ def test_interreflection_dark_scene_error_is_not_raised(name: str) -> None:
     corrected, without = mean_of_draws(name, "dark"), mean_of_draws(name, "dark", corrected=False)
     show(f"{name}, dark, corrected and not", corrected, without)
     assert corrected < without
+
+
+def test_groove_is_not_tried_under_other_axes_that_fit_far_worse() -> None:
+    """Its slopes have one direction, so that their circulation is the same under all axes."""
+    captured = captures.capture(images("vee", "direct", 8), bench.two_rings(8), 0)
+    with recorded_solutions() as found:
+        normals.solve_stack(
+            captured.stack,
+            captured.calibration,
+            SolveSettings(),
+            normals.ObjectPlace(0.9, silhouette=bench.truth("vee", PIXELS).mask),
+        )
+    assert len(found) == 1
 
 
 def test_gloss_of_a_groove_is_not_taken_for_roughness() -> None:

@@ -1,4 +1,4 @@
-"""Outwardness of normals at the outline, and the tests for two swapped lamps and for one bad image."""
+"""Outwardness of normals at the outline, and the tests for mirrored and two swapped lamps and for one bad image."""
 
 from dataclasses import replace
 
@@ -109,6 +109,18 @@ def noisy(made: MeasuredPixels, added: float = 0.0) -> Pixels:
 def test_swapped_pair_of_sound_lamps_leaves_residual() -> None:
     made = measured()
     assert light_tests.swapped_pair(noisy(made), made.depth_m, made.lamp, made.calibration).residual_share > 1
+
+
+def test_relative_residual_tells_mirrored_lamps_of_light_from_near_but_not_from_far() -> None:
+    made = measured()
+    mirrored = light_tests.transformed(made.lamp, np.diag([-1.0, 1.0]))
+    args = noisy(made), made.depth_m
+    assert light_tests.relative_residual(*args, made.lamp, mirrored, made.calibration) > 1.5
+    assert light_tests.relative_residual(*args, mirrored, made.lamp, made.calibration) < 1 / 1.5
+    far, turned = made.lamp.copy(), mirrored.copy()
+    far[:, :3] *= 1000
+    turned[:, :3] *= 1000
+    assert light_tests.relative_residual(*args, far, turned, made.calibration) == pytest.approx(1, abs=0.05)
 
 
 def test_worst_image_names_the_one_with_a_flash() -> None:
