@@ -167,9 +167,9 @@ def test_gloss_of_a_groove_is_not_taken_for_roughness() -> None:
 
 # The part errs by 0.77° in place of 0.87° without the correction, the animal by 0.455° in place of 0.458°, the rabbit
 # by 0.718° in place of 0.723°, the bowl by 0.27° in place of 0.35°, and the groove, which has 1.2 % of indirect light,
-# by 0.25° in place of 0.81°.
+# by 0.25° in place of 0.81°. The goal is 0.02° of each; the animal reaches 0.045°.
 @pytest.mark.parametrize(
-    ("name", "bar_deg"), [("part", 0.28), ("animal", 0.06), ("rabbit", 0.14), ("bowl", 0.24), ("vee", 0.8)]
+    ("name", "bar_deg"), [("part", 0.28), ("animal", 0.02), ("rabbit", 0.14), ("bowl", 0.24), ("vee", 0.8)]
 )
 def test_interreflection_dark_scene_normals_stay(name: str, bar_deg: float) -> None:
     """Mean angle between the normals with and without the interreflection correction."""
@@ -208,17 +208,12 @@ CONDITIONS = pytest.mark.parametrize("condition", ["direct", "bounces", "gloss"]
 INTENSITIES = pytest.mark.parametrize("intensity_sigma", [0.003, 0.01, 0.03])
 
 
-@pytest.mark.parametrize(
-    ("condition", "intensity_sigma", "most"),
-    [
-        # The goal is 0.75 of each. The calibration says 1 % and 1 mm, so that better lamps have too large a σ; and σ of
-        # errors of the model is fitted to captures whose mixed pixels are graded, as they are not here (decision 88).
-        ("direct", 0.003, 0.88), ("direct", 0.01, 0.81), ("direct", 0.03, 0.75),
-        ("bounces", 0.003, 0.86), ("bounces", 0.01, 0.83), ("bounces", 0.03, 0.75),
-        ("gloss", 0.003, 0.78), ("gloss", 0.01, 0.77), ("gloss", 0.03, 0.75),
-    ],
-)  # fmt: skip
-def test_sigma_coverage_meets_goal(condition: Condition, intensity_sigma: float, most: float) -> None:
+# Not met at 0.3 and 1 %: 0.87 and 0.79 of direct light, 0.84 and 0.81 with bounces, 0.77 and 0.76 with gloss. Better
+# lamps than the 1 % and 1 mm that the calibration says have too large a σ, and σ of errors of the model is fitted to
+# captures whose mixed pixels are graded, as they are not here (decision 88).
+@CONDITIONS
+@INTENSITIES
+def test_sigma_coverage_meets_goal(condition: Condition, intensity_sigma: float) -> None:
     """One draw's errors move all pixels together, so many draws are needed."""
     every = [
         one
@@ -229,7 +224,7 @@ def test_sigma_coverage_meets_goal(condition: Condition, intensity_sigma: float,
         float(np.mean([getattr(one, name) for one in every])) for name in ("within", "within_two", "flagged")
     )
     show(f"{condition}, intensities {intensity_sigma:.1%}: P(e < σ), P(e < 2σ), flagged", within, twice, flagged)
-    assert 0.55 <= within <= most
+    assert 0.55 <= within <= 0.75
     assert twice >= 0.94
     assert flagged <= 0.25
 
@@ -260,7 +255,7 @@ def test_sigma_lower_half_has_lower_mean_error(condition: Condition, intensity_s
         ("direct", 0.003, 0),
         ("direct", 0.01, 0),
         # The goal is none; so many draws of the groove, of all fifty.
-        ("direct", 0.03, 2),
+        ("direct", 0.03, 1),
     ],
 )
 def test_sigma_lower_half_has_lower_error_in_each_draw(
