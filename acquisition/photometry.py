@@ -91,8 +91,8 @@ class SharedSettings:
     looks like translucency: of 4–5 % of a turned object it gave a coefficient of 1.4 (Lambertian design seed 6);
     translucent objects that were recognised had 9 % and more. Where only edges graze, as of machined parts, errors
     there are not those of lamp directions, and would make σ of all faces too large: P(e < σ) 0.96 in place of 0.69
-    without it (design seed 62, eight lights). So many pixels that fit worst
-    are also left out of the misfit of the whole object: creases and the borders of shadows (decision 88)."""
+    without it (design seed 62, eight lights). As large a share of pixels, those that fit worst, is left out of the
+    misfit of the whole object: creases and the borders of shadows (decision 88)."""
     edge_px: int = tuned(2, "px")
     """Pixels that an edge in the images takes: within which a sharp shadow border passes from dark to lit, below which
     a shadow is too short to tell depth, by which it has to contradict the depth, since relief is full of short shadows

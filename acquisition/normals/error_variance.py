@@ -13,9 +13,10 @@ cavities that are hardly lit and fit badly have σ up to 480°, and 2–9 % of t
 ε = max(χ² − s, 0) is how badly the images fit. χ² is the sum of the squared whitened residuals over their degrees of
 freedom (lights − 3), both pooled over 5 × 5 pixels, and s what sensor and calibration explain of it: the mean share
 that the stated noise has in the estimated one, which has absorbed a part of what is wrong with the model. The excess is
-no noise: images share it, so that with the number m of lights, by which σ₀² falls, it rises. ε̄ is that of all pixels
-that face the camera together: a model that is wrong elsewhere on the object is wrong here, too, where a few residuals
-happen to be small (decision 86).
+no noise: images share it, so that with the number m of lights, by which σ₀² falls, it rises. ε̄ is its trimmed mean over
+all pixels that face the camera, without the 8 % that fit worst (`min_pixel_share`): a model that is wrong elsewhere on
+the object is wrong here, too, where a few residuals happen to be small (decision 86), but what only creases and the
+borders of shadows contradict is not (decision 88).
 
 Δ is the crease at the pixel: half of what the normal changes from one neighbour to the other beyond what it changes on
 either side of them, over both directions. Curvature goes on beyond the neighbours and cancels. A Lambertian pixel that
@@ -62,7 +63,7 @@ import cv2
 import numpy as np
 
 from acquisition import photometry
-from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.tuned import tuned
 
 
@@ -107,13 +108,18 @@ POOLED_PX = 5
 
 @dataclass(frozen=True)
 class ErrorVariance:
-    """σ (H, W) in degrees over both tangential directions, NaN where there is no normal; and what forecasts of further
-    lights go by, of the facing pixels: the misfit, 1 + the mean of ε + ε̄, and that of what creases, detail and lines
-    make of σ."""
+    """σ (H, W) in degrees over both tangential directions, NaN where there is no normal; and of the facing pixels the
+    mean of ε, its trimmed mean ε̄, and the mean of what creases, detail and lines make of σ."""
 
     sigma_deg: Float32Array
-    misfit: float
+    excess: float
+    typical_excess: float
     structure_deg: float
+
+    @property
+    def misfit(self) -> float:
+        """1 + the mean of ε + ε̄, which forecasts of further lights go by."""
+        return 1 + self.excess + self.typical_excess
 
 
 def evaluate(
@@ -127,7 +133,7 @@ def evaluate(
     """
     known = np.isfinite(posterior_deg)
     facing = facing & known if np.any(facing & known) else known
-    of_facing = residual, np.where(facing, lights, 0), stated_share
+    of_facing = residual[facing], lights[facing], stated_share[facing]
     whole = typical_excess(*of_facing)
     out, weight = np.full_like(posterior_deg, np.nan), weights(sharpened=sharpened)
     total = 0.0
@@ -142,7 +148,7 @@ def evaluate(
         out[start:stop] = np.where(known[start:stop], np.sqrt(variance), np.nan)
         structure = np.sqrt(np.tensordot(weight[CREASE : LINE + 1], parts[CREASE : LINE + 1], 1))
         total += float(np.sum(structure[facing[start:stop]], dtype=np.float64))
-    return ErrorVariance(out, 1 + excess(*of_facing) + whole, total / max(np.count_nonzero(facing), 1))
+    return ErrorVariance(out, excess(*of_facing), whole, total / max(np.count_nonzero(facing), 1))
 
 
 def weights(*, sharpened: bool = False) -> Float32Array:
@@ -179,25 +185,19 @@ def components(
 def excess(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
     """Mean ε of all pixels together, from maps as of `components`; 0 where no pixel has a residual."""
     squares, freedom = _squares(residual, lights)
-    return _mean_excess(squares - stated_share * freedom, freedom)
+    total = float(np.sum(freedom, dtype=np.float64))
+    return max(float(np.sum(squares - stated_share * freedom, dtype=np.float64)) / total, 0.0) if total > 0 else 0.0
 
 
 def typical_excess(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
-    """ε̄: trimmed mean, that of `excess` without the `min_pixel_share` of the pixels whose own ε is largest."""
+    """ε̄: trimmed mean, the `excess` without the `min_pixel_share` of the pixels whose own ε is largest."""
     squares, freedom = _squares(residual, lights)
     told = freedom > 0
-    squares, freedom, share = squares[told], freedom[told], stated_share[told]
-    if not len(freedom):
+    if not np.any(told):
         return 0.0
-    each = squares / freedom - share
+    each = squares[told] / freedom[told] - stated_share[told]
     kept = each <= np.quantile(each, 1 - photometry.SETTINGS.min_pixel_share)
-    return _mean_excess(each[kept] * freedom[kept], freedom[kept])
-
-
-def _mean_excess(unexplained: FloatArray | Float32Array, freedom: FloatArray | Float32Array) -> float:
-    """What is not explained of squares of residuals over their degrees of freedom, at least 0."""
-    total = float(np.sum(freedom, dtype=np.float64))
-    return max(float(np.sum(unexplained, dtype=np.float64)) / total, 0.0) if total > 0 else 0.0
+    return excess(residual[told][kept], lights[told][kept], stated_share[told][kept])
 
 
 def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, Float32Array]:

@@ -72,8 +72,8 @@ def other_axes(present: Solution) -> list[Alternative]:
 
 
 def _quarter_turns(present: Solution, found: IntegrableAxes) -> list[Alternative]:
-    """Axes that are mirrored or turned by quarters, or opposite to those stated; none under which images fit the start
-    as much worse as they would have to fit better.
+    """Axes that are mirrored or turned by quarters, or opposite to those stated; none under which least squares at the
+    start leaves more than 1 / `better` of the residual under those stated.
 
     Of 30 captures under mirrored lamps (design seeds 460 and 463, eight lights by two rings) least squares left
     0.27–1.08 of the residual under the axes that were accepted, 1.00–1.80 under others; 1.4–2.3 of a sound groove.
@@ -91,15 +91,17 @@ def _quarter_turns(present: Solution, found: IntegrableAxes) -> list[Alternative
         elif present.well_fitting and light_tests.near(coarse, problem.start_m, problem.nominal.lamps):
             # Light from near does not fit a raised object for a hollow one.
             return []
-    nominal, better = problem.nominal, model_trial.SETTINGS.better
-    likely = [
-        axes
-        for axes in trials
-        if better * light_tests.relative_residual(
-            coarse, problem.start_m, nominal.lamps, light_tests.transformed(nominal.lamps, axes), nominal.calibration
-        ) <= 1
-    ]  # fmt: skip
-    return [_relit(problem, AXES, axes, most) for axes in likely]
+    return [_relit(problem, AXES, axes, most) for axes in trials if _likely(problem, axes)]
+
+
+def _likely(problem: Problem, axes: FloatArray) -> bool:
+    """Whether images fit the start under the lamps' axes multiplied by a matrix (2, 2) not far worse than as stated."""
+    nominal = problem.nominal
+    others = light_tests.transformed(nominal.lamps, axes)
+    residual = light_tests.relative_residual(
+        problem.level.coarse, problem.start_m, nominal.lamps, others, nominal.calibration
+    )
+    return residual <= 1 / model_trial.SETTINGS.better
 
 
 def _scored_axes(present: Solution) -> FloatArray | None:
