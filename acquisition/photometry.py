@@ -147,6 +147,9 @@ PIXEL_UNKNOWNS = 3
 OVERDETERMINED, REDUNDANT = PIXEL_UNKNOWNS + 1, PIXEL_UNKNOWNS + 2
 """Usable lights from which residuals tell something, and from which they still do without any one of the lights."""
 
+GAUSSIAN_MEDIAN_DEVIATION = 0.6745
+"""Median absolute deviation of a Gaussian, in σ."""
+
 CAUCHY_SCALE = 2.385
 """Scale of Cauchy's weight, in σ: 95 % efficiency on Gaussian noise (Holland & Welsch, Commun. Stat. A6, 1977)."""
 

@@ -23,7 +23,7 @@ REASONS: dict[str, str] = {
     "physics, statistics, standards and formulas": """
         silhouette.WITHIN_SIGMA distant.LUMA goodness_of_fit.GAUSSIAN_MEDIAN_SQUARE microfacet.F0
         microfacet.METAL_F0 photon_transfer.CLIP_SIGMA photon_transfer.CLIPPED_GAUSSIAN_VARIANCE
-        residual_noise.GAUSSIAN_MEDIAN_DEVIATION self_calibration.STRONG_EVIDENCE pixel_solve_kernels.CAUCHY_MEAN_WEIGHT
+        photometry.GAUSSIAN_MEDIAN_DEVIATION self_calibration.STRONG_EVIDENCE pixel_solve_kernels.CAUCHY_MEAN_WEIGHT
         surface_diffusion.MAX_EIGENVALUE
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
         light_tests.STATED_AXES light_tests.SIDES light_tests.QUARTER_AXES

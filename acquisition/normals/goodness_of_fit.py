@@ -21,7 +21,7 @@ from acquisition.models.tuned import tuned
 from acquisition.normals import residual_noise
 from acquisition.normals.pixel_solve import Estimate
 
-GAUSSIAN_MEDIAN_SQUARE = residual_noise.GAUSSIAN_MEDIAN_DEVIATION**2
+GAUSSIAN_MEDIAN_SQUARE = photometry.GAUSSIAN_MEDIAN_DEVIATION**2
 """Median of the square of a standard Gaussian."""
 
 
@@ -114,7 +114,7 @@ def evaluate(estimate: Estimate, values: Float32Array, stated: Noise, extra: Flo
 def _misfit(squares: FloatArray, used: BoolArray) -> float:
     if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
         return float("nan")
-    return float(np.sqrt(np.median(squares[used]) / GAUSSIAN_MEDIAN_SQUARE))
+    return float(np.sqrt(np.median(squares[used]) / photometry.GAUSSIAN_MEDIAN_SQUARE))
 
 
 def _loss(squares: FloatArray, used: BoolArray) -> float:

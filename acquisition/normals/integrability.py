@@ -24,7 +24,6 @@ from scipy.sparse.linalg import LinearOperator, cg
 from acquisition import photometry
 from acquisition.models.base import Float32Array
 from acquisition.models.tuned import tuned
-from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,7 @@ def project_integrable(
     found = np.concatenate(squares) if squares else np.zeros(0, np.float32)
     if len(found) < photometry.SETTINGS.min_sample:
         return 1.0
-    return float(np.median(found)) / GAUSSIAN_MEDIAN_DEVIATION**2
+    return float(np.median(found)) / photometry.GAUSSIAN_MEDIAN_DEVIATION**2
 
 
 def _project_strip(

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.tuned import tuned
-from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 
 
 @dataclass(frozen=True)
@@ -182,7 +181,7 @@ def _core_variance(squares: FloatArray, rounding: float) -> float:
     """Variance of a Gaussian with outliers from `squares` (N,), by σ-clipping from one that is at least that of
     `rounding`; 0: too many outliers."""
     sample = squares[:: max(1, len(squares) // INITIAL_SAMPLE)]
-    variance = float(np.median(sample)) / GAUSSIAN_MEDIAN_DEVIATION**2 + rounding
+    variance = float(np.median(sample)) / photometry.GAUSSIAN_MEDIAN_DEVIATION**2 + rounding
     for _ in range(CLIP_ITERATIONS):
         kept = squares[squares < CLIP_SIGMA**2 * variance]
         if not len(kept):

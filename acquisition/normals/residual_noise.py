@@ -21,9 +21,6 @@ from acquisition.models.tuned import tuned
 from acquisition.normals import pixel_solve_kernels, self_calibration
 from acquisition.normals.pixel_solve import Estimate
 
-GAUSSIAN_MEDIAN_DEVIATION = 0.6745
-"""Median absolute deviation of a Gaussian, in σ."""
-
 
 @dataclass(frozen=True)
 class ResidualNoiseSettings:
@@ -126,7 +123,7 @@ def _median_matched_share(
     if np.count_nonzero(where) < self_calibration.SETTINGS.independent_sample or pixels < least_pixels:
         return None
     # squares / (rest + q² by) is above the Gaussian's median where q² is below this.
-    bound = float(np.median((squares[where] / GAUSSIAN_MEDIAN_DEVIATION**2 - rest[where]) / by[where]))
+    bound = float(np.median((squares[where] / photometry.GAUSSIAN_MEDIAN_DEVIATION**2 - rest[where]) / by[where]))
     return float(np.clip(np.sqrt(max(bound, 0.0)), *SETTINGS.bounds))
 
 

@@ -25,7 +25,6 @@ from acquisition.models.result import SolveSettings
 from acquisition.models.tuned import tuned
 from acquisition.normals.image_set import ImageSet
 from acquisition.normals.images import row_blocks
-from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ def segment(albedo_bound: Float32Array, region: BoolArray) -> BoolArray:
     if table.size < 16 or float(np.median(bright) - np.median(table)) < least:
         return largest_component(region & (albedo_bound > np.exp(np.median(level)) * 0.05))
     middle = float(np.median(table))
-    scatter = float(np.median(np.abs(table - middle))) / GAUSSIAN_MEDIAN_DEVIATION
+    scatter = float(np.median(np.abs(table - middle))) / photometry.GAUSSIAN_MEDIAN_DEVIATION
     threshold = min(threshold, middle + max(photometry.SETTINGS.significant_deviations * scatter, least))
     candidate = (region & (albedo_bound > np.exp(threshold))).astype(np.uint8)
     return largest_component(cv2.morphologyEx(candidate, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)

@@ -23,7 +23,6 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.tuned import tuned
 from acquisition.normals import interreflection, surface_diffusion
 from acquisition.normals.pixel_solve import Pixels
-from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 from acquisition.normals.surface_diffusion import SurfaceGraph
 
 
@@ -186,7 +185,7 @@ def _regressed(
         information = max(float(np.sum(weight * rows**2)), 1e-15)
         slope = float(np.sum(weight * rows * observed)) / information
         left = observed - slope * rows
-        scale = max(float(np.median(np.abs(left))) / GAUSSIAN_MEDIAN_DEVIATION, 1e-9)
+        scale = max(float(np.median(np.abs(left))) / photometry.GAUSSIAN_MEDIAN_DEVIATION, 1e-9)
         error = scale / np.sqrt(information)
         weight = 1 / (1 + (left / (photometry.CAUCHY_SCALE * scale)) ** 2)
     score, information = (np.bincount(cell, weight * rows * one) for one in (observed, rows))
