@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from acquisition.models.recipe import Recipe
     from acquisition.models.result import NormalMap, ResultSummary, SolveSettings
     from acquisition.normals.distant import solve as solve_distant
-    from acquisition.normals.image_set import ImageSet
+    from acquisition.normals.images.image_set import ImageSet
     from acquisition.normals.near_light import solve as solve_near
     from acquisition.session import State
 
@@ -45,7 +45,7 @@ os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp tbb workqueue")
 _SOURCES: dict[str, tuple[str, str]] = {
     "Calibration": ("models.calibration", "Calibration"),
     "ErrorCode": ("models.errors", "ErrorCode"),
-    "ImageSet": ("normals.image_set", "ImageSet"),
+    "ImageSet": ("normals.images.image_set", "ImageSet"),
     "Light": ("models.light_plan", "Light"),
     "LightPlan": ("models.light_plan", "LightPlan"),
     "NormalMap": ("models.result", "NormalMap"),

@@ -115,7 +115,7 @@ class SharedSettings:
     squares of whitened residuals exceed what the stated noise explains, ε̄ the same of all pixels that face the camera.
     Errors of 272 captures of design seeds 439–472 (eight families, eight lights by two rings) are likeliest with it,
     less likely with 0.2 and 0.4 by 0.010 and 0.005 of the mean log likelihood; of 112 under 20 lights (seeds 457–470)
-    likelier by 0.027 with 0.15. `acquisition.normals.error_variance` says how it is fitted."""
+    likelier by 0.027 with 0.15. `acquisition.normals.uncertainty.error_variance` says how it is fitted."""
     unchecked_sigma_deg: float = tuned(8.0, "deg")
     """E, degrees: 1 σ of a normal that nothing has checked: fewer than four lights are usable, or something is wrong
     with the capture that could not be put right. Of 118 captures with a fault or metal left in (design seeds 70–73,

@@ -183,11 +183,13 @@ def _generated_blocks() -> ModuleType:
 
 def test_path_of_an_image_names_exist() -> None:
     path = (DOCS / "explanation" / "solver.md").read_text(encoding="utf-8").partition("## The path of an image")[2]
-    modules = {module.stem for module in (ROOT / "acquisition" / "normals").glob("*.py")} | {"distant"}
-    names = [name for name in re.findall(r"`([\w.]+)`", path) if name.split(".")[0] in modules]
+    files = (ROOT / "acquisition" / "normals").rglob("*.py")
+    modules = {file.stem: ".".join(file.relative_to(ROOT).with_suffix("").parts) for file in files}
+    names = [name.partition(".") for name in re.findall(r"`([\w.]+)`", path)]
+    dotted = [f"{modules[module]}{dot}{name}" for module, dot, name in names if module in modules]
 
-    assert len(names) > 20
-    assert not [name for name in names if not _exists(f"acquisition.normals.{name}")]
+    assert len(dotted) > 20
+    assert not [name for name in dotted if not _exists(name)]
 
 
 def test_generated_blocks_follow_the_code() -> None:

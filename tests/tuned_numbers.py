@@ -43,7 +43,7 @@ REASONS: dict[str, str] = {
         equivalent_session.EXPOSURE
         colour_albedo.CELL_SHARES sensor_estimate.EMPTY_CURVE sensor_estimate.MAX_EXPOSURE_RATIO
         translucency.MIN_LIGHTS
-        cast_shadows.HIDDEN images.BYTES_PER_VALUE criterion.MIN_LIGHTS
+        cast_shadows.HIDDEN normalised_images.BYTES_PER_VALUE criterion.MIN_LIGHTS
         photometry.OVERDETERMINED
         photometry.REDUNDANT prior_forecast.ALBEDO shadow_light.LEAST_SKY_VIEW local_regression.LEAST_WEIGHT
         local_regression.MX local_regression.MY local_regression.MZ local_regression.AX local_regression.AY
@@ -67,8 +67,8 @@ REASONS: dict[str, str] = {
         photon_transfer.INITIAL_SAMPLE pixel_noise.MAX_PRODUCTS
         pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS
         pyramid.BLOCK_VALUES pyramid.MIN_BLOCK_ROWS
-        sensor_estimate.MAX_PIXELS photon_transfer.STRIPS images.BYTES_PER_EXTRA
-        images.MAX_HELD_BYTES images.BLOCK_ROWS surface_diffusion.NODES
+        sensor_estimate.MAX_PIXELS photon_transfer.STRIPS normalised_images.BYTES_PER_EXTRA
+        normalised_images.MAX_HELD_BYTES normalised_images.BLOCK_ROWS surface_diffusion.NODES
         stopping_rule.COUNTS optimise.RANDOM_START_LIGHTS design_problem.SAMPLE_PIXELS
         design_problem.MAX_CANDIDATES prior_forecast.SAMPLE_PIXELS
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
@@ -148,8 +148,7 @@ def paths() -> dict[str, Path]:
     """Files of all modules of solver and planner by their names without package."""
     found = [ACQUISITION / f"{name}.py" for name in ("photometry", "image_values", "cast_shadows")]
     found += [path for package in ("normals", "plan") for path in sorted((ACQUISITION / package).rglob("*.py"))]
-    dotted = {".".join(path.relative_to(ACQUISITION).with_suffix("").parts): path for path in found}
-    return {name.partition(".")[2] or name: path for name, path in dotted.items()}
+    return {path.stem: path for path in found if path.stem != "__init__"}
 
 
 def _modules() -> Iterator[tuple[str, ast.Module]]:

@@ -20,8 +20,8 @@ from acquisition.calibrate.linearity import ExposurePoint
 from acquisition.calibrate.response_frames import Exposure, ResponseFrame, read_cells
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.normals import photon_transfer
-from acquisition.normals.photon_transfer import TransferCurve
+from acquisition.normals.uncertainty import photon_transfer
+from acquisition.normals.uncertainty.photon_transfer import TransferCurve
 
 USABLE_SHARE = 0.93
 """Share of the range up to which values count: above it noise itself is clipped."""

@@ -4,7 +4,7 @@ Before: `capture` (all images taken so far, pilot's included). After: `plan`, wh
 further lights would make it more certain, or the exports when there are none.
 """
 
-from acquisition.normals.images import Images
+from acquisition.normals.images.normalised_images import Images
 from acquisition.normals.solve import ObjectPlace, solve, solve_stack
 
 __all__ = ["Images", "ObjectPlace", "solve", "solve_stack"]

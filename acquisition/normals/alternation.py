@@ -16,24 +16,18 @@ from acquisition import photometry
 from acquisition.image_values import Noise
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
-from acquisition.normals import (
-    discontinuity,
-    error_variance,
-    image_terms,
-    integration,
-    interreflection,
-    pixel_solve,
-    residual_noise,
-    self_calibration,
-    shadow_light,
-)
-from acquisition.normals.discontinuity import ShadowImages
-from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
-from acquisition.normals.interreflection import Surface
-from acquisition.normals.pixel_solve import Estimate, Pixels, Scene
+from acquisition.normals import self_calibration
+from acquisition.normals.indirect_light import interreflection, shadow_light
+from acquisition.normals.indirect_light.interreflection import Surface
+from acquisition.normals.indirect_light.shadow_light import ShadowEquations
+from acquisition.normals.pixels import image_terms, pixel_solve
+from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms
+from acquisition.normals.pixels.pixel_solve import Estimate, Pixels, Scene
 from acquisition.normals.pyramid import PyramidLevel
 from acquisition.normals.self_calibration import Priors, SharedParameters
-from acquisition.normals.shadow_light import ShadowEquations
+from acquisition.normals.surface import discontinuity, integration
+from acquisition.normals.surface.discontinuity import ShadowImages
+from acquisition.normals.uncertainty import error_variance, residual_noise
 
 
 @dataclass(frozen=True)

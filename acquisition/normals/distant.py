@@ -14,8 +14,11 @@ from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import LIT, SATURATED, FisherInformation, NormalMap, SolveSettings
-from acquisition.normals import integration, memory_mapped, model_trial, near_light, reflectance_solve, silhouette
-from acquisition.normals.image_set import (
+from acquisition.normals import near_light
+from acquisition.normals.alternatives import model_trial
+from acquisition.normals.brdf import reflectance_solve
+from acquisition.normals.images import memory_mapped, silhouette
+from acquisition.normals.images.image_set import (
     INTENSITY_SIGMA,
     POSITION_SIGMA_M,
     Camera,
@@ -24,7 +27,8 @@ from acquisition.normals.image_set import (
     NearLights,
     check,
 )
-from acquisition.normals.images import row_blocks
+from acquisition.normals.images.normalised_images import row_blocks
+from acquisition.normals.surface import integration
 
 Solver = Literal["auto", "ls"]
 

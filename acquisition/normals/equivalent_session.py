@@ -16,7 +16,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.normals import near_light
-from acquisition.normals.image_set import ImageSet, NearLights
+from acquisition.normals.images.image_set import ImageSet, NearLights
 
 EXPOSURE = 0.8
 """Fraction of full scale that the brightest pixels of images from elsewhere count as exposed to."""

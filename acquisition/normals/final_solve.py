@@ -16,26 +16,16 @@ import numpy as np
 from acquisition import image_values, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import FisherInformation, NormalMap
-from acquisition.normals import (
-    alternation,
-    error_variance,
-    goodness_of_fit,
-    integrability,
-    integration,
-    interreflection,
-    local_regression,
-    measurement_flags,
-    memory_mapped,
-    microfacet,
-    pixel_solve,
-    residual_noise,
-    robust_solve,
-    term_solve,
-)
+from acquisition.normals import alternation
 from acquisition.normals.alternation import AlternationResult
-from acquisition.normals.goodness_of_fit import Fit
-from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, Scene
+from acquisition.normals.images import memory_mapped
+from acquisition.normals.indirect_light import interreflection
+from acquisition.normals.pixels import measurement_flags, microfacet, pixel_solve, robust_solve, term_solve
+from acquisition.normals.pixels.pixel_solve import Estimate, Lighting, Pixels, Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
+from acquisition.normals.surface import integrability, integration, local_regression
+from acquisition.normals.uncertainty import error_variance, goodness_of_fit, residual_noise
+from acquisition.normals.uncertainty.goodness_of_fit import Fit
 
 PRELIMINARY_ITERATIONS = 3
 """Iterations of a solve whose albedo and normals only serve to subtract light."""

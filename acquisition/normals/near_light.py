@@ -15,10 +15,11 @@ from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
-from acquisition.normals import colour_albedo, colour_channels, pixel_noise, silhouette
-from acquisition.normals.image_set import ImageSet, NearLights
-from acquisition.normals.images import ImageBlock, Images, held_if_small, row_blocks
+from acquisition.normals.images import colour_albedo, colour_channels, silhouette
+from acquisition.normals.images.image_set import ImageSet, NearLights
+from acquisition.normals.images.normalised_images import ImageBlock, Images, held_if_small, row_blocks
 from acquisition.normals.solve import ObjectPlace, solve_stack
+from acquisition.normals.uncertainty import pixel_noise
 
 
 def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -> NormalMap:

@@ -13,10 +13,10 @@ from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
 from acquisition.mosaic import Sites
-from acquisition.normals import resampling
-from acquisition.normals.images import ImageBlock, Images
-from acquisition.normals.interreflection import Table
-from acquisition.normals.pixel_solve import Pixels
+from acquisition.normals.images.normalised_images import ImageBlock, Images
+from acquisition.normals.indirect_light.interreflection import Table
+from acquisition.normals.pixels import resampling
+from acquisition.normals.pixels.pixel_solve import Pixels
 
 BLOCK_VALUES = 1 << 22
 """Values of all images in a block; the final solve takes about ninety bytes for each."""

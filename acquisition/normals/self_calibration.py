@@ -21,10 +21,10 @@ from scipy.linalg import block_diag
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
-from acquisition.normals import image_terms, pixel_solve, pixel_solve_kernels
-from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
-from acquisition.normals.pixel_solve import Estimate
-from acquisition.normals.shadow_light import ShadowEquations
+from acquisition.normals.indirect_light.shadow_light import ShadowEquations
+from acquisition.normals.pixels import image_terms, pixel_solve, pixel_solve_kernels
+from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms
+from acquisition.normals.pixels.pixel_solve import Estimate
 
 
 @dataclass(frozen=True)

@@ -16,25 +16,19 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.models.tuned import tuned
-from acquisition.normals import (
-    alternation,
-    colour_albedo,
-    final_solve,
-    model_selection,
-    pyramid,
-    sensor_estimate,
-    session_images,
-    silhouette,
-    translucency,
-)
-from acquisition.normals import grey_tile as grey_tiles
+from acquisition.normals import alternation, final_solve, pyramid
+from acquisition.normals.alternatives import model_selection
+from acquisition.normals.alternatives.model_trial import Problem
 from acquisition.normals.final_solve import BlockMap
-from acquisition.normals.grey_tile import GreyTile
-from acquisition.normals.image_set import refuse_coplanar
-from acquisition.normals.images import Images, refuse_few
-from acquisition.normals.model_trial import Problem
-from acquisition.normals.pixel_solve import Scene
+from acquisition.normals.images import colour_albedo, session_images, silhouette
+from acquisition.normals.images import grey_tile as grey_tiles
+from acquisition.normals.images.grey_tile import GreyTile
+from acquisition.normals.images.image_set import refuse_coplanar
+from acquisition.normals.images.normalised_images import Images, refuse_few
+from acquisition.normals.indirect_light import translucency
+from acquisition.normals.pixels.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages
+from acquisition.normals.uncertainty import sensor_estimate
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap, ResultSummary, SolveSettings
 from acquisition.models.route import JointPath, Route
 from acquisition.models.shot import Observations
-from acquisition.normals import colour_albedo
+from acquisition.normals.images import colour_albedo
 from acquisition.plan import baselines, visibility
 from acquisition.plan import prior_forecast as prior
 from acquisition.plan.design_problem import positions_of

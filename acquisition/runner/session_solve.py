@@ -10,7 +10,7 @@ from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.normals import ObjectPlace, solve
 from acquisition.normals.final_solve import BlockMap
-from acquisition.normals.grey_tile import GreyTile
+from acquisition.normals.images.grey_tile import GreyTile
 
 
 def solve_in_cell(

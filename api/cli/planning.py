@@ -28,7 +28,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import MEAN_ERROR_PER_SIGMA, SolveSettings
 from acquisition.normals import distant, equivalent_session, near_light
 from acquisition.normals.equivalent_session import EquivalentSession
-from acquisition.normals.image_set import DistantLights, ImageSet, NearLights, check
+from acquisition.normals.images.image_set import DistantLights, ImageSet, NearLights, check
 from acquisition.plan import design_problem
 from acquisition.plan.candidate_lights import CandidateLights
 from acquisition.runner.session_solve import solve_in_cell

@@ -29,7 +29,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import distant, near_light
-from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals.images.image_set import DistantLights, ImageSet
 from acquisition.runner.session_solve import solve_in_cell
 
 SUMMARY = "summary.json"

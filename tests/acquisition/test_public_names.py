@@ -13,7 +13,7 @@ import acquisition
 NAMES = {
     "Calibration": "models.calibration.Calibration",
     "ErrorCode": "models.errors.ErrorCode",
-    "ImageSet": "normals.image_set.ImageSet",
+    "ImageSet": "normals.images.image_set.ImageSet",
     "Light": "models.light_plan.Light",
     "LightPlan": "models.light_plan.LightPlan",
     "NormalMap": "models.result.NormalMap",

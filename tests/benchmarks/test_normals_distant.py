@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from acquisition.normals import distant, integration
-from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals import distant
+from acquisition.normals.images.image_set import DistantLights, ImageSet
+from acquisition.normals.surface import integration
 from tests.acquisition.normals.distant.gloss_scenes import Rows
 
 HEIGHT, WIDTH, COUNT = 3000, 4000, 8

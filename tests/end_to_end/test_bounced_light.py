@@ -12,7 +12,8 @@ from acquisition.capture import exposure, region
 from acquisition.models import cell_config
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.normals import ObjectPlace, interreflection, solve
+from acquisition.normals import ObjectPlace, solve
+from acquisition.normals.indirect_light import interreflection
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import reach
 from acquisition.waypoints.routing import route

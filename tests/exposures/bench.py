@@ -17,8 +17,9 @@ from acquisition.models.light_plan import FrameExposure, Light
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.normals import sensor_estimate, session_images, silhouette
+from acquisition.normals.images import session_images, silhouette
 from acquisition.normals.solve import solve_stack
+from acquisition.normals.uncertainty import sensor_estimate
 from acquisition.plan.exposure_plan import CaptureTimes
 from acquisition.runner import jobs
 from acquisition.session import further_number

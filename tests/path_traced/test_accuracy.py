@@ -15,9 +15,9 @@ import pytest
 
 from acquisition import normals
 from acquisition.models.result import NormalMap, SolveSettings
-from acquisition.normals import interreflection
-from acquisition.normals.pixel_solve import Pixels
-from tests.acquisition.normals.selection_cases import recorded_solutions
+from acquisition.normals.indirect_light import interreflection
+from acquisition.normals.pixels.pixel_solve import Pixels
+from tests.acquisition.normals.alternatives.selection_cases import recorded_solutions
 from tests.path_traced import bench, captures, objects
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]

@@ -196,8 +196,8 @@ those that are marked doubtful; ideal are 1 and 0.63. Stages that only some capt
 these, with a reflectance, a fault or seeds of their own (last table). Stages work on one another: what one buys depends
 on the others being on, and the figures do not add up."""
 
-NOT_SWITCHED = """Not among them is the estimate of the sensor's noise (`acquisition.normals.sensor_estimate`,
-`acquisition.normals.pixel_noise`): the bench states the sensor's true noise, and neither is reached. One that changes
+NOT_SWITCHED = """Not among them is the estimate of the sensor's noise (`sensor_estimate` and `pixel_noise` of
+`acquisition.normals.uncertainty`): the bench states the sensor's true noise, and neither is reached. One that changes
 few errors here serves others: noise from residuals σ where the model is wrong, the finding `lamps`, and the choice of
 the solver under many distant lights."""
 

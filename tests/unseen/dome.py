@@ -26,7 +26,7 @@ from acquisition.models.errors import RigError
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.normals import near_light
-from acquisition.normals.image_set import ImageSet
+from acquisition.normals.images.image_set import ImageSet
 from acquisition.plan.candidate_lights import CandidateLights
 from tests.unseen import grading, scenes
 from tests.unseen.captures import capture, write_folder

@@ -13,9 +13,11 @@ from acquisition import photometry
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.normals import Images, grey_tile, integration, pyramid, silhouette
-from acquisition.normals.grey_tile import GreyTile
-from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals import Images, pyramid
+from acquisition.normals.images import grey_tile, silhouette
+from acquisition.normals.images.grey_tile import GreyTile
+from acquisition.normals.images.image_set import DistantLights, ImageSet
+from acquisition.normals.surface import integration
 from hardware_sim import families, sensor
 from tests.acquisition import scenes
 from tests.acquisition.normals.distant.gloss_scenes import Rows

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 
 from acquisition.models.calibration import Calibration, SensorModel
-from acquisition.normals import sensor_estimate
+from acquisition.normals.uncertainty import sensor_estimate
 from tests.acquisition import scenes
-from tests.acquisition.normals.test_sensor_estimate import SIZE, scene, session
+from tests.acquisition.normals.uncertainty.test_sensor_estimate import SIZE, scene, session
 from tests.unseen.fresh_process import Errors
 
 GAINS, READ_DN = (0.1, 10.0), (0.5, 20.0)

@@ -21,8 +21,8 @@ from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import RigError
 from acquisition.models.result import NormalMap
-from acquisition.normals import error_variance
-from acquisition.normals.error_variance import ErrorVariance
+from acquisition.normals.uncertainty import error_variance
+from acquisition.normals.uncertainty.error_variance import ErrorVariance
 from tests.unseen import faults, run, stages
 from tests.unseen.captures import capture
 from tests.unseen.patterns import fixed

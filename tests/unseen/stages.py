@@ -13,24 +13,17 @@ from types import ModuleType
 from acquisition.image_values import Noise
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import SolveSettings
-from acquisition.normals import (
-    discontinuity,
-    error_variance,
-    integrability,
-    integration,
-    local_regression,
-    model_selection,
-    pixel_solve,
-    residual_noise,
-    self_calibration,
-    shadow_light,
-    term_alternatives,
-)
-from acquisition.normals.error_variance import ErrorVariance
-from acquisition.normals.model_trial import Alternative
-from acquisition.normals.pixel_solve import Estimate
+from acquisition.normals import self_calibration
+from acquisition.normals.alternatives import model_selection, term_alternatives
+from acquisition.normals.alternatives.model_trial import Alternative
+from acquisition.normals.indirect_light import shadow_light
+from acquisition.normals.indirect_light.shadow_light import ShadowEquations
+from acquisition.normals.pixels import pixel_solve
+from acquisition.normals.pixels.pixel_solve import Estimate
 from acquisition.normals.self_calibration import Priors, SharedParameters
-from acquisition.normals.shadow_light import ShadowEquations
+from acquisition.normals.surface import discontinuity, integrability, integration, local_regression
+from acquisition.normals.uncertainty import error_variance, residual_noise
+from acquisition.normals.uncertainty.error_variance import ErrorVariance
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.normals import silhouette
+from acquisition.normals.images import silhouette
 from docs import generated_blocks
 from tests import tuned_numbers
 from tests.tuned_numbers import Number
@@ -84,7 +84,7 @@ def test_figures_are_means_errors_of_differences_and_counts() -> None:
 def test_a_compiled_constant_has_the_value_that_its_process_starts_with() -> None:
     code = (
         "from tests.unseen import fresh_process; fresh_process.start('min_view_cosine', 0.1);"
-        "from acquisition.normals import microfacet; print(microfacet.LEAST_COSINE)"
+        "from acquisition.normals.pixels import microfacet; print(microfacet.LEAST_COSINE)"
     )
     environment = dict(os.environ) | {"NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)

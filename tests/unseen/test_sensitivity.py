@@ -8,7 +8,7 @@ import pytest
 
 from acquisition import photometry
 from acquisition.models.recipe import Exposure
-from acquisition.normals import image_terms
+from acquisition.normals.pixels import image_terms
 from docs import generated_blocks
 from tests import tuned_numbers
 from tests.unseen import patterns, run, scenes, sensitivity, stages

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition import photometry
-from acquisition.normals import error_variance
+from acquisition.normals.uncertainty import error_variance
 from tests.unseen import run, sigma_fit
 from tests.unseen.sigma_fit import Errors
 

@@ -1,8 +1,9 @@
 """What model selection looked at in a solve: scores of the missing terms, and the trial of each alternative.
 
-The thresholds of `acquisition.normals.model_trial`, `term_alternatives` and `lamp_alternatives` stand between what
-sound and what faulty captures have of these. A run keeps them with each solve (`recorded`); `python -m tests.unseen
-table FILE --trials` shows their ranges, so that a threshold can be checked against scenes that it was not set on.
+The thresholds of `acquisition.normals.alternatives` (`model_trial`, `term_alternatives`, `lamp_alternatives`) stand
+between what sound and what faulty captures have of these. A run keeps them with each solve (`recorded`); `python -m
+tests.unseen table FILE --trials` shows their ranges, so that a threshold can be checked against scenes that it was not
+set on.
 """
 
 import math
@@ -15,8 +16,8 @@ from unittest.mock import patch
 
 import numpy as np
 
-from acquisition.normals import lamp_alternatives, model_selection, model_trial, term_alternatives
-from acquisition.normals.model_trial import Alternative, Problem, Solution
+from acquisition.normals.alternatives import lamp_alternatives, model_selection, model_trial, term_alternatives
+from acquisition.normals.alternatives.model_trial import Alternative, Problem, Solution
 
 Line = dict[str, object]
 

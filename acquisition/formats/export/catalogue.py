@@ -14,8 +14,8 @@ from acquisition import photometry
 from acquisition.formats.export import exr, light_files, map_files, mesh
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import NormalMap
-from acquisition.normals.image_set import DistantLights, ImageSet
-from acquisition.normals.images import row_blocks
+from acquisition.normals.images.image_set import DistantLights, ImageSet
+from acquisition.normals.images.normalised_images import row_blocks
 
 NEAR_LIGHT = (
     "The lamps stood near the object. Directions and intensities are those at its centre; away from it both differ, "

@@ -13,7 +13,7 @@ import numpy as np
 
 from acquisition.models.base import FloatArray
 from acquisition.models.result import NormalMap
-from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals.images.image_set import DistantLights, ImageSet
 
 DISTANT_MM = 10_000.0
 

@@ -16,8 +16,8 @@ from PIL import ImageCms
 from acquisition import colour
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import NormalMap
-from acquisition.normals.colour_albedo import SRGB
-from acquisition.normals.images import row_blocks
+from acquisition.normals.images.colour_albedo import SRGB
+from acquisition.normals.images.normalised_images import row_blocks
 
 Green = Literal["opengl", "directx"]
 WHITE_QUANTILE = 0.995

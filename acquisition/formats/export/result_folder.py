@@ -19,7 +19,7 @@ from acquisition.formats.atomic_write import atomic_folder
 from acquisition.formats.export import map_files
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import FisherInformation, GoodnessOfFit, ModelFinding, NormalMap
-from acquisition.normals import memory_mapped
+from acquisition.normals.images import memory_mapped
 
 ARCHIVE = "normal_map.npz"
 MASKS, OPTIONAL = ("doubtful", "mask", "silhouette"), ("albedo_rgb", "indirect")

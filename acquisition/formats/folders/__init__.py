@@ -18,7 +18,7 @@ from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal
 from acquisition.formats.folders.session_folder import SessionCapture
 from acquisition.models.errors import RigError
-from acquisition.normals.image_set import ImageSet, check
+from acquisition.normals.images.image_set import ImageSet, check
 
 __all__ = ["Kind", "Progress", "SessionCapture", "Sphere", "kind_of", "read"]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA, NormalMap
-from acquisition.normals.image_set import ImageSet
+from acquisition.normals.images.image_set import ImageSet
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from acquisition import image_values
 from acquisition.formats.folders import image_files
 from acquisition.formats.folders.image_files import FolderImages
 from acquisition.models.base import BoolArray
-from acquisition.normals.image_set import DistantLights, ImageSet, NearLights
+from acquisition.normals.images.image_set import DistantLights, ImageSet, NearLights
 
 MASK, EVALUATION_MASK = "mask.png", "eval_mask.png"
 

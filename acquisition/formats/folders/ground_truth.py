@@ -9,7 +9,7 @@ import tifffile
 
 from acquisition.formats.folders.refusal import refusal
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.normals.image_set import Camera
+from acquisition.normals.images.image_set import Camera
 
 FILES = ("Normal_gt.mat", "normals_gt.npy", "normals_gt.tiff", "normals_gt.tif", "normals_gt.exr")
 VARIABLE = "Normal_gt"

@@ -22,8 +22,8 @@ from acquisition.formats.folders.refusal import content, refusal
 from acquisition.formats.folders.text_table import listed_file
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.normals.image_set import StoredValues
-from acquisition.normals.images import row_blocks
+from acquisition.normals.images.image_set import StoredValues
+from acquisition.normals.images.normalised_images import row_blocks
 
 FULL_SCALE = {"uint8": 255.0, "uint16": 65535.0, "float32": 1.0}
 DECODER_THREADS = 2

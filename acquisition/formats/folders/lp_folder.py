@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.formats.folders import assembly, image_files, text_table
 from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal
-from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals.images.image_set import DistantLights, ImageSet
 
 LOSSY = (".jpg", ".jpeg")
 

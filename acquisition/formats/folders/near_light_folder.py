@@ -21,7 +21,7 @@ from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal, value
 from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import Value, Vector3
-from acquisition.normals.image_set import (
+from acquisition.normals.images.image_set import (
     FULL_WELL_E,
     INTENSITY_SIGMA,
     POSITION_SIGMA_M,

@@ -18,7 +18,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.shot import FrameRef, FrameSource, Observations, Shot
-from acquisition.normals.image_set import Camera, ImageSet, NearLights, StoredValues
+from acquisition.normals.images.image_set import Camera, ImageSet, NearLights, StoredValues
 
 RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
 

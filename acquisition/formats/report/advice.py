@@ -14,7 +14,7 @@ from acquisition.formats.report import pictures
 from acquisition.formats.report.context import ReportContext
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.result import CAST, HIGHLIGHT, NormalMap
-from acquisition.normals import memory_mapped
+from acquisition.normals.images import memory_mapped
 
 MIN_REPORTED_SHARE = 0.01
 """Share of the object's pixels from which a fault is reported."""

@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.formats.export import lights_used
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import ATTACHED, CAST, LIT, SATURATED, NormalMap
-from acquisition.normals import memory_mapped, silhouette
+from acquisition.normals.images import memory_mapped, silhouette
 
 MAX_SIDE_PX = 460
 """Longer side of a picture, px."""

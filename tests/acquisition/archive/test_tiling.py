@@ -21,8 +21,9 @@ from acquisition.formats import export
 from acquisition.formats.folders import session_folder as folders
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
-from acquisition.normals import images, pyramid
+from acquisition.normals import pyramid
 from acquisition.normals.final_solve import Block, BlockMap, BlockResult, BlockSolver
+from acquisition.normals.images import normalised_images
 from acquisition.runner.session_solve import solve_in_cell
 from tests.acquisition.archive import session_copies
 
@@ -47,7 +48,7 @@ def test_tiles_hold_each_block_once_in_order(lengths: list[int], gap: int, rows:
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks of 16 rows, read from files each time, as those of a large capture."""
     monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
-    monkeypatch.setattr(images, "MAX_HELD_BYTES", 0)
+    monkeypatch.setattr(normalised_images, "MAX_HELD_BYTES", 0)
 
 
 def solved_here(folder: Path, block_map: BlockMap = map) -> NormalMap:

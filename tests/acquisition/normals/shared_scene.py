@@ -7,7 +7,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.image_values import Noise
 from acquisition.models.calibration import Calibration
-from acquisition.normals.pixel_solve import Pixels, Scene
+from acquisition.normals.pixels.pixel_solve import Pixels, Scene
 from tests.acquisition import scenes
 from tests.path_traced import bench
 

@@ -12,7 +12,7 @@ from acquisition.models.errors import RigError
 from acquisition.models.result import SolveSettings
 from acquisition.normals import distant, equivalent_session, near_light
 from acquisition.normals.equivalent_session import EquivalentSession
-from acquisition.normals.image_set import DistantLights, ImageSet, NearLights
+from acquisition.normals.images.image_set import DistantLights, ImageSet, NearLights
 from acquisition.plan import sample_pixels, visibility
 from tests.acquisition.formats.folders import small
 

@@ -8,15 +8,16 @@ import pytest
 from acquisition import image_values, normals, photometry
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
-from acquisition.normals import final_solve, integrability, pyramid, session_images
-from acquisition.normals import images as normalised
+from acquisition.normals import final_solve, pyramid
 from acquisition.normals.alternation import AlternationResult
-from acquisition.normals.image_terms import ImageTerms
-from acquisition.normals.images import Images
-from acquisition.normals.pixel_solve import Scene
+from acquisition.normals.images import normalised_images, session_images
+from acquisition.normals.images.normalised_images import Images
+from acquisition.normals.indirect_light.shadow_light import ShadowEquations
+from acquisition.normals.pixels.image_terms import ImageTerms
+from acquisition.normals.pixels.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 from acquisition.normals.self_calibration import SharedParameters
-from acquisition.normals.shadow_light import ShadowEquations
+from acquisition.normals.surface import integrability
 from tests.acquisition import scenes
 
 SIZE = 96
@@ -131,7 +132,7 @@ def test_solve_streamed_images_equals_solve_in_memory(cushion: scenes.Scene, mon
     together = solved()
     monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
     monkeypatch.setattr(pyramid, "MIN_BLOCK_ROWS", 20)
-    monkeypatch.setattr(normalised, "MAX_HELD_BYTES", 0)
+    monkeypatch.setattr(normalised_images, "MAX_HELD_BYTES", 0)
     assert images(cushion).read(0, 1).values.base is None  # no view of a stack in memory
     same(together, solved())
 

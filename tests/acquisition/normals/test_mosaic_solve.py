@@ -10,9 +10,11 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.colour import ColourCalibration
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap, SolveSettings
-from acquisition.normals import changed_images, colour_albedo, image_terms, pixel_solve
-from acquisition.normals.image_terms import ImageTerms
-from acquisition.normals.images import Images
+from acquisition.normals.alternatives import changed_images
+from acquisition.normals.images import colour_albedo
+from acquisition.normals.images.normalised_images import Images
+from acquisition.normals.pixels import image_terms, pixel_solve
+from acquisition.normals.pixels.image_terms import ImageTerms
 from acquisition.plan import baselines
 from tests.acquisition import scenes
 from tests.acquisition.normals.shared_scene import measured

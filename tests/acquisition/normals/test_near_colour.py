@@ -8,7 +8,7 @@ import tifffile
 from acquisition.formats import folders
 from acquisition.models.result import SolveSettings
 from acquisition.normals import near_light
-from acquisition.normals.colour_albedo import CAMERA
+from acquisition.normals.images.colour_albedo import CAMERA
 from tests.acquisition.formats.folders import small
 
 CHANNELS = np.array([1.0, 0.5, 0.15])

@@ -9,9 +9,10 @@ from acquisition import normals, photometry
 from acquisition.models.light_plan import Light
 from acquisition.models.result import SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.normals import alternation, image_terms, pixel_solve, self_calibration
-from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms, TermValues
-from acquisition.normals.pixel_solve import Estimate
+from acquisition.normals import alternation, self_calibration
+from acquisition.normals.pixels import image_terms, pixel_solve
+from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms, TermValues
+from acquisition.normals.pixels.pixel_solve import Estimate
 from acquisition.normals.self_calibration import Equations, Priors, SharedParameters
 from tests.acquisition import scenes
 from tests.acquisition.normals.shared_scene import measured

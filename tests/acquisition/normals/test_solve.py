@@ -11,7 +11,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.result import ATTACHED, CAST, LIT, SATURATED, NormalMap, SolveSettings
 from acquisition.models.shot import Observations, Shot
-from acquisition.normals.image_set import direction_spread
+from acquisition.normals.images.image_set import direction_spread
 from acquisition.plan import baselines
 from tests.acquisition import scenes
 

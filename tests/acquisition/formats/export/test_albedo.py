@@ -13,7 +13,7 @@ from PIL import Image, ImageCms
 from acquisition import colour
 from acquisition.formats.export import exr, map_files
 from acquisition.models.result import FisherInformation, NormalMap
-from acquisition.normals.colour_albedo import CAMERA, SRGB
+from acquisition.normals.images.colour_albedo import CAMERA, SRGB
 
 COLOURS = np.array([[0.18, 0.18, 0.18], [0.6, 0.1, 0.05], [0.05, 0.3, 0.6], [0.9, 0.85, 0.2]])
 

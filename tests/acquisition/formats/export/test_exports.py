@@ -15,7 +15,7 @@ import trimesh
 from acquisition.formats import export, folders
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import LIT, FisherInformation, NormalMap
-from acquisition.normals.image_set import ImageSet
+from acquisition.normals.images.image_set import ImageSet
 from tests.acquisition.formats.folders import small
 
 

@@ -15,7 +15,7 @@ from acquisition.formats import folders
 from acquisition.formats.folders import ground_truth, image_files
 from acquisition.models.result import SolveSettings
 from acquisition.normals import near_light
-from acquisition.normals.image_set import Camera, DistantLights, ImageSet, NearLights
+from acquisition.normals.images.image_set import Camera, DistantLights, ImageSet, NearLights
 from tests.acquisition.formats.folders import small
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals.images.image_set import DistantLights, ImageSet
 from tests.acquisition.normals.distant.gloss_scenes import Rows
 
 SIZE = 48

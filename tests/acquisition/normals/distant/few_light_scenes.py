@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from scipy import sparse
 
-from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals.images.image_set import DistantLights, ImageSet
 from hardware_sim import implicit, objects
 from hardware_sim.sheets import Mesh
 from hardware_sim.tracing import Tracer

@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
-from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals.images.image_set import DistantLights, ImageSet
 from hardware_sim import objects
 
 FloatArray = np.ndarray

@@ -5,7 +5,7 @@ import pytest
 
 from acquisition.models.result import LIT
 from acquisition.normals import distant
-from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals.images.image_set import DistantLights, ImageSet
 from tests.acquisition.normals.distant import few_light_scenes
 from tests.acquisition.normals.distant.few_light_scenes import Scene, directions
 from tests.acquisition.normals.distant.gloss_scenes import Rows

@@ -7,7 +7,7 @@ import pytest
 
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.normals import distant
-from acquisition.normals.image_set import DistantLights, ImageSet, direction_spread
+from acquisition.normals.images.image_set import DistantLights, ImageSet, direction_spread
 from tests.acquisition.normals.distant.ball_scenes import SIZE, ball, errors, few_lights, image_set, lambert
 
 

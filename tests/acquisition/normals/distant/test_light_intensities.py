@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.normals import distant
-from acquisition.normals.image_set import DistantLights
+from acquisition.normals.images.image_set import DistantLights
 from tests.acquisition.normals.distant import few_light_scenes
 from tests.acquisition.normals.distant.few_light_scenes import Scene
 

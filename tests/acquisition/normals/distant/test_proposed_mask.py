@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.normals import distant, silhouette
-from acquisition.normals.image_set import ImageSet
+from acquisition.normals import distant
+from acquisition.normals.images import silhouette
+from acquisition.normals.images.image_set import ImageSet
 from tests.acquisition.normals.distant import few_light_scenes
 from tests.acquisition.normals.distant.few_light_scenes import Scene
 from tests.acquisition.normals.distant.gloss_scenes import Rows

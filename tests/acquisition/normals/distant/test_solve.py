@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
-from acquisition.normals import distant, reflectance_fit
-from acquisition.normals import images as normalised
+from acquisition.normals import distant
+from acquisition.normals.brdf import reflectance_fit
+from acquisition.normals.images import normalised_images
 from tests.acquisition.normals.distant import gloss_scenes
 from tests.acquisition.normals.distant.ball_scenes import ball, errors, few_lights, image_set, lambert
 from tests.acquisition.normals.distant.gloss_scenes import REFLECTANCES, Rows, lights
@@ -220,7 +221,7 @@ def test_solve_least_squares_in_blocks_of_rows_equals_solve_in_one(monkeypatch: 
     normals, mask = ball()
     images = image_set(lambert(normals, few_lights()), few_lights(), mask)
     full = distant.solve(images, "ls")
-    monkeypatch.setattr(normalised, "BLOCK_ROWS", 7)
+    monkeypatch.setattr(normalised_images, "BLOCK_ROWS", 7)
     parts = distant.solve(images, "ls")
     np.testing.assert_allclose(full.normals, parts.normals, rtol=0, atol=np.finfo(np.float32).eps)
     np.testing.assert_array_equal(full.flags, parts.flags)

@@ -1,0 +1,155 @@
+"""Other images on trial: one left out, later ones moved back, some scaled; and the object held in its place.
+
+Every function looks at a solution and gives alternatives (`model_trial.Alternative`), none where no test demands any.
+Intensities come late among all alternatives, because they absorb other faults.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from acquisition import mosaic, photometry
+from acquisition.models.base import BoolArray, FloatArray
+from acquisition.normals import alternation, self_calibration
+from acquisition.normals.alternatives import changed_images, light_tests, model_trial
+from acquisition.normals.alternatives.model_trial import Alternative, Problem, Solution
+from acquisition.normals.uncertainty import goodness_of_fit
+
+MOVED, INTENSITIES = "moved object", "intensities"
+"""Kinds of the findings of images that are moved back, and that are scaled."""
+
+
+def moved_object(present: Solution) -> list[Alternative]:
+    """Later images moved back, where the registration says that object or camera moved.
+
+    In a sound fit, too, where residuals are smaller then: a cluster and a vessel that moved by 2 pixels under ten
+    planned lights fit soundly, 2.8 and 4.1 times as far off (design seed 64). Registered residuals are 0.55–0.94 of six
+    moved captures there, 1.0–1.2 of three that did not move and of two benchmarks. Where registration alone makes them
+    clearly smaller, as in none of 42 sound captures of design seeds 205–225, the descent after it need not, in which
+    another surface made up for a part of it before.
+    """
+    problem = present.problem
+    # Registration takes time: not of what would not be tried.
+    if MOVED in problem.corrected or len(present.scene.lamps) < photometry.REDUNDANT or not problem.thorough:
+        return []
+    if not present.poor and present.registration.residual_ratio >= 1:
+        return []
+    moves = problem.level.factor * present.registration.translations
+    distance = float(np.max(np.linalg.norm(moves, axis=1)))
+    if distance <= 0.5:  # an image's own translation is uncertain by half a pixel
+        return []
+    message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
+    spacing = 1 if problem.masked.channel is None else mosaic.CELL
+    registered = problem.reread(changed_images.translated(problem.masked.images, moves, spacing))
+    better = model_trial.SETTINGS.better
+    most = 1.0 if present.registration.residual_ratio < better else better
+    return [Alternative(MOVED, message, registered, most, distance)]
+
+
+def bad_image(present: Solution) -> list[Alternative]:
+    """One image left out, without which the others fit far better, or that fits far worse than they do; after it was
+    scaled also where it is the worst by less, and in a poor fit, or one by unlikely intensities, then more of the loss
+    has to be its.
+
+    Images that were scaled beside it are as they were: a bad one makes others seem too dark or too bright.
+    """
+    problem, unscaled, better = present.problem, _unscaled(present.problem), model_trial.SETTINGS.better
+    scaled = np.broadcast_to(problem.factors, len(present.scene.lamps)) != 1
+    doubted = {one: one.outlying or bool(scaled[one.number]) for one in _worst_images(present)}
+    return [
+        Alternative(
+            "bad image", f"image {worst.number + 1} does not fit the others: it is left out",
+            unscaled.reread(changed_images.without(unscaled.masked.images, worst.number)),
+            better if sure else better**2, worst.number + 1, leaves_out=True, decisive=worst.outlying,
+        )
+        for worst, sure in sorted(doubted.items(), key=lambda one: not one[0].outlying)
+        if sure or present.poor or present.intensities_scatter
+    ]  # fmt: skip
+
+
+def one_outlies(present: Solution) -> bool:
+    """Whether one image fits far worse than the others, or these fit far better without one."""
+    return any(one.outlying for one in _worst_images(present))
+
+
+class _WorstImage(NamedTuple):
+    """The worst image (number) by one of its tests, and whether it is by far."""
+
+    number: int
+    outlying: bool
+
+
+def _worst_images(present: Solution) -> list[_WorstImage]:
+    """The worst images, each once: the one that fits worst, the one that was scaled most, and the one without which the
+    others fit best, by least squares at a solution's depth: with its intensities, which a bad image changes, and with
+    those stated, unless that image's own is far from it. None where too few are left; none is by far that fits as well
+    as half of all sound captures do, with an intensity as stated: of images without noise, ratios of residuals say
+    nothing. Other intensities may fit a flash in one image, which on a sheet is as good as even."""
+    coarse, nominal, log_intensity = present.problem.level.coarse, present.problem.nominal, _log_intensity(present)
+    if np.count_nonzero(np.isfinite(present.fit.images)) <= photometry.OVERDETERMINED:
+        return []
+    misfits = present.fit.images
+    worst = int(np.nanargmax(misfits))
+    usual = float(np.nanmedian(np.delete(misfits, worst)))
+    outlying = {worst: bool(misfits[worst] > photometry.SETTINGS.outlying_deviations * usual)}
+    stated = np.zeros_like(log_intensity)
+    for intensity, far in ((log_intensity, stated != 0), (stated, _far_intensities(present))):
+        values = alternation.divide_intensity(coarse.values, intensity)
+        found = light_tests.worst_image(
+            replace(coarse, values=values), present.state.depth_m, nominal.lamps, nominal.calibration
+        )
+        if found is not None and not far[found.number]:
+            by_far = found.residual_share <= model_trial.SETTINGS.better_at_least
+            outlying[found.number] = by_far or outlying.get(found.number, False)
+    if np.any(factors := np.abs(np.log(present.problem.factors))):
+        outlying.setdefault(int(np.argmax(factors)), False)
+    most = photometry.SETTINGS.outlying_deviations * nominal.calibration.intensity_sigma
+    doubtful = (misfits > goodness_of_fit.SETTINGS.median_misfit) | (np.abs(log_intensity) > most)
+    return [_WorstImage(number, bool(by_far and doubtful[number])) for number, by_far in outlying.items()]
+
+
+def _unscaled(problem: Problem) -> Problem:
+    """The problem before images were scaled."""
+    if np.all(problem.factors == 1):
+        return problem
+    factors = np.broadcast_to(problem.factors, len(problem.nominal.lamps))
+    before = problem.reread(changed_images.scaled(problem.masked.images, 1 / factors))
+    return replace(before, factors=1.0, corrected=tuple(kind for kind in problem.corrected if kind != INTENSITIES))
+
+
+def other_intensities(present: Solution) -> list[Alternative]:
+    """Images scaled whose intensity is far from what is stated, unless most are."""
+    far = _far_intensities(present)
+    if not np.any(far):
+        return []
+    factors = np.where(far, np.exp(_log_intensity(present)), 1.0)
+    names = ", ".join(f"image {n + 1} ({factors[n] - 1:+.0%})" for n in np.flatnonzero(far))
+    scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
+    scaled = replace(scaled, factors=factors)
+    message = f"brighter or darker than stated, and scaled: {names}"
+    # The descent before has put most of the factors right already: noise decides which of the two fits better.
+    return [Alternative(INTENSITIES, message, scaled, 1 / model_trial.SETTINGS.better, float(factors[far][0]))]
+
+
+def _far_intensities(present: Solution) -> BoolArray:
+    """Images (F,) whose intensity is outlying under the widest prior that it has; none where most are."""
+    widest = self_calibration.SIGMA_FACTORS[-1] * present.problem.nominal.calibration.intensity_sigma
+    far = np.abs(_log_intensity(present)) > photometry.SETTINGS.outlying_deviations * widest
+    return far & (np.count_nonzero(far) <= len(far) // 2)
+
+
+def _log_intensity(present: Solution) -> FloatArray:
+    """Logarithms (F,) of the intensities over their median."""
+    return present.state.shared.log_intensity - np.median(present.state.shared.log_intensity)
+
+
+def held_shift(present: Solution) -> list[Alternative]:
+    """The object held where it was stated to be, where its shift may have run away: on a strongly curved sheet close to
+    the camera it drifted by 70 mm, and the misfit rose from 1.3 to 2.5."""
+    if not present.poor:
+        return []
+    held = replace(present.problem, shift_sigma_m=0.0)
+    return [
+        Alternative("shift", "the object is held at its stated place", held, model_trial.SETTINGS.better, silent=True)
+    ]

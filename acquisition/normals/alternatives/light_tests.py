@@ -1,0 +1,297 @@
+"""Tests of lights and images: axes of the lamps mirrored, exchanged or turned, two lamps swapped, one image bad.
+
+Other axes in the lights' file leave every residual as it is: the images are as well explained by normals that are
+mirrored or turned likewise. Two things tell. Slopes of a surface have no circulation, ∂p/∂y = ∂q/∂x; turned by φ about
+the camera's axis they have sin φ times their divergence, and mirrored ones the same of another field. So of all axes,
+mirrored or not and turned by any angle, the right ones and their opposite have the least circulation: of 16 objects of
+design seeds 60 and 62, eight lights, they did of all, sound (circulation 0.25–0.90 of the next best of quarter turns)
+and mirrored in either axis (0.36–0.91); of sound captures the angle is 2° at most, and lamps turned by 10° are found
+within 2° (design seeds 60, 62 and 63, ten lights by two rings; scratch scripts, November 2026). A half turn exchanges
+hollow and raised, and keeps the circulation: there the outline tells. At the silhouette the normals of a solid point
+outwards: **outwardness** is the mean cosine between the image-plane part of the normals and the silhouette's outward
+direction. Two lamps swapped show in the residual of least squares, which halves when the right pair is swapped back;
+one bad image in the same residual without it.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import cv2
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.result import SolveSettings
+from acquisition.normals.pixels.pixel_solve import Pixels
+
+MAX_TEST_PIXELS = 400
+"""Pixels of tests by least squares."""
+
+MAX_SWAPPED = 8
+"""Images among which a pair of swapped lamps is sought, by the residual without each. Of 15 captures of 24 lights in
+which the exchange of a pair halves the residual its images were the first two (design seeds 419 and 420)."""
+
+
+STATED_AXES = np.eye(2)
+"""Axes as stated: rows of the 2 × 2 matrix that the lamps' x and y are multiplied by."""
+
+SIDES = (np.diag([1.0, 1.0]), np.diag([-1.0, 1.0]))
+"""Axes as stated and with x mirrored, before they are turned."""
+
+QUARTER_AXES = tuple(turn @ side for side in SIDES for turn in (STATED_AXES, np.array([[0.0, -1.0], [1.0, 0.0]])))
+"""Axes that are turned by quarters, without their opposites: those stated first, then those that are not mirrored."""
+
+TURNS_DEG = np.arange(-90.0, 90.0, 6.0)
+"""Angles by which axes are turned on trial, quarter turns among them; between them the circulation's parabola tells. So
+half a step is the least turn that is told from none: of sound captures it is up to 2°."""
+
+NEAR = 0.1
+"""Width of an object over the distance of its lamps, above which light from near tells hollow from raised: 0.2–0.7 in a
+cell, 0.001 where lamps are stated as directions."""
+
+REGIONS = 8
+"""Rows and columns of regions of the object, whose circulations say how significant their sum is."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """Pixels of the rim (R,) by number, and the silhouette's outward directions there (2, R), view frame."""
+
+    numbers: np.ndarray
+    outward: Float32Array
+
+
+def outline(pixels: Pixels) -> Outline:
+    """The rim of the object's silhouette and its outward directions."""
+    inside, width = pixels.image(np.ones(len(pixels.index), np.float32)), photometry.SETTINGS.edge_px
+    padded = cv2.copyMakeBorder(inside, width, width, width, width, cv2.BORDER_CONSTANT, value=0)
+    core = cv2.erode(padded, np.ones((2 * width + 1, 2 * width + 1), np.uint8))
+    smooth = cv2.GaussianBlur(padded, (0, 0), width)
+    slope = np.stack([-cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)])
+    window = (slice(width, -width), slice(width, -width))
+    length = np.linalg.norm(slope, axis=0)[window]
+    rim = (inside > 0) & (core[window] == 0) & (length > 0.1)
+    numbers = np.flatnonzero(pixels.take(rim))
+    outward = pixels.take(slope[(slice(None), *window)])[:, numbers]
+    return Outline(numbers, outward / np.linalg.norm(outward, axis=0))
+
+
+def outwardness(normals: Float32Array, rim: Outline) -> float | None:
+    """Mean cosine between outward directions and the image-plane part of normals (3, N); none: the rim is too short."""
+    if len(rim.numbers) < photometry.SETTINGS.min_sample:
+        return None
+    return float(np.mean(np.sum(normals[:2, rim.numbers] * rim.outward, axis=0)))
+
+
+def near(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array) -> bool:
+    """Whether the object at depth (N,), m, is so wide for the distance of its lamps (F, 6) that their light tells
+    hollow from raised."""
+    points = photometry.points(pixels.ray, depth_m)
+    distances = np.linalg.norm(lamps[:, :3] - np.mean(points, axis=1), axis=1)
+    return bool(np.max(np.ptp(points[:2], axis=1)) > NEAR * np.median(distances))
+
+
+@dataclass(frozen=True)
+class IntegrableAxes:
+    """Axes (2, 2) under which normals have the least circulation, as they have under the opposite ones.
+
+    `best`: of all; `unmirrored`: of those that are not mirrored; `quarter`: of those that are turned by quarters;
+    `turned`: the best of either side, mirrored or not, that are significantly better than its quarter turns and not
+    significantly worse than those of the other side; `sure`: the best, or if none is turned the quarter, is
+    significantly better than any quarter turn, or than the stated axes.
+    """
+
+    best: FloatArray
+    unmirrored: FloatArray
+    quarter: FloatArray
+    turned: tuple[FloatArray, ...]
+    sure: bool
+
+
+def integrable_axes(pixels: Pixels, normals: Float32Array) -> IntegrableAxes:
+    """The axes, as stated or one mirrored, turned by any angle, under which normals (3, N), view frame, have the least
+    circulation.
+
+    Sum over the cells of four neighbouring pixels, which are the same under all axes, of the circulation's arctangent
+    in slopes a pixel: a crease, round which any normals circulate, counts no more than 90°. Of a paraboloid or a saddle
+    mirrored slopes are a surface's, too, so that both sides may have it.
+    """
+    slope = -normals[:2] / np.maximum(normals[2], np.float32(photometry.SETTINGS.min_view_cosine))
+    image = pixels.image(slope.astype(np.float32), np.nan)
+    up = (image[:, :-1, :-1] + image[:, :-1, 1:] - image[:, 1:, :-1] - image[:, 1:, 1:]) / 2
+    right = (image[:, :-1, 1:] + image[:, 1:, 1:] - image[:, 1:, :-1] - image[:, :-1, :-1]) / 2
+    known = np.isfinite(up[0])
+    up, right, region = up[:, known], right[:, known], _regions(known)
+
+    def circulation(axes: FloatArray) -> FloatArray:
+        around = np.arctan(np.abs(axes[0] @ up - axes[1] @ right))
+        return np.asarray(np.bincount(region, around, REGIONS**2), np.float64)
+
+    quarters = [_Trial(axes, circulation(axes)) for axes in QUARTER_AXES]
+    best: list[_Trial] = []
+    for side in SIDES:
+        costs = np.array([circulation(turned_by(turn) @ side) for turn in TURNS_DEG])
+        total = np.sum(costs, axis=1)
+        least = int(np.argmin(total))
+        turn = TURNS_DEG[least] + (TURNS_DEG[1] - TURNS_DEG[0]) * _parabola_minimum(total)
+        best.append(_Trial(turned_by(turn) @ side, costs[least]))
+    first, quarter = min(best, key=_Trial.total), min(quarters, key=_Trial.total)
+    turned = tuple(
+        one.axes
+        for one, own in zip(best, (quarters[:2], quarters[2:]), strict=True)
+        if one.better(min(own, key=_Trial.total)) and not first.better(one)
+    )
+    sure = first.better(quarter) if turned else quarter.better(quarters[0])
+    return IntegrableAxes(first.axes, best[0].axes, quarter.axes, turned, sure)
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Axes (2, 2) with their circulation by region (R,)."""
+
+    axes: FloatArray
+    circulation: FloatArray
+
+    def total(self) -> float:
+        return float(np.sum(self.circulation))
+
+    def better(self, other: "_Trial") -> bool:
+        """Whether they have significantly less circulation than the other: the sum of what regions gain, in σ.
+
+        0–2.0 where a turn is compared with quarter turns of sound captures, or of planes with white or blurred noise;
+        4–13 of lamps turned by 10°, but for machined parts (1.6), whose flat faces hardly tell (design seeds 60, 62 and
+        63, ten lights by two rings).
+        """
+        gained = other.circulation - self.circulation
+        sigma = float(np.sqrt(len(gained)) * np.std(gained, ddof=1))
+        return float(np.sum(gained)) > photometry.SETTINGS.outlying_deviations * max(sigma, 1e-12)
+
+
+def _regions(known: BoolArray) -> np.ndarray:
+    """Number of the region (N,) of each pixel of a mask (h, w): quantiles of rows and of columns."""
+    row, column = (
+        np.searchsorted(np.quantile(at, np.arange(1, REGIONS) / REGIONS), at, side="right") for at in np.nonzero(known)
+    )
+    return REGIONS * row + column
+
+
+def _parabola_minimum(costs: FloatArray) -> float:
+    """Where the parabola through the least of periodic `costs` and its neighbours has its minimum, steps from there."""
+    least = int(np.argmin(costs))
+    before, after = costs[least - 1], costs[(least + 1) % len(costs)]
+    bend = float(before + after - 2 * costs[least])
+    return float(before - after) / (2 * bend) if bend > 0 else 0.0
+
+
+def turned_by(degrees: float) -> FloatArray:
+    """The matrix (2, 2) of a turn from x towards y; of quarter turns exactly."""
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[cosine, -sine], [sine, cosine]]).round(12) + 0.0
+
+
+def turn_deg(axes: FloatArray) -> float:
+    """The turn from x towards y, degrees within ±180, in axes (2, 2) of which x may be mirrored before."""
+    side = np.sign(np.linalg.det(axes))
+    return float(np.degrees(np.arctan2(side * axes[1, 0], side * axes[0, 0])))
+
+
+def transformed(lamps: Float32Array, axes: FloatArray) -> Float32Array:
+    """Lamps (F, 6) with the image-plane axes of positions and optical axes transformed by a matrix (2, 2)."""
+    out = lamps.copy()
+    matrix = axes.astype(np.float32)
+    out[:, 0:2], out[:, 3:5] = lamps[:, 0:2] @ matrix.T, lamps[:, 3:5] @ matrix.T
+    return out
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Two images (numbers) whose lamps explain the images best when exchanged, and the residual after, over before."""
+
+    first: int
+    second: int
+    residual_share: float
+
+
+def swapped_pair(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration) -> Swap:
+    """The pair of lamps whose exchange lowers the least-squares residual most, of the images without which the others
+    fit best.
+
+    Median over K pixels at depth (K,) of the residual's share of the values.
+    """
+    rows, values, used = _equations(pixels, depth_m, lamps, calibration)
+    before, order = _residual(rows, values, used), np.arange(len(lamps))
+    worst = np.sort(np.argsort(_residuals_without(rows, values, used), kind="stable")[:MAX_SWAPPED])
+    pairs = list(combinations(worst.tolist(), 2))
+    after = [
+        _residual(rows[:, np.where(order == a, b, np.where(order == b, a, order))], values, used) for a, b in pairs
+    ]
+    best = int(np.argmin(after))
+    return Swap(*pairs[best], after[best] / before)
+
+
+def relative_residual(
+    pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, others: Float32Array, calibration: Calibration
+) -> float:
+    """Least-squares residual under `others` (F, 6) over that under `lamps`, as of `swapped_pair`, at depth (N,), m: 1
+    of light from far, which fits under mirrored and turned lamps alike."""
+    after, before = (_residual(*_equations(pixels, depth_m, one, calibration)) for one in (others, lamps))
+    return after / max(before, 1e-12)
+
+
+@dataclass(frozen=True)
+class WorstImage:
+    """The image (number) without which the others fit best, and the residual then, over that without another image."""
+
+    number: int
+    residual_share: float
+
+
+def worst_image(
+    pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration
+) -> WorstImage | None:
+    """Leave-one-out test of the images by least squares, of the values (F, N) of `pixels` at depth (N,), m; none: three
+    or four are left.
+
+    The image that fits worst need not be the bad one: a bright image draws the normals towards it, and others fit
+    worse then. Of 48 captures with a flash in one image the residual of the fit names it in 27, this test in 47.
+    """
+    rows, values, used = _equations(pixels, depth_m, lamps, calibration)
+    left = np.flatnonzero(np.any(used, axis=0))
+    if len(left) <= photometry.OVERDETERMINED:
+        return None
+    residuals = _residuals_without(rows, values, used)[left]
+    least = int(np.argmin(residuals))
+    return WorstImage(int(left[least]), float(residuals[least] / np.median(np.delete(residuals, least))))
+
+
+def _equations(
+    pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Light vectors (K, F, 3) and values (K, F) of some pixels, and which are lit and not clipped (K, F)."""
+    chosen = np.unique(np.linspace(0, len(pixels.index) - 1, min(MAX_TEST_PIXELS, len(pixels.index))).astype(int))
+    few = pixels.subset(chosen)
+    light = photometry.light_vectors(photometry.points(few.ray, depth_m[chosen]), lamps, calibration)
+    values = few.values.T.astype(np.float64)
+    used = (values > SolveSettings().shadow_threshold * np.max(values, axis=1, keepdims=True)) & ~few.clipped.T
+    return light.transpose(2, 0, 1).astype(np.float64), values, used
+
+
+def _residuals_without(rows: FloatArray, values: FloatArray, used: BoolArray) -> FloatArray:
+    """`_residual` without each image (F,)."""
+    image = np.arange(rows.shape[1])
+    return np.array([_residual(rows, values, used & (image != one)) for one in image])
+
+
+def _residual(rows: FloatArray, values: FloatArray, used: BoolArray) -> float:
+    """Median over pixels of the rms residual of least squares over the rms value; light vectors (K, F, 3), values
+    (K, F) and which are used (K, F). 1 where no pixel has four."""
+    weighted = np.swapaxes(rows * used[:, :, None], 1, 2)
+    matrix = weighted @ rows
+    matrix += (1e-6 * np.trace(matrix, axis1=1, axis2=2) + 1e-15)[:, None, None] * np.eye(3)
+    g = np.linalg.solve(matrix, weighted @ values[:, :, None])
+    residual = (values - (rows @ g)[:, :, 0]) * used
+    enough = np.count_nonzero(used, axis=1) >= photometry.OVERDETERMINED
+    if not np.any(enough):
+        return 1.0
+    return float(np.median(np.sum(residual[enough] ** 2, axis=1) / np.sum((values * used)[enough] ** 2, axis=1)) ** 0.5)

@@ -1,0 +1,286 @@
+"""Other image formation on trial: what each tested term, a coding or light below the surface would say of the images.
+
+Every function looks at a solution and gives alternatives (`model_trial.Alternative`), none where no test demands any:
+terms of image formation where their scores do, codings and metal in a poor fit, sharpened images where light leaks into
+shadows.
+"""
+
+from dataclasses import astuple, dataclass, fields, replace
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import Float32Array
+from acquisition.models.tuned import tuned
+from acquisition.normals import alternation, self_calibration
+from acquisition.normals.alternatives import changed_images, image_alternatives, model_trial
+from acquisition.normals.alternatives.model_trial import Alternative, Problem, Solution
+from acquisition.normals.alternatives.term_tests import TermScore, TermScores
+from acquisition.normals.indirect_light import surface_diffusion, translucency
+from acquisition.normals.indirect_light.surface_diffusion import SurfaceGraph
+from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms
+
+
+@dataclass(frozen=True)
+class TermAlternativeSettings:
+    """Tuned numbers of terms on trial."""
+
+    term_sigma: ImageTerms = tuned(
+        ImageTerms(roughness=0.3, ambient=0.15, offset=0.075, gloss=1.0, metal=1.0, strength=1.0), "term"
+    )
+    """1 σ of the priors of terms that are estimated, of gloss, metal and strength next to nothing; what is below a
+    tenth of it, by one step from zero, is not tried. Less is not harmless but hard to tell: ambient light of 1 %
+    takes a blob from 0.39 to 0.85°, a roughness of 0.2 rad, b of 0.15, to 1.76° (audit of an earlier solver,
+    November 2026). b of 0.03 is a roughness of 0.08 rad. Of ambient light shadows tell 0.011 at most of 44 sound
+    captures but of a vessel (0.024), of an offset 0.006, and 0.027 and more of either where it is 0.03
+    (`shadow_light`). Of gloss the value is the amount, of 1 that a dielectric has: 0.11–1.3 of 84 of 95 glossy
+    captures (α 0.12–0.5), 0.09 at most of 174 others (design seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights by two
+    rings), above it in three of 106 sound Lambertian and translucent ones of seeds 45–129, all translucent. It
+    tells gloss by itself, so that strong evidence is enough of a gain: of a small glossy image, or one of a pilot,
+    it is 3–8."""
+
+    @property
+    def min_step(self) -> ImageTerms:
+        """Values of the terms, by one step from zero, below which they are not tried."""
+        return ImageTerms(*(one / 10 for one in astuple(self.term_sigma)))
+
+
+SETTINGS = TermAlternativeSettings()
+
+CODED_EXPONENTS = (1.4, 1.8, 2.2)
+"""Exponents that undo codings of eight-bit images, the usual one last. As a free parameter it would explain metal."""
+
+GLOSS_START = 0.2
+"""Roughness α from which gloss is estimated. From 0.12 and 0.25 it ends at the same (0.158 and 0.39, six families)."""
+
+METAL_START = 0.3
+"""Roughness α from which a metal's is estimated in a poor fit."""
+
+SECOND_STARTS = (("ambient", 0.05), ("ambient", 0.15), ("offset", 0.03), ("offset", 0.1))
+"""Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
+
+CODED = "coded values"
+"""Kind of the finding of values that are not linear."""
+
+TERMS = {
+    "roughness": ("rough surface", "the surface is rough: it is solved with Oren and Nayar's reflectance, roughness"),
+    "ambient": ("ambient light", "light from elsewhere falls on the object: it is estimated and subtracted"),
+    "offset": (
+        "stray light",
+        "a black level or stray light is in the images, or too much was subtracted: it is estimated and subtracted",
+    ),
+    "metal": (
+        photometry.METAL,
+        "the surface has no diffuse light: it is solved as metal, less surely, of roughness α",
+    ),
+    "gloss": ("gloss", "the surface is glossy: it is solved with microfacets, of roughness α"),
+}
+"""Kind and sentence of the finding for each of `ImageTerms`."""
+
+FROM_ELSEWHERE = frozenset(kind for name, (kind, _) in TERMS.items() if name in ("ambient", "offset"))
+"""Kinds of the findings of light from elsewhere."""
+
+
+def other_formation(present: Solution) -> list[Alternative]:
+    """Terms, and a coding, that the score tests demand; in a poor fit also the coding, metal, and ambient and stray
+    light from other starts."""
+    problem = present.problem
+    if problem.nominal.terms is not None:
+        return [*gloss(present), *scored_terms(present), *coded(present)]
+    alternatives = [*gloss(present), *scored_terms(present), *metal(present), *coded(present)]
+    if present.poor:
+        for name, start in SECOND_STARTS:
+            terms = replace(LAMBERTIAN, **{name: start})
+            alternatives.append(_with_term(problem, name, terms, model_trial.SETTINGS.better_at_least))
+    return alternatives
+
+
+def scored_terms(present: Solution) -> list[Alternative]:
+    """Roughness, ambient and stray light that the score tests demand; none beside metal, and no roughness beside gloss.
+
+    Roughness from strong evidence on, which 94 % of 225 rough captures give and 2 % of 138 Lambertian and translucent
+    ones (design seeds 11–129), or where values seem coded, which it resembles, or where the sample fits better as
+    rough, whatever the score; light from elsewhere from `min_gain` on, since light between surfaces that is not
+    predicted resembles it; beside roughness from strong evidence on, since the step tells by itself (of ambient light
+    0.010, of an offset 0.003 at most of 44 sound rough captures; design seeds 401–437). Where shadows tell ambient from
+    stray light, the other one is not tried.
+    """
+    problem, scores = present.problem, present.scores
+    known = problem.nominal.terms
+    if scores is None:
+        return []
+    if known is not None and (known.metal > 0 or present.seems_coded):
+        return []
+    rough = problem.term_sigma.roughness > 0
+    names = [] if rough or (known is not None and known.specular) else ["roughness"]
+    if not problem.term_sigma.from_elsewhere:
+        names += ["ambient", "offset"]
+    demanded: list[Alternative] = []
+    for name in names:
+        score: TermScore = getattr(scores, name)
+        least = self_calibration.STRONG_EVIDENCE if rough else model_trial.SETTINGS.min_gain
+        if name == "roughness":
+            least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
+        if tried_gain(scores, name) > least and not _outdone(name, present):
+            demanded.append(_with_term(problem, name, known or LAMBERTIAN, 1.0, score.step))
+        elif name == "roughness" and known is None and _fits_as_rough(present):
+            demanded.append(_with_term(problem, name, LAMBERTIAN, 1.0, model_trial.ROUGH.roughness))
+    if known is None and _excess_subtracted(scores):
+        demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
+    return model_trial.decisive(demanded)
+
+
+def tried_gain(scores: TermScores, name: str) -> float:
+    """Gain of the log likelihood by one of `ImageTerms`, 0 where its step is too small to be tried."""
+    score: TermScore = getattr(scores, name)
+    return score.gain if score.step > getattr(SETTINGS.min_step, name) else 0.0
+
+
+def _fits_as_rough(present: Solution) -> bool:
+    """Whether the sample fits better as rough, whatever the score."""
+    return present.fit.redundant and present.rough_misfit <= model_trial.SETTINGS.slightly_better
+
+
+def _outdone(name: str, present: Solution) -> bool:
+    """Whether shadows tell with strong evidence that it is ambient light and no offset, or the other way round; lit
+    pixels do not tell."""
+    scores = present.scores
+    if scores is None or not present.state.shadows.told:
+        return False
+    other = {"ambient": scores.offset, "offset": scores.ambient}.get(name)
+    if other is None or other.step <= 0:
+        return False
+    return other.gain > getattr(scores, name).gain + self_calibration.STRONG_EVIDENCE
+
+
+def vanished(accepted: Alternative, terms: ImageTerms) -> bool:
+    """Whether a term that was accepted was taken for another: so little is left of it beside one that was estimated
+    later that it would not have been tried."""
+    left = abs(getattr(terms, accepted.term)) if accepted.term else np.inf
+    return accepted.step != 0 and left < getattr(SETTINGS.min_step, accepted.term)
+
+
+def coded(present: Solution) -> list[Alternative]:
+    """Codings undone: the usual one in a poor fit or where the score test finds an exponent below 1, all where it finds
+    one well below."""
+    usual = CODED_EXPONENTS[-1:] if present.poor or present.may_be_coded else ()
+    exponents = CODED_EXPONENTS if present.seems_coded else usual
+    settings = model_trial.SETTINGS
+    most = settings.better if present.may_be_coded else settings.better_at_least
+    problem = _without_light_from_elsewhere(present.problem)
+    return [
+        Alternative(
+            CODED, f"the images are not linear: values are taken to the power of {exponent}",
+            problem.reread(changed_images.linearised(problem.masked.images, exponent)), most, exponent, coding=exponent,
+        )
+        for exponent in exponents
+    ]  # fmt: skip
+
+
+def _without_light_from_elsewhere(problem: Problem) -> Problem:
+    """The problem before ambient and stray light were estimated, as which a coding, that lifts shadows, is taken."""
+    terms, sigma = problem.nominal.terms, problem.term_sigma
+    if not sigma.from_elsewhere:
+        return problem
+    left = None if terms is None else replace(terms, ambient=0.0, offset=0.0)
+    return replace(
+        problem,
+        nominal=replace(problem.nominal, terms=None if left == LAMBERTIAN else left),
+        term_sigma=replace(sigma, ambient=0.0, offset=0.0),
+        corrected=tuple(kind for kind in problem.corrected if kind not in FROM_ELSEWHERE),
+    )
+
+
+def _excess_subtracted(scores: TermScores) -> bool:
+    """Whether the score test finds an offset below zero that gains more than any other term: gloss and roughness leave
+    one in half of their captures, a sound Lambertian surface in one of 201 (design seeds 40–64)."""
+    offset = scores.offset
+    demanded = offset.gain > model_trial.SETTINGS.min_gain and offset.step < -SETTINGS.min_step.offset
+    return demanded and scores.gains_most(offset)
+
+
+def gloss(present: Solution) -> list[Alternative]:
+    """Gloss of a dielectric, and of any strength, where the score test finds it, also beside light from elsewhere, and
+    with any gain where one finds roughness, which few highlights resemble; in a poor fit anyway, since the wrong
+    normals that sharp highlights make leave no score.
+
+    A dielectric that halves the misfit decides: of 115 matt captures with a fault (gamma, ambient and stray light,
+    mirrored lamps, a flash, moved; design seeds 70, 71 and 73, eight lights) it leaves 0.60 at least.
+    """
+    known = present.problem.nominal.terms
+    if present.scores is None or (known is not None and (known.specular or present.problem.term_sigma.roughness > 0)):
+        return []
+    rough = tried_gain(present.scores, "roughness") > self_calibration.STRONG_EVIDENCE
+    found = tried_gain(present.scores, "gloss") > (0.0 if rough else self_calibration.STRONG_EVIDENCE)
+    if not found and not (present.poor and known is None):
+        return []
+    most = 1.0 if found else model_trial.SETTINGS.better_at_least
+    known = known or LAMBERTIAN
+    starts = replace(known, gloss=GLOSS_START), replace(known, gloss=GLOSS_START, strength=1.0)
+    dielectric, other = (_with_term(present.problem, "gloss", one, most) for one in starts)
+    return [replace(dielectric, least_images=photometry.OVERDETERMINED, decisive=True), other]
+
+
+def metal(present: Solution) -> list[Alternative]:
+    """Metal, in a poor fit of a surface that no other term describes yet."""
+    if present.problem.nominal.terms is not None or not present.poor:
+        return []
+    start = ImageTerms(metal=METAL_START)
+    return [_with_term(present.problem, "metal", start, model_trial.SETTINGS.better_at_least)]
+
+
+def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
+    """One of `TERMS` estimated from a start, with what else the start has and is estimated already, accepted up to
+    `most` of the misfit; roughness and metal by their loss."""
+    estimated = {name} | {field.name for field in fields(start) if getattr(start, field.name) > 0}
+    sigma = replace(problem.term_sigma, **{one: getattr(SETTINGS.term_sigma, one) for one in estimated})
+    changed = replace(problem, nominal=replace(problem.nominal, terms=start), term_sigma=sigma)
+    return Alternative(*TERMS[name], changed, most, term=name, step=step)
+
+
+def translucent_surface(present: Solution) -> list[Alternative]:
+    """Images sharpened, where light leaks into shadows as from below the surface.
+
+    Not where one image fits far worse, which alone may be blurred, nor of a glossy surface, by its score or as it is
+    solved, which mirrors lamps into shadows, nor after ambient or stray light, which falls there, too, nor of a surface
+    that has drifted away, whose shadows fall elsewhere.
+    """
+    problem, level = present.problem, present.problem.level
+    others = {translucency.KIND, TERMS["gloss"][0], TERMS["metal"][0], *FROM_ELSEWHERE}
+    if others & set(problem.corrected):
+        return []
+    scores = present.scores if problem.nominal.terms is None else None
+    glossy = scores is not None and tried_gain(scores, "gloss") > model_trial.SETTINGS.min_gain
+    if present.out_of_place or glossy or not problem.thorough:
+        return []
+    leak = present.leak
+    if leak is None or not leak.sought or image_alternatives.one_outlies(present):
+        return []
+    length_px = level.factor * leak.length_px
+    # Noise of neighbours alike: what a block of the coarse grid has, not a pixel's own.
+    gain = max(surface_diffusion.noise_gain(length_px), surface_diffusion.noise_gain(leak.length_px))
+    sharpened = changed_images.sharpened(problem.masked.images, *_full_surface(present), length_px, gain)
+    length_mm = (
+        1000 * length_px * float(np.mean(present.state.depth_m)) / problem.nominal.calibration.camera_matrix[0][0]
+    )
+    message = f"light spreads by {length_mm:.1f} mm below the surface, or images are out of focus: they are sharpened"
+    return [
+        Alternative(
+            translucency.KIND, message, problem.reread(sharpened), model_trial.SETTINGS.clearly_worse, length_mm
+        )
+    ]
+
+
+def _full_surface(present: Solution) -> tuple[SurfaceGraph, Float32Array]:
+    """Graph and albedo (h, w) of all object pixels, from the coarse solution."""
+    masked, level, state = present.problem.masked, present.problem.level, present.state
+    albedo, depth = np.zeros(masked.mask.shape, np.float32), np.zeros(masked.mask.shape, np.float32)
+    for rows in masked.blocks():
+        pixels = masked.pixels(rows)
+        if len(pixels.index) == 0:
+            continue
+        values = alternation.divide_intensity(pixels.values, state.shared.log_intensity)
+        known, _ = translucency.albedo_and_lit(values, level.interpolate(present.shading, pixels, rows.start))
+        albedo[rows] = pixels.image(known)
+        depth[rows] = pixels.image(level.interpolate(state.depth_m, pixels, rows.start))
+    return surface_diffusion.graph(albedo > 0, masked.ray, depth), albedo

@@ -1,0 +1,137 @@
+"""Score tests of terms that the model of the images leaves out (Rao 1948): what a parameter would gain, untried.
+
+At the solution without it, a further parameter's column is added to the normal equations of what all pixels share; all
+other parameters are eliminated under their priors. With g its remaining score and H its remaining information, the
+logarithm of the likelihood would rise by g²/2H, at the value g/H. On sound captures that is below 1 in most; of a rough
+surface or ambient light it is 5–400.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.tuned import tuned
+from acquisition.normals import self_calibration
+from acquisition.normals.alternatives import light_tests
+from acquisition.normals.pixels import image_terms, pixel_solve
+from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms, TermValues
+from acquisition.normals.pixels.pixel_solve import Estimate, Scene
+from acquisition.normals.self_calibration import Equations, Priors, SharedParameters
+
+
+@dataclass(frozen=True)
+class TermTestSettings:
+    """Tuned numbers of the score tests."""
+
+    gloss_tested: float = tuned(0.3, "α")
+    """Roughness α at which gloss is tested, in the middle of what is common. Sharper gloss leaves highlights, which
+    robust weights reject, and wrong normals, which make the fit poor. With 0.19, the geometric middle of
+    `image_terms.SETTINGS.gloss_range`, amounts are half of those with it, a Gaussian lobe under 96 lights gains 1 in
+    place of 7 (`distant/test_solve`), and three of eight glossy objects of α 0.12 (design seed 102) are below the
+    least step."""
+
+
+SETTINGS = TermTestSettings()
+
+LEAST_SIGNAL = 1e-6
+"""Signal, of what a white surface gives, from which its logarithm is taken."""
+
+TURN_DIFFERENCE_DEG = 0.5
+"""Half of the turn of the lamps between which light is differentiated, degrees."""
+
+LEAST_INFORMATION = 1e-6
+"""Share of a parameter's information, all others known, that is left when they are not, below which rounding makes it:
+under lamps that are far all normals turn with them."""
+
+
+@dataclass(frozen=True)
+class TermScore:
+    """Gain of the log likelihood by a parameter, and its value after one Newton step from zero."""
+
+    gain: float
+    step: float
+
+
+@dataclass(frozen=True)
+class TermScores:
+    """Scores of the weight of a rough diffuse term, of ambient light, and of an offset, as in `ImageTerms`; of a
+    dielectric's gloss of `gloss_tested` as a whole, whose value would be 1; of ε of values that are coded as the signal
+    to the power of 1 + ε, 0 where they are linear; and of the angle, rad, by which the lamps have to be turned about
+    the viewing axis, from x towards y. Light from near tells it: under lamps turned by 10° it is 5.8–11.2° for 16
+    Lambertian objects, of 32 others, Lambertian and rough, under the right ones 2.9° at most, with gains up to 1
+    (design seeds 62, 63, 101 and 105)."""
+
+    roughness: TermScore
+    ambient: TermScore
+    offset: TermScore
+    gloss: TermScore
+    exponent: TermScore
+    turn: TermScore
+
+    def gains_most(self, one: TermScore) -> bool:
+        """Whether no term of `ImageTerms` that would be above zero gains more than this score."""
+        terms = (self.roughness, self.ambient, self.offset, self.gloss)
+        return all(one.gain >= term.gain for term in terms if term.step > 0)
+
+
+def scores(
+    estimate: Estimate, values: Float32Array, scene: Scene, shared: SharedParameters, priors: Priors
+) -> TermScores | None:
+    """Score tests at K pixels' `estimate` from `values` (F, K) without indirect light.
+
+    `scene` has the lamps as estimated, `shared` what is divided out. None where too few pixels have enough lights.
+    """
+    ray_direction = np.ascontiguousarray(-estimate.point / estimate.point[2], np.float32)
+    axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
+
+    def evaluated(terms: ImageTerms) -> TermValues:
+        return image_terms.evaluate(
+            terms, estimate.g, estimate.light, estimate.usable, axis, estimate.response, estimate.sky
+        )
+
+    present, glossy = evaluated(scene.terms or LAMBERTIAN), evaluated(ImageTerms(gloss=SETTINGS.gloss_tested))
+    direct = np.maximum(np.einsum("fck,ck->fk", estimate.light, estimate.g), 0)
+    signal = direct * (np.min(scene.noise.shot) / scene.noise.shot)[:, None]  # but for a factor, which albedo absorbs
+    coded = np.where(estimate.usable, direct * np.log(np.maximum(signal, LEAST_SIGNAL)), 0)
+    usual = image_terms.by_parameter(
+        scene.terms or LAMBERTIAN, estimate.g, estimate.light, estimate.usable, axis, estimate.response, estimate.sky
+    )
+    turned = np.where(estimate.usable, np.einsum("fck,ck->fk", _light_by_turn(estimate.point, scene), estimate.g), 0)
+    columns = np.stack([*np.moveaxis(usual[:, :3], 1, 0), glossy.value, coded, turned], axis=1, dtype=np.float32)
+    by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
+    equations = self_calibration.normal_equations(
+        replace(estimate, terms=present), by_depth, values, scene.lamps, shared, priors,
+        photometry.SETTINGS.depth_sigma_m, columns,
+    )  # fmt: skip
+    if equations is None:
+        return None
+    first = 4 * len(values) + 1
+    return TermScores(*(_score(equations, first + number) for number in range(6)))
+
+
+def _light_by_turn(point: Float32Array, scene: Scene) -> Float32Array:
+    """Derivative of the light vectors (F, 3, K) at points (3, K) by the angle, rad, that the lamps are turned by."""
+    ahead, behind = (
+        photometry.light_vectors(
+            point, light_tests.transformed(scene.lamps, light_tests.turned_by(turn)), scene.calibration
+        )
+        for turn in (TURN_DIFFERENCE_DEG, -TURN_DIFFERENCE_DEG)
+    )
+    return (ahead - behind) / np.float32(2 * np.radians(TURN_DIFFERENCE_DEG))
+
+
+def _score(equations: Equations, tested: int) -> TermScore:
+    """Gain and step of one parameter, all others that are not held eliminated under their priors (Schur complement)."""
+    others = ~equations.held
+    others[tested] = False
+    precision = equations.precision[np.ix_(others, others)]
+    inner = equations.matrix[np.ix_(others, others)] + precision
+    across: FloatArray = equations.matrix[tested, others]
+    right = equations.right[others] - precision @ equations.before[others]
+    information = float(equations.matrix[tested, tested] - across @ np.linalg.solve(inner, across))
+    score = float(equations.right[tested] - across @ np.linalg.solve(inner, right))
+    if information <= LEAST_INFORMATION * float(equations.matrix[tested, tested]):
+        return TermScore(0.0, 0.0)
+    return TermScore(score**2 / (2 * information), score / information)

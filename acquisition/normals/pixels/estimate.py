@@ -1,0 +1,55 @@
+"""A solution of pixels, as the pixel solve gives it and all later steps read it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.normals.pixels.image_terms import TermValues
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The solution at N pixels, with the measurements, weights and light vectors that it was solved with."""
+
+    g: Float32Array  # (3, N) albedo × normal, view frame
+    variance: Float32Array  # (N,) rad², both tangential directions
+    residual: Float32Array  # (N,) rms of whitened residuals
+    weights: Float32Array  # (F, N) robust weight / variance, 0 where not usable
+    usable: BoolArray  # (F, N)
+    light: Float32Array  # (F, 3, N) light vectors s
+    point: Float32Array  # (3, N) m, view frame
+    response: Float32Array | None = None  # (N,) values of white at a mosaic's sites over their mean; none: no mosaic
+    sky: Float32Array | None = None  # (N,) sky view factor of the pixels; none: they see all of it
+    terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
+
+    @property
+    def term_value(self) -> Float32Array | np.float32:
+        """What the terms beyond Lambert's contribute to the values (F, N); 0 without any."""
+        return np.float32(0) if self.terms is None else self.terms.value
+
+    @property
+    def highlight_variance(self) -> Float32Array | np.float32:
+        """Variance (F, N) of the highlights among the terms; 0 without any."""
+        return np.float32(0) if self.terms is None else self.terms.highlight_variance
+
+    @property
+    def nondiffuse_value(self) -> Float32Array | np.float32:
+        """What is no diffuse reflection of the lamps' light in the values (F, N); 0 without terms."""
+        return np.float32(0) if self.terms is None else self.terms.nondiffuse + self.terms.ambient
+
+    @property
+    def unscattered_value(self) -> Float32Array | np.float32:
+        """What is no diffuse reflection of any light in the values (F, N), so that no other surface receives as much
+        of it; 0 without terms."""
+        return np.float32(0) if self.terms is None else self.terms.nondiffuse
+
+    @property
+    def albedo(self) -> Float32Array:
+        """Albedo (N,)."""
+        return np.sqrt(np.sum(self.g * self.g, axis=0))
+
+    @property
+    def normals(self) -> Float32Array:
+        """Unit normals (3, N), view frame."""
+        return (self.g / np.maximum(self.albedo, 1e-9)).astype(np.float32)

@@ -1,0 +1,116 @@
+"""Gauss–Newton solve of pixels with terms beyond Lambert's; glossy ones and metal from several starts, the best counts.
+
+Each round solves with the terms' values and derivatives at the normals of the round before. Roughness and ambient light
+change slowly with the normal, so these rounds converge from anywhere. A highlight does not: beside it the image says
+nothing of where it would be, and a pixel whose highlight was taken for diffuse light stays wrong. So a glossy pixel is
+solved from its Lambertian solution and from where its brightest images would be mirrored, with the normal at the half
+vector of lamp and camera, and the solution of least robust cost is taken.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.image_values import Noise
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.result import SolveSettings
+from acquisition.normals.pixels import image_terms, microfacet
+from acquisition.normals.pixels.estimate import Estimate
+from acquisition.normals.pixels.image_terms import ImageTerms, TermValues
+
+ROUNDS = 3
+"""Solves of a pixel, each with the terms' derivatives at the one before. Gloss ends alike after three, four and six."""
+
+METAL_ROUNDS = 6
+"""The same for metal, whose Lambertian solution is of little use. Without noise (α = 0.35, eight lights, slants to 34°)
+three rounds from three images leave 3.8°, six rounds 0.6°, from five images 0.1°."""
+
+HIGHLIGHT_STARTS = 2
+"""Images, the brightest first, whose half vector is another start of a glossy pixel's normal. On a knot and a turned
+profile (design seed 2, α = 0.16, eight lights, known depth) the mean error is 5.1° and 5.8° without, 3.1° and 3.2° with
+two; a third changes nothing."""
+
+METAL_STARTS = 4
+"""Images that give starts on metal."""
+
+
+@dataclass(frozen=True)
+class TermProblem:
+    """Pixels to solve with terms: values and which are clipped (F, N), light vectors (F, 3, N), unit directions to the
+    camera (3, N), noise, the terms, the solve `once` with given values of the terms, and values (N,) of white at a
+    mosaic's sites."""
+
+    values: Float32Array
+    clipped: BoolArray
+    light: Float32Array
+    view: Float32Array
+    noise: Noise
+    terms: ImageTerms
+    once: Callable[[TermValues], Estimate]
+    response: Float32Array | None = None
+    sky: Float32Array | None = None
+
+
+def rounds(terms: ImageTerms) -> int:
+    """Solves of a pixel with these terms from one start, one after another."""
+    return METAL_ROUNDS if terms.metal > 0 else ROUNDS
+
+
+def solve(problem: TermProblem) -> Estimate:
+    """The pixels' estimates with their terms: from facing the camera, of gloss and metal from several starts."""
+    light = problem.light
+    strength = np.maximum(np.sqrt(np.einsum("fcn,fcn->fn", light, light)), np.float32(1e-9))
+    ratio = np.where(problem.clipped, 0, problem.values / strength)
+    peak = np.max(ratio, axis=0)
+    facing = (problem.view * peak).astype(np.float32)
+    out = _from_start(problem, replace(problem.terms, gloss=0.0, metal=0.0), facing)
+    if not problem.terms.specular:
+        return out
+    least = _robust_cost(problem, out)
+    level = np.maximum(np.median(ratio, axis=0), np.float32(SolveSettings().shadow_threshold) * peak)
+    if problem.terms.metal > 0:  # at the half vector all of the brightest value is the lobe's, F₀/(4α²) high
+        level = np.float32(4 * problem.terms.metal**2 / microfacet.METAL_F0) * peak
+    for image in np.argsort(-ratio, axis=0)[: METAL_STARTS if problem.terms.metal > 0 else HIGHLIGHT_STARTS]:
+        toward = np.take_along_axis(light, image[None, None], axis=0)[0]
+        half = toward / np.take_along_axis(strength, image[None], axis=0) + problem.view
+        half *= level / np.maximum(np.sqrt(np.sum(half * half, axis=0)), np.float32(1e-6))
+        one = _from_start(problem, problem.terms, half.astype(np.float32))
+        cost = _robust_cost(problem, one)
+        out, least = _chosen(cost < least, one, out), np.minimum(cost, least)
+    return out
+
+
+def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) -> Estimate:
+    """All rounds of solves; the first with the terms `first` at g of `start` (3, N)."""
+    light, view = problem.light, problem.view
+
+    def values(estimate: Estimate) -> TermValues:
+        return image_terms.evaluate(
+            problem.terms, estimate.g, light, estimate.usable, view, problem.response, problem.sky
+        )
+
+    everywhere = np.ones_like(problem.clipped)
+    estimate = problem.once(image_terms.evaluate(first, start, light, everywhere, view, problem.response, problem.sky))
+    for _ in range(rounds(problem.terms) - 1):
+        estimate = problem.once(values(estimate))
+    return replace(estimate, terms=values(estimate))
+
+
+def _robust_cost(problem: TermProblem, estimate: Estimate) -> Float32Array:
+    """Sum (N,) over images of Cauchy's loss of the residuals; what counts as shadow costs as an outlier."""
+    strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
+    residual = problem.values - np.einsum("fcn,cn->fn", estimate.light, estimate.g) - estimate.term_value
+    variance = problem.noise.variance(np.maximum(problem.values, 0), strength) + estimate.highlight_variance
+    square = np.where(estimate.usable, residual**2 / variance, photometry.SETTINGS.outlying_deviations**2)
+    return np.sum(np.where(problem.clipped, 0, np.log1p(square / photometry.CAUCHY_SCALE**2)), axis=0).astype(
+        np.float32
+    )
+
+
+def _chosen(where: BoolArray, one: Estimate, other: Estimate) -> Estimate:
+    """`one` at some pixels (N,), elsewhere the `other`; their light vectors and points are the same."""
+    names = ("g", "variance", "residual", "weights", "usable")
+    parts = {name: np.where(where, getattr(one, name), getattr(other, name)) for name in names}
+    return replace(one, **parts, terms=image_terms.chosen(where, one.terms, other.terms))

@@ -1,0 +1,1 @@
+"""The surface of the normals: integrated depth, discontinuities, integrable normals, regression on neighbours."""

@@ -1,0 +1,135 @@
+"""One image left out on trial: which, from what on, and what becomes of images that were scaled beside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.normals import Images
+from acquisition.normals.alternatives import changed_images, image_alternatives, model_selection, model_trial
+from acquisition.normals.alternatives.model_trial import Solution
+from tests.acquisition import scenes
+from tests.acquisition.normals.alternatives.selection_cases import images_of, object_of, recorded_solutions, solved
+
+SIZE = 48
+BAD = 2
+
+
+def plain(images: Images) -> Solution:
+    """The solution of a cushion's images by the plain model."""
+    with pytest.MonkeyPatch.context() as monkeypatch, recorded_solutions() as found:
+        monkeypatch.setattr(model_selection, "ALTERNATIVES", ())
+        solved(object_of(scenes.bumps, SIZE), images)
+    (solution,) = found
+    return solution
+
+
+@pytest.fixture(scope="module")
+def sound() -> Solution:
+    return plain(images_of(scenes.bumps, SIZE))
+
+
+@pytest.fixture(scope="module")
+def lit_from_the_camera() -> Solution:
+    """Of images of which one shows the light of a lamp at the camera, too."""
+    made, images = object_of(scenes.bumps, SIZE), images_of(scenes.bumps, SIZE)
+    values = images.whole.values.copy()
+    values[BAD] += (0.4 * np.max(values[BAD]) * -made.normals[..., 2]).astype(np.float32) * made.mask
+    return plain(scenes.with_values(images, values))
+
+
+def with_intensities(solution: Solution, log_intensity: np.ndarray) -> Solution:
+    """The solution with other intensities."""
+    shared = replace(solution.state.shared, log_intensity=log_intensity)
+    return replace(solution, state=replace(solution.state, shared=shared))
+
+
+def test_no_image_of_a_sound_capture_is_tried_without(sound: Solution) -> None:
+    assert not image_alternatives.bad_image(sound)
+    assert not image_alternatives.one_outlies(sound)
+
+
+def test_image_with_a_flash_is_tried_without_however_the_images_fit(lit_from_the_camera: Solution) -> None:
+    assert image_alternatives.one_outlies(lit_from_the_camera)
+    first = image_alternatives.bad_image(lit_from_the_camera)[0]
+    assert first.value == BAD + 1
+    assert first.worse_at_most == model_trial.SETTINGS.better
+    clipped = first.problem.masked.images.whole.clipped
+    assert np.all(clipped[BAD])
+    assert not np.any(clipped[np.arange(len(clipped)) != BAD])
+
+
+@pytest.mark.parametrize(("deviation", "outlies"), [(0.02, False), (0.04, True)])
+def test_image_that_fits_as_well_as_those_of_sound_captures_outlies_by_its_intensity_alone(
+    lit_from_the_camera: Solution, deviation: float, outlies: bool
+) -> None:
+    """Of images without noise one may fit far worse than the others and still far better than any measured one. A sheet
+    of which one image has a flash was fitted as well as a sound one by intensities of −6 to 10 %, 2.5° off."""
+    images = lit_from_the_camera.fit.images
+    fit = replace(lit_from_the_camera.fit, images=0.5 * images / np.max(images))
+    intensities = np.where(np.arange(len(images)) == BAD, deviation, 0.0)
+    well_fitting = with_intensities(replace(lit_from_the_camera, fit=fit), intensities)
+    assert well_fitting.problem.nominal.calibration.intensity_sigma == pytest.approx(0.01)
+    assert image_alternatives.one_outlies(well_fitting) == outlies
+
+
+def test_worst_image_of_a_poor_fit_has_to_take_more_of_the_loss_with_it(sound: Solution) -> None:
+    poor = replace(sound, fit=replace(sound.fit, misfit=10.0))
+    alternatives = image_alternatives.bad_image(poor)
+    assert {one.worse_at_most for one in alternatives} == {model_trial.SETTINGS.better**2}
+    assert int(np.nanargmax(poor.fit.images)) + 1 in {one.value for one in alternatives}
+
+
+def test_image_that_was_scaled_most_is_tried_without_and_others_as_they_were_read(sound: Solution) -> None:
+    factors = np.ones(8)
+    factors[[BAD, 5]] = 1.6, 0.8
+    problem, kinds = sound.problem, ("moved object", image_alternatives.INTENSITIES)
+    scaled = problem.reread(changed_images.scaled(problem.masked.images, factors))
+    scaled = replace(scaled, factors=factors, corrected=kinds)
+    (alternative,) = [
+        one for one in image_alternatives.bad_image(replace(sound, problem=scaled)) if one.value == BAD + 1
+    ]
+    images, read = alternative.problem.masked.images, problem.masked.images
+    assert images.whole.values == pytest.approx(read.whole.values, rel=1e-6)
+    assert images.shot == pytest.approx(read.shot)
+    assert images.floor == pytest.approx(read.floor)
+    assert alternative.problem.factors == 1
+    assert alternative.problem.corrected == kinds[:1]
+
+
+@pytest.mark.parametrize(
+    ("poor", "loss", "misfit", "accepted"),
+    [(False, 0.87, 0.95, True), (False, 0.89, 0.8, False), (True, 0.3, 0.56, False), (True, 0.3, 0.54, True)],
+)
+def test_image_stays_out_by_the_loss_unless_the_fit_is_poor(
+    lit_from_the_camera: Solution, poor: bool, loss: float, misfit: float, accepted: bool
+) -> None:
+    first = image_alternatives.bad_image(lit_from_the_camera)[0]
+    fit = replace(lit_from_the_camera.fit, misfit=4.0, loss=5.0) if poor else lit_from_the_camera.fit
+    before = with_intensities(replace(lit_from_the_camera, fit=fit), np.zeros(8))
+    trial = replace(before, fit=replace(fit, misfit=misfit * fit.misfit, loss=loss * fit.loss))
+    assert first.accepted(before, trial) == accepted
+
+
+def test_image_stays_out_if_intensities_scatter_no_longer_without_it(lit_from_the_camera: Solution) -> None:
+    """Of a glossy sheet the wrong image was left out, whose loss fell by half, 7.7° off in place of 0.6°."""
+    first = image_alternatives.bad_image(lit_from_the_camera)[0]
+    scattered, without = np.tile([-0.05, 0.05], 4), replace(lit_from_the_camera.fit, loss=0.0, misfit=0.0)
+
+    def accepted(before: np.ndarray, after: np.ndarray) -> bool:
+        trial = replace(with_intensities(lit_from_the_camera, after), fit=without)
+        return first.accepted(with_intensities(lit_from_the_camera, before), trial)
+
+    verdicts = [accepted(*one) for one in ((scattered, 0.2 * scattered), (scattered, scattered))]
+    assert verdicts == [True, False]
+    assert accepted(0.2 * scattered, scattered)
+
+
+def test_worst_image_is_tried_without_where_intensities_scatter_by_more_than_three_times_what_is_stated(
+    sound: Solution,
+) -> None:
+    """A rough cluster of which one image has a flash fitted soundly by intensities of ±5 %, 11° off in place of 3°."""
+    scattered = np.tile([-1.0, 1.0], 4)
+    tried = [image_alternatives.bad_image(with_intensities(sound, one * scattered)) for one in (0.028, 0.032)]
+    assert [bool(one) for one in tried] == [False, True]
+    assert {one.worse_at_most for one in tried[1]} == {model_trial.SETTINGS.better**2}

@@ -1,0 +1,70 @@
+"""Ambient and stray light on trial: no more of it is accepted than what shadows hold, nor an object that drifts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.normals.alternatives import model_selection, term_alternatives
+from acquisition.normals.alternatives.model_trial import Solution
+from tests.acquisition import scenes
+from tests.acquisition.normals.alternatives.selection_cases import images_of, object_of, recorded_solutions, solved
+
+SIZE = 48
+STRAY = 0.05
+TRIED = term_alternatives.TERMS["offset"][0]
+
+
+@pytest.fixture(scope="module")
+def solutions() -> tuple[Solution, Solution]:
+    """A cushion's images with stray light by the plain model, and with the stray light that its score demands."""
+    made, images = object_of(scenes.bumps, SIZE), images_of(scenes.bumps, SIZE)
+    with pytest.MonkeyPatch.context() as monkeypatch, recorded_solutions() as found:
+        monkeypatch.setattr(model_selection, "ALTERNATIVES", ())
+        solved(made, scenes.with_values(images, images.whole.values + np.float32(STRAY)))
+    (before,) = found
+    return before, model_selection.solve(demanded(before).problem)
+
+
+def demanded(before: Solution) -> term_alternatives.Alternative:
+    (alternative,) = (one for one in term_alternatives.scored_terms(before) if one.kind == TRIED)
+    return alternative
+
+
+def darker(solution: Solution, by: float) -> Solution:
+    """The solution as if its measurements had been darker than what it was solved from."""
+    of_sample = solution.sample.solution
+    measured = of_sample.measured - np.float32(by)
+    return replace(solution, sample=replace(solution.sample, solution=replace(of_sample, measured=measured)))
+
+
+def test_stray_light_that_shadows_hold_is_accepted(solutions: tuple[Solution, Solution]) -> None:
+    before, trial = solutions
+    assert trial.state.shared.terms.offset == pytest.approx(STRAY, rel=0.1)
+    assert not trial.more_subtracted_than_measured
+    assert demanded(before).accepted(before, trial)
+
+
+def test_stray_light_that_leaves_shadows_below_zero_is_not_accepted(solutions: tuple[Solution, Solution]) -> None:
+    """Reliefs of the size of a pixel fitted better with a third of white as ambient light, at three times the error."""
+    before, trial = solutions
+    over = darker(trial, STRAY)
+    assert over.more_subtracted_than_measured
+    assert not demanded(before).accepted(before, over)
+    assert replace(demanded(before), term="gloss").accepted(before, over)
+
+
+def test_trial_of_an_object_far_from_its_place_is_accepted_only_if_it_was_farther_before(
+    solutions: tuple[Solution, Solution],
+) -> None:
+    """A relief of metal was solved as matt, 18° off and 90 mm from its place, because as metal it was 77 mm from it."""
+    before, trial = solutions
+
+    def moved(solution: Solution, by_m: float) -> Solution:
+        start = np.full_like(solution.state.depth_m, solution.state.depth_m.mean() - by_m)
+        return replace(solution, problem=replace(solution.problem, start_m=start))
+
+    pairs = [(0.0, 0.077), (0.09, 0.077), (-0.077, 0.09), (0.09, 0.0)]
+    verdicts = [demanded(before).accepted(moved(before, one), moved(trial, other)) for one, other in pairs]
+    assert [moved(trial, other).out_of_place for _, other in pairs] == [True, True, True, False]
+    assert verdicts == [False, True, False, True]

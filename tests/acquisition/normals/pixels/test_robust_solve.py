@@ -1,0 +1,94 @@
+"""Robust solves from two starts: highlights that are many times as bright as the surface they lie on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.normals.pixels import pixel_solve, robust_solve
+from acquisition.normals.pixels.pixel_solve import Estimate, Scene
+from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
+
+DARK = 0.03
+THRESHOLD = 0.08
+
+
+def with_highlight(made: MeasuredPixels, times: float, share: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
+    """Noisy values of which one of each pixel of a random share is `times` as bright, and these pixels."""
+    random = np.random.default_rng(2)
+    values = made.values * (1 + random.normal(0, 0.005, made.values.shape))
+    glossy = random.random(values.shape[1]) < share
+    image = random.integers(0, len(values), values.shape[1])
+    lit = made.values[image, np.arange(values.shape[1])] > 0.5 * np.max(made.values, axis=0)
+    glossy &= lit
+    values[image[glossy], np.flatnonzero(glossy)] *= times
+    return values.astype(np.float32), glossy
+
+
+def solved(made: MeasuredPixels, values: np.ndarray, scene: Scene) -> Estimate:
+    return pixel_solve.solve(made.pixels, values, made.depth_m, scene)
+
+
+def error_deg(estimate: Estimate, made: MeasuredPixels) -> np.ndarray:
+    return np.degrees(np.arccos(np.clip(np.sum(estimate.normals * made.normals, axis=0), -1, 1)))
+
+
+@pytest.mark.parametrize("times", [5.0, 20.0])
+@pytest.mark.parametrize("count", [6, 8, 12])
+def test_solve_dark_pixels_with_one_highlight_gives_normals_of_the_others(count: int, times: float) -> None:
+    made = measured(count=count, albedo=DARK)
+    values, glossy = with_highlight(made, times)
+    error = error_deg(solved(made, values, made.scene), made)
+    assert np.count_nonzero(glossy) > 100
+    assert np.mean(error[glossy]) < 2 * np.mean(error[~glossy])
+    assert np.quantile(error[glossy], 0.98) < 3
+
+
+def test_solve_highlight_counts_with_the_weight_of_its_residual() -> None:
+    made = measured(albedo=DARK)
+    values, glossy = with_highlight(made, 20.0)
+    estimate = solved(made, values, made.scene)
+    changed = np.argmax(values / np.maximum(made.values, 1e-9), axis=0)[glossy]
+    assert np.all(estimate.usable[changed, np.flatnonzero(glossy)])
+    weights = estimate.weights[:, glossy]
+    largest = np.max(weights, axis=0)
+    assert np.median(weights[changed, np.arange(len(changed))] / largest) < 0.01
+
+
+def test_solve_second_start_never_has_more_loss(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = measured(albedo=DARK)
+    values, _ = with_highlight(made, 5.0)
+    values += np.random.default_rng(4).normal(0, 0.05 * DARK, values.shape).astype(np.float32)
+    both = solved(made, values, made.scene)
+    never = replace(robust_solve.SETTINGS, highlight_ratio=np.inf)
+    monkeypatch.setattr(robust_solve, "SETTINGS", never)
+    one = solved(made, values, made.scene)
+    scale = made.scene.cauchy_scale
+    assert scale is not None
+
+    def loss(estimate: Estimate) -> np.ndarray:
+        residual = values - np.einsum("fck,ck->fk", estimate.light, estimate.g)
+        strength = estimate.albedo * np.linalg.norm(estimate.light, axis=1)
+        terms = np.log1p(residual**2 / made.noise.variance(values, strength) / scale**2)
+        return np.sum(np.where(one.usable & both.usable, terms, 0), axis=0)
+
+    changed = np.any(both.g != one.g, axis=0)
+    same = np.all(one.usable == both.usable, axis=0)
+    assert np.count_nonzero(changed & same) > 50
+    assert np.all(loss(both)[changed & same] <= loss(one)[changed & same] + 1e-3)
+
+
+def test_solve_without_highlight_is_that_of_one_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = measured(albedo=DARK)
+    values, _ = with_highlight(made, 1.0)
+    both = solved(made, values, made.scene)
+    monkeypatch.setattr(robust_solve, "SETTINGS", replace(robust_solve.SETTINGS, highlight_ratio=np.inf))
+    assert np.array_equal(both.g, solved(made, values, made.scene).g)
+
+
+def test_solve_least_squares_has_one_start() -> None:
+    made = measured(albedo=DARK)
+    values, glossy = with_highlight(made, 20.0)
+    plain = replace(made.scene, settings=made.scene.settings.model_copy(update={"robust": False}))
+    error = error_deg(solved(made, values, plain), made)
+    assert np.mean(error[glossy]) > 10
