@@ -79,6 +79,7 @@ def made_ready(arm: UrArm, control: ControlClient) -> UrArm:
         control.fault("clear")
         wait_for(lambda: control.state()["runtime_state"] == STOPPED)
     until_undisturbed(arm.connect)
+    wait_for(lambda: arm.reading.safety_bits == 1)  # the controller reports a cleared fault with its next packet
     moved(arm)
     UrLamp(arm, CELL.lamp).set(True)
     return arm
