@@ -278,10 +278,11 @@ class Alternative:
 
     `worse_at_most`: its misfit over that before; some have rules of their own (`accepted`), and are only `demanded` by
     it. `coding`: exponent by which it changes the values. `leaves_out`: it leaves an image out. `term`: the one of
-    `ImageTerms` that it estimates. `step`: what one step promised of it from zero, of which half is found, or the fit
-    is `better`. `silent`: it corrects the solver, not the capture. `sound_enough`: its fit need not be better than a
-    sound one, because a test demands it that does not look at residuals. `least_images`: fewer leave residuals that do
-    not tell it from others. `decisive`: once it is by far the best so far, only other decisive ones are tried.
+    `ImageTerms` that it estimates. `step`: what one step promised of it from zero, of which half is found, at a hardly
+    worse misfit where the loss falls, or the fit is `better`. `silent`: it corrects the solver, not the capture.
+    `sound_enough`: its fit need not be better than a sound one, because a test demands it that does not look at
+    residuals. `least_images`: fewer leave residuals that do not tell it from others. `decisive`: once it is by far the
+    best so far, only other decisive ones are tried.
     """
 
     kind: str
@@ -333,10 +334,12 @@ class Alternative:
             return after.loss < before_fit.loss and after.share <= SETTINGS.better * before_fit.share
         if self.coding != 1:
             return self._linearises(before, trial)
+        if self.step != 0:
+            hardly_worse = 1 / SETTINGS.slightly_better if after.loss < before_fit.loss else 1.0
+            found = getattr(terms, self.term) / self.step > 0.5
+            return after.misfit <= (hardly_worse if found else SETTINGS.better) * before_fit.misfit
         if not after.misfit <= self.worse_at_most * before_fit.misfit:
             return False
-        if self.step != 0:
-            return getattr(terms, self.term) / self.step > 0.5 or after.misfit <= SETTINGS.better * before_fit.misfit
         if self.worse_at_most > SETTINGS.better_at_least:
             # Light between the walls of a matt vessel has a score as of gloss, which explains nothing of it.
             return self.term != "gloss" or after.share <= before_fit.share
