@@ -15,7 +15,7 @@ from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import SolveSettings
 from acquisition.normals import self_calibration
 from acquisition.normals.alternatives import model_selection, term_alternatives
-from acquisition.normals.alternatives.model_trial import Alternative
+from acquisition.normals.alternatives.alternative import Alternative
 from acquisition.normals.indirect_light import shadow_light
 from acquisition.normals.indirect_light.shadow_light import ShadowEquations
 from acquisition.normals.pixels import pixel_solve

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.normals.alternatives import model_selection
-from acquisition.normals.alternatives.model_trial import Alternative
+from acquisition.normals.alternatives.alternative import Alternative
 from acquisition.normals.alternatives.term_tests import TermScores
 from tests.unseen import patterns, run, scenes, tables, trials
 from tests.unseen.captures import capture

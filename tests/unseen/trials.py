@@ -17,7 +17,8 @@ from unittest.mock import patch
 import numpy as np
 
 from acquisition.normals.alternatives import lamp_alternatives, model_selection, model_trial, term_alternatives
-from acquisition.normals.alternatives.model_trial import Alternative, Problem, Solution
+from acquisition.normals.alternatives.alternative import Alternative
+from acquisition.normals.alternatives.model_trial import Problem, Solution
 
 Line = dict[str, object]
 

@@ -1,6 +1,6 @@
 """Other lamps on trial: two exchanged, or all mirrored, exchanged or turned about the viewing axis.
 
-Every function looks at a solution and gives alternatives (`model_trial.Alternative`), none where no test demands any.
+Every function looks at a solution and gives alternatives (`alternative.Alternative`), none where no test demands any.
 In a poor fit axes compete with other images and other image formation, since each can look like the others (decision
 72).
 """
@@ -13,8 +13,9 @@ from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.normals import self_calibration
 from acquisition.normals.alternatives import image_alternatives, light_tests, model_trial, term_alternatives
+from acquisition.normals.alternatives.alternative import Alternative, decisive
 from acquisition.normals.alternatives.light_tests import IntegrableAxes
-from acquisition.normals.alternatives.model_trial import Alternative, Problem, Solution
+from acquisition.normals.alternatives.model_trial import Problem, Solution
 
 AXES, TURNED, SCORED, REFINED = "axes of the lamps", "turned lamps", "scored turn", "angle of turned lamps"
 """Kind of the finding, and marks of a problem whose lamps were turned by an angle, by that of a score, and turned once
@@ -63,7 +64,7 @@ def other_axes(present: Solution) -> list[Alternative]:
     if not alternatives:
         return []
     others = _others(present, unscored=present.poor and (sure or bool(quarters)))
-    return [*(model_trial.decisive(alternatives) if sure else alternatives), *others]
+    return [*(decisive(alternatives) if sure else alternatives), *others]
 
 
 def _quarter_turns(present: Solution, found: IntegrableAxes) -> list[Alternative]:

@@ -22,7 +22,8 @@ from acquisition.normals.alternatives import (
     term_alternatives,
     term_tests,
 )
-from acquisition.normals.alternatives.model_trial import Alternative, Problem, Solution
+from acquisition.normals.alternatives.alternative import Alternative
+from acquisition.normals.alternatives.model_trial import Problem, Solution
 from acquisition.normals.self_calibration import Priors
 
 ALTERNATIVES: tuple[Callable[[Solution], list[Alternative]], ...] = (

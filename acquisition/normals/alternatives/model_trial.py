@@ -1,11 +1,10 @@
-"""A model of the images to be tried, its solution, and the rule by which it replaces the model before.
+"""A model of the images to be tried, and its solution with its fit.
 
 Tests propose alternatives (`lamp_alternatives`, `term_alternatives`, `image_alternatives`) and a selection solves them
-(`model_selection`); what both speak of is here: the problem that a descent starts from, the solution with its fit, and
-an alternative with what makes it accepted.
+(`model_selection`); what both speak of is here, the problem that a descent starts from and the solution, and in
+`alternative`, what makes it accepted.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -13,7 +12,6 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
-from acquisition.models.result import ModelFinding
 from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, final_solve
 from acquisition.normals.alternation import AlternationResult
@@ -270,128 +268,3 @@ class Solution:
         """Whether the fit is so bad, or so little of it is left to judge, that costly alternatives are worth a
         trial."""
         return self.problem.thorough and (self.unjudged or self.badly_fitting or self.at_end_of_range)
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """Another model: kind, sentence and amount for its finding, the problem to solve, and when its fit is accepted.
-
-    `worse_at_most`: its misfit over that before; some have rules of their own (`accepted`), and are only `demanded` by
-    it. `coding`: exponent by which it changes the values. `leaves_out`: it leaves an image out. `term`: the one of
-    `ImageTerms` that it estimates. `step`: what one step promised of it from zero, of which half is found, at a hardly
-    worse misfit where the loss falls, or the fit is `better`. `silent`: it corrects the solver, not the capture.
-    `sound_enough`: its fit need not be better than a sound one, because a test demands it that does not look at
-    residuals. `least_images`: fewer leave residuals that do not tell it from others. `decisive`: once it is by far the
-    best so far, only other decisive ones are tried.
-    """
-
-    kind: str
-    message: str
-    problem: Problem
-    worse_at_most: float
-    value: float | None = None
-    coding: float = 1.0
-    term: str = ""
-    step: float = 0.0
-    silent: bool = False
-    sound_enough: bool = False
-    least_images: int = photometry.REDUNDANT
-    decisive: bool = False
-    leaves_out: bool = False
-
-    @property
-    def demanded(self) -> bool:
-        """Whether a test demands it, and not the poor fit alone."""
-        return self.sound_enough or self.worse_at_most > SETTINGS.better_at_least
-
-    def told_by(self, images: int) -> bool:
-        """Whether so many images can demand it: a test that does not look at residuals needs none."""
-        return self.sound_enough or images >= self.least_images
-
-    def accepted(self, before: Solution, trial: Solution) -> bool:
-        """Whether a trial replaces the solution before it: the object is in its place, or nearer to it than before
-        (nearest to the lamps most measurements are in shadow, and anything fits the rest), the fit good enough, sound
-        where none could be judged before, and light from elsewhere no more than what is measured.
-        """
-        before_fit, after, terms = before.fit, trial.fit, trial.state.shared.terms
-        if trial.out_of_place and abs(trial.moved_m) >= abs(before.moved_m):
-            return False
-        if self.coding != 1 and not trial.seems_linear:
-            return False
-        if self.term in ("ambient", "offset") and trial.more_subtracted_than_measured:
-            return False
-        if before.unjudged:
-            return after.probability > SETTINGS.min_probability
-        if self.sound_enough and not trial.badly_fitting:
-            return True
-        if self.leaves_out:  # of a wrong model, too, the loss falls a little without the worst image
-            sound = not trial.poor or after.misfit <= SETTINGS.better_at_least * before_fit.misfit
-            sound &= not (before.intensities_scatter and trial.intensities_scatter)  # it was another image
-            return sound and after.loss <= self.worse_at_most * before_fit.loss
-        if self.term == "roughness":
-            return terms.roughness / self.step > 0.5 and after.loss < before_fit.loss
-        if self.term == "metal":
-            return after.loss < before_fit.loss and after.share <= SETTINGS.better * before_fit.share
-        if self.coding != 1:
-            return self._linearises(before, trial)
-        if self.step != 0:
-            hardly_worse = 1 / SETTINGS.slightly_better if after.loss < before_fit.loss else 1.0
-            found = getattr(terms, self.term) / self.step > 0.5
-            return after.misfit <= (hardly_worse if found else SETTINGS.better) * before_fit.misfit
-        if not after.misfit <= self.worse_at_most * before_fit.misfit:
-            return False
-        if self.worse_at_most > SETTINGS.better_at_least:
-            # Light between the walls of a matt vessel has a score as of gloss, which explains nothing of it.
-            return self.term != "gloss" or after.share <= before_fit.share
-        return after.probability > SETTINGS.min_probability and after.share <= self.worse_at_most * before_fit.share
-
-    def _linearises(self, before: Solution, trial: Solution) -> bool:
-        """Whether linearised values fit so much better that they were coded: the more, the fainter the score says so.
-
-        Undoing a coding multiplies relative noise by its exponent, and no more: of dark images, as of smooth metal, it
-        brings most values near zero, where any model fits them, and relative residuals rise by 4 to 100. They have to
-        fall where the score does not point to a coding, since a wrong shape may fit what is linear already.
-        """
-        least, before_fit, after = SETTINGS.better_at_least, before.fit, trial.fit
-        loss, share = after.loss / before_fit.loss, after.share / before_fit.share
-        sound = after.probability > SETTINGS.min_probability
-        if before.problem.term_sigma.from_elsewhere and max(loss, share) <= SETTINGS.better:
-            return True  # without light from elsewhere, which explained the same shadows, and worse
-        if before.seems_coded:
-            most = SETTINGS.better if sound or loss <= least**2 else least
-            return loss <= SETTINGS.better and share <= most * self.coding
-        if before.scores is not None and before.scores.exponent.step < 0:
-            return loss <= (least if before.may_be_coded else least**2) and share <= least * self.coding
-        return sound and after.misfit <= least * before_fit.misfit and share <= 1
-
-    def convincing(self, before: Solution, trial: Solution) -> bool:
-        """Whether an accepted trial puts the images right. Metal whose residuals stay higher, as a share of the values
-        or in units of the noise, of which loss is the square, is there, but its shape is not found (decision 80); where
-        nothing could be judged before, its fit is sound."""
-        if self.term != "metal" or before.unjudged:
-            return True
-        most, before_fit, after = SETTINGS.better_at_least, before.fit, trial.fit
-        return after.share <= most * before_fit.share and after.loss <= most**2 * before_fit.loss
-
-    def finding(self, terms: ImageTerms, *, convincing: bool = True) -> ModelFinding:
-        """The finding of an accepted trial, with the amount that was estimated in the end."""
-        message, value = self.message, self.value
-        if self.term == "roughness":
-            value = terms.roughness_rad
-            message += f" of {value:.2f} rad"
-        elif self.term in ("gloss", "metal"):
-            value = max(terms.gloss, terms.metal)
-            message += f" {value:.2f}"
-            if terms.strength > 0:
-                message += f" and {terms.strength:.1f} times a dielectric's strength"
-        elif self.term in ("ambient", "offset"):
-            value = getattr(terms, self.term)
-            message += f" ({value:.1%} of white)"
-        message += "" if convincing else ", which fits only in part: do not trust the normals"
-        return ModelFinding(kind=self.kind, message=message, corrected=convincing, value=value)
-
-
-def decisive(alternatives: Sequence[Alternative]) -> list[Alternative]:
-    """The alternatives, of which the best may decide: of 751 captures, sound and with faults, none in which a term that
-    a score demands, or sure axes, halve the misfit is fitted better by gloss, metal or a coding."""
-    return [replace(alternative, decisive=True) for alternative in alternatives]

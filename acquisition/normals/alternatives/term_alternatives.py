@@ -1,6 +1,6 @@
 """Other image formation on trial: what each tested term, a coding or light below the surface would say of the images.
 
-Every function looks at a solution and gives alternatives (`model_trial.Alternative`), none where no test demands any:
+Every function looks at a solution and gives alternatives (`alternative.Alternative`), none where no test demands any:
 terms of image formation where their scores do, codings and metal in a poor fit, sharpened images where light leaks into
 shadows.
 """
@@ -14,7 +14,8 @@ from acquisition.models.base import Float32Array
 from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, self_calibration
 from acquisition.normals.alternatives import changed_images, image_alternatives, model_trial
-from acquisition.normals.alternatives.model_trial import Alternative, Problem, Solution
+from acquisition.normals.alternatives.alternative import Alternative, decisive
+from acquisition.normals.alternatives.model_trial import Problem, Solution
 from acquisition.normals.alternatives.term_tests import TermScore, TermScores
 from acquisition.normals.indirect_light import surface_diffusion, translucency
 from acquisition.normals.indirect_light.surface_diffusion import SurfaceGraph
@@ -127,7 +128,7 @@ def scored_terms(present: Solution) -> list[Alternative]:
             demanded.append(_with_term(problem, name, LAMBERTIAN, 1.0, model_trial.ROUGH.roughness))
     if known is None and _excess_subtracted(scores):
         demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
-    return model_trial.decisive(demanded)
+    return decisive(demanded)
 
 
 def tried_gain(scores: TermScores, name: str) -> float:

@@ -12,7 +12,8 @@ from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import Images
 from acquisition.normals.alternatives import model_selection
-from acquisition.normals.alternatives.model_trial import Alternative, Problem, Solution
+from acquisition.normals.alternatives.alternative import Alternative
+from acquisition.normals.alternatives.model_trial import Problem, Solution
 from acquisition.normals.images import session_images
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes

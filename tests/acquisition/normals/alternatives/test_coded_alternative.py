@@ -8,7 +8,8 @@ import pytest
 from acquisition.models.result import NormalMap
 from acquisition.normals import Images
 from acquisition.normals.alternatives import model_selection, term_alternatives
-from acquisition.normals.alternatives.model_trial import Alternative, Solution
+from acquisition.normals.alternatives.alternative import Alternative
+from acquisition.normals.alternatives.model_trial import Solution
 from acquisition.normals.alternatives.term_tests import TermScore
 from acquisition.normals.pixels.image_terms import ImageTerms
 from hardware_sim.reflectance import Reflectance

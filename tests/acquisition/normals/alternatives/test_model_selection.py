@@ -13,7 +13,8 @@ from acquisition.models.light_plan import Light
 from acquisition.models.result import ATTACHED, CAST, ModelFinding, NormalMap
 from acquisition.normals import Images
 from acquisition.normals.alternatives import lamp_alternatives, light_tests, model_selection, term_alternatives
-from acquisition.normals.alternatives.model_trial import Alternative, Problem, Solution
+from acquisition.normals.alternatives.alternative import Alternative
+from acquisition.normals.alternatives.model_trial import Problem, Solution
 from acquisition.normals.alternatives.term_tests import TermScore
 from acquisition.normals.pixels.image_terms import ImageTerms
 from hardware_sim.reflectance import Reflectance
