@@ -23,7 +23,7 @@ from acquisition.normals.indirect_light import interreflection
 from acquisition.normals.pixels import measurement_flags, microfacet, pixel_solve, robust_solve, term_solve
 from acquisition.normals.pixels.pixel_solve import Estimate, Lighting, Pixels, Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
-from acquisition.normals.surface import integrability, integration, local_regression
+from acquisition.normals.surface import integrability, integration, local_regression, markov_field
 from acquisition.normals.uncertainty import error_variance, goodness_of_fit, residual_noise
 from acquisition.normals.uncertainty.goodness_of_fit import Fit
 
@@ -199,6 +199,9 @@ def solve(
         capture_deg=capture_sigma_deg, sharpened=sharpened,
     )  # fmt: skip
     maps["sigma_deg"][window] = errors.sigma_deg
+    markov_field.regularise(
+        maps["normals"][window], maps["albedo"][window], errors.sigma_deg, surface.pop("information"), masked.ray
+    )
     depth = integration.depth(
         maps["normals"][window].transpose(2, 0, 1), masked.mask, masked.ray,
         integration.confidence(surface.pop("variance")), surface.pop("start"),
@@ -265,6 +268,7 @@ def _integration_inputs(shape: tuple[int, int], *, discontinuous: bool) -> dict[
     object."""
     maps: dict[str, np.ndarray] = {name: np.ones(shape, np.float32) for name in ("start", "stated_share")}
     maps |= {"variance": np.zeros(shape, np.float32), "lights": np.zeros(shape, np.uint8)}
+    maps["information"] = np.zeros((*shape, 6), np.float32)
     return maps | ({"continuity_weight": np.ones(shape, np.float32)} if discontinuous else {})
 
 
@@ -314,6 +318,7 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "continuity_weight": local.continuity_weight,
         "lights": np.minimum(used, 255).astype(np.uint8),
         "stated_share": _stated_share(solution, scene),
+        "information": np.where(solution.hardly_lit[:, None], 0, pixel_solve.information(estimate)),
     }
     sampled = chosen[(solved & ~solution.hardly_lit)[own][chosen]]
     return BlockResult(

@@ -269,6 +269,14 @@ def normal_perturbation(estimate: Estimate, right: FloatArray) -> FloatArray:
     return moved - normal.T[:, :, None] * np.einsum("an,nak->nk", normal, moved)[:, None, :]
 
 
+def information(estimate: Estimate) -> Float32Array:
+    """Fisher information (N, 6) of g from the images, with the weights used: xx, xy, xz, yy, yz, zz."""
+    rows = estimate.light if estimate.terms is None else estimate.light + estimate.terms.by_g
+    weighted = estimate.weights[:, None] * rows
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    return np.stack([np.einsum("fn,fn->n", weighted[:, a], rows[:, b]) for a, b in pairs], axis=1)
+
+
 def fisher_information(
     estimate: Estimate, chosen: np.ndarray, lamps: Float32Array, ray_direction: Float32Array
 ) -> FloatArray:
