@@ -303,9 +303,13 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
     radiance = np.zeros_like(solution.measured) if solution.indirect is None else solution.indirect
     light, indirect = np.maximum(np.sum(solution.measured, axis=0), 1e-6), np.sum(radiance, axis=0)
     share = (indirect / light).astype(np.float32)
+    # Of pixels that hardly any lamp reaches, what is known before any image.
+    view = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
+    normals = np.where(solution.hardly_lit, view, estimate.normals)
+    albedo = np.where(solution.hardly_lit, np.float32(local.typical_albedo), estimate.albedo)
     maps = {
-        "normals": pixel_solve.clamp_to_visible(estimate.normals, ray_direction).T,
-        "albedo": np.where(solved, estimate.albedo, 0),
+        "normals": pixel_solve.clamp_to_visible(normals, ray_direction).T,
+        "albedo": np.where(solved, albedo, 0),
         "residual": np.where(solved, estimate.residual, 0),
         "indirect": np.where(solved, share, 0),
         "sigma_deg": np.where(solved, sigma, np.nan),
