@@ -45,7 +45,8 @@ REASONS: dict[str, str] = {
         translucency.MIN_LIGHTS
         cast_shadows.HIDDEN normalised_images.BYTES_PER_VALUE criterion.MIN_LIGHTS
         photometry.OVERDETERMINED
-        photometry.REDUNDANT prior_forecast.ALBEDO shadow_light.LEAST_SKY_VIEW local_regression.LEAST_WEIGHT
+        photometry.REDUNDANT markov_field.UNKNOWN prior_forecast.ALBEDO
+        shadow_light.LEAST_SKY_VIEW local_regression.LEAST_WEIGHT
         local_regression.MX local_regression.MY local_regression.MZ local_regression.AX local_regression.AY
         local_regression.AZ local_regression.DX local_regression.DY local_regression.DZ local_regression.OWN
         local_regression.SQUARES local_regression.W local_regression.WA local_regression.WD local_regression.WAA
@@ -74,7 +75,7 @@ REASONS: dict[str, str] = {
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
         visibility.MAP_SIZE translucency.GRID photon_transfer.BINS
         resampling.EXTRAPOLATION_PX local_regression.RADIUS_PX
-        local_regression.STRIP_ROWS local_regression.CHUNK_COLUMNS""",
+        local_regression.STRIP_ROWS local_regression.CHUNK_COLUMNS markov_field.REACH markov_field.SAMPLED_ROWS""",
     "steps and tolerances of numerical methods": """
         photometry.UNDISTORTION_ROUNDS reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
         photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE poisson.JACOBI_SHARE
@@ -91,6 +92,7 @@ REASONS: dict[str, str] = {
         term_solve.METAL_ROUNDS term_solve.HIGHLIGHT_STARTS term_solve.METAL_STARTS
         image_terms.LEAST_ALBEDO image_terms.MAX_GLOSS_STEP term_alternatives.GLOSS_START term_alternatives.METAL_START
         lamp_alternatives.REFINEMENTS lamp_alternatives.REFINED_DEG shadow_light.ROBUST_ROUNDS
+        markov_field.SWEEPS markov_field.LARGEST_STEP
         local_regression.ROUNDS local_regression.LEAST_NOISE local_regression.CERTAIN local_regression.RIDGE""",
     "grids of what may be chosen": """
         exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS

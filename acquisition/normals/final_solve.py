@@ -5,7 +5,8 @@ Blocks of rows are solved one after another and put into maps of the whole frame
 by which of them are in shadow, once for each time that light is subtracted, so a block solved with as many rows around
 it comes out as all rows together would. So blocks may be solved anywhere (`BlockMap`), by default here in turn. A pixel
 with fewer than two usable lights gets no normal; one with two gets one that the prior decides along one direction, and
-a σ that says so. At the end the normals are made those of an integrable surface.
+a σ that says so. Then the normals are made those of an integrable surface, σ is evaluated, and uncertain ones go on from
+those around.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -303,10 +304,11 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
     radiance = np.zeros_like(solution.measured) if solution.indirect is None else solution.indirect
     light, indirect = np.maximum(np.sum(solution.measured, axis=0), 1e-6), np.sum(radiance, axis=0)
     share = (indirect / light).astype(np.float32)
-    # Of pixels that hardly any lamp reaches, what is known before any image.
+    # Of diffuse pixels that hardly any lamp reaches, what is known before any image.
+    unlit = solution.hardly_lit if scene.terms is None or scene.terms.metal == 0 else np.zeros_like(solved)
     view = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
-    normals = np.where(solution.hardly_lit, view, estimate.normals)
-    albedo = np.where(solution.hardly_lit, np.float32(local.typical_albedo), estimate.albedo)
+    normals = np.where(unlit, view, estimate.normals)
+    albedo = np.where(unlit, np.float32(local.typical_albedo), estimate.albedo)
     maps = {
         "normals": pixel_solve.clamp_to_visible(normals, ray_direction).T,
         "albedo": np.where(solved, albedo, 0),
@@ -322,7 +324,7 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "continuity_weight": local.continuity_weight,
         "lights": np.minimum(used, 255).astype(np.uint8),
         "stated_share": _stated_share(solution, scene),
-        "information": np.where(solution.hardly_lit[:, None], 0, pixel_solve.information(estimate)),
+        "information": np.where(unlit[:, None], 0, pixel_solve.information(estimate)),
     }
     sampled = chosen[(solved & ~solution.hardly_lit)[own][chosen]]
     return BlockResult(

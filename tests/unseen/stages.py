@@ -21,7 +21,7 @@ from acquisition.normals.indirect_light.shadow_light import ShadowEquations
 from acquisition.normals.pixels import pixel_solve
 from acquisition.normals.pixels.pixel_solve import Estimate
 from acquisition.normals.self_calibration import Priors, SharedParameters
-from acquisition.normals.surface import discontinuity, integrability, integration, local_regression
+from acquisition.normals.surface import discontinuity, integrability, integration, local_regression, markov_field
 from acquisition.normals.uncertainty import error_variance, residual_noise
 from acquisition.normals.uncertainty.error_variance import ErrorVariance
 
@@ -190,6 +190,11 @@ STAGES = (
         "regression on neighbours",
         "Normals stay as the projection leaves them; σ is not lowered for it.",
         (Patch(local_regression, "regress", _unchanged),),
+    ),
+    Stage(
+        "Markov random field",
+        "Uncertain normals stay as their own images tell them.",
+        (Patch(markov_field, "regularise", _unchanged),),
     ),
     Stage(
         "ambient and stray light in shadows",

@@ -1,18 +1,16 @@
-"""Markov random field on uncertain pixels: their normals and albedos go on from those around (Besag 1986, ICM).
+"""Markov random field on uncertain pixels: iterated conditional modes (Besag 1986) of albedo × normal given neighbours.
 
 A pixel that one or two lamps reach, or one that mixes surfaces, is told by its images along some directions of g =
 albedo × normal and by nothing but a weak prior along the others. There its neighbours know more. Each uncertain pixel
 is moved to the mode of its conditional distribution: its images' information about g, the weak prior, and for each of
 four neighbours two robust terms (Cauchy), of the change of the normal and of that of the albedo's logarithm. How large
 these changes are is measured where normals are certain, so that a smooth object of one paint gives a narrow prior and a
-carved or painted one hardly any. Pixels at an edge mix what lies on its two sides, so neighbours are first sought some
-pixels away, and then closer by. Certain pixels stay as they are, and σ stays too: of what is gained, it would not know
-how much the neighbours have in common.
+carved or painted one hardly any. Pixels at an edge mix what lies on its two sides, and a region that few lamps reach
+may be wide, so neighbours are sought far away first, and then closer by. Certain pixels stay as they are, and σ stays
+too: of what is gained, it would not know how much the neighbours have in common.
 
-Mean errors of 96 captures of eight families (design seeds 460–479, eight lights by two rings) are 0.93 of those
-without it, of machined parts 0.77, of vessels 0.91, of no family above 1.01, with P(e < σ) of these pixels 0.79 in
-place of 0.76 and the same P(e < 2σ). As the prior's mean in the solve of single pixels the neighbours' normals gain
-nothing: beside walls and in holes the nearest are others' (scratch evaluations, November 2026).
+What it buys, and what it leaves, is in decision 93. As the prior's mean in the solve of single pixels the neighbours'
+normals gain nothing: beside walls and in holes the nearest are others'.
 
 Kernels compile at import, into numba's cache.
 """
@@ -26,14 +24,9 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.normals.pixels import pixel_solve
 
-STRIDES, SWEEPS = (4, 2, 1), 5
-"""Distances of neighbours in pixels, one after another, and sweeps over all pixels with each."""
-
-USUAL_CHANGES = 2.0
-"""1 σ of what differs between neighbours, in medians of it over certain pixels: it has long tails."""
-
-LEAST_CHANGE = 1e-3
-"""Least 1 σ of a change: of the normal in rad, of the albedo as a share."""
+REACH, SWEEPS = 32, 5
+"""Parts of the window's longer side that the largest distance of neighbours is one of, and sweeps over all pixels with
+each distance. With half or twice as many of either errors change by 0.4 % at most."""
 
 LARGEST_STEP = 0.7
 """Largest step of g as a share of it, so that it does not change its sign."""
@@ -66,7 +59,8 @@ def regularise(
     matrix = np.empty((len(uncertain), 6), np.float32)
     target = np.empty((len(uncertain), 3), np.float32)
     _prepare(normals, albedo, stated, information, uncertain, least, photometry.SETTINGS.prior_scale, matrix, target)
-    for stride in STRIDES:
+    largest = int(np.log2(max(*known.shape, REACH) / REACH))
+    for stride in (1 << power for power in range(largest, -1, -1)):
         changes = _usual_changes(normals, albedo, certain, stride)
         np.copyto(variance, stated)
         if changes is None:
@@ -86,8 +80,9 @@ def regularise(
 def _usual_changes(
     normals: Float32Array, albedo: Float32Array, certain: BoolArray, stride: int
 ) -> tuple[float, float] | None:
-    """Squares of the usual changes of normal and log albedo between certain pixels at a distance, by rows and columns;
-    none where too few are."""
+    """Variances of the changes of normal, rad², and of log albedo between pixels at a distance along rows and columns;
+    none where too few of these are certain. 1 σ is twice the median, since changes have long tails: errors are the same
+    to 0.4 % with once and three times that."""
     turns: list[Float32Array] = []
     shades: list[Float32Array] = []
     for axis in (0, 1):
@@ -101,7 +96,7 @@ def _usual_changes(
     if len(turn) < photometry.SETTINGS.min_sample:
         return None
     medians = (float(np.median(one)) for one in (turn, shade))
-    of_normal, of_albedo = (max(USUAL_CHANGES * median, LEAST_CHANGE) ** 2 for median in medians)
+    of_normal, of_albedo = (max(2 * median, photometry.SETTINGS.flat_field_sigma) ** 2 for median in medians)
     return of_normal, of_albedo
 
 
@@ -113,13 +108,16 @@ def _solved(
     m0: np.float32, m1: np.float32, m2: np.float32, m3: np.float32, m4: np.float32, m5: np.float32,
     b0: np.float32, b1: np.float32, b2: np.float32, x: np.float32, y: np.float32, z: np.float32,
 ) -> tuple[np.float32, np.float32, np.float32, np.float32]:  # fmt: skip
-    """Solution of M d = b by LDLᵀ, and the variance of the direction of (x, y, z) by M⁻¹, rad²."""
-    one = np.float32(1)
-    i0 = one / m0
+    """Solution of M d = b by LDLᵀ, and the variance of the direction of (x, y, z) by M⁻¹, rad².
+
+    Pivots are no less than single precision tells from zero: bright highlights weigh 10⁷ times as much as the prior.
+    """
+    one, least = np.float32(1), np.float32(1e-6) * (m0 + m3 + m5)
+    i0 = one / max(m0, least)
     l1, l2 = m1 * i0, m2 * i0
-    i1 = one / (m3 - l1 * m1)
+    i1 = one / max(m3 - l1 * m1, least)
     l3 = (m4 - l2 * m1) * i1
-    i2 = one / (m5 - l2 * m2 - l3 * (m4 - l2 * m1))
+    i2 = one / max(m5 - l2 * m2 - l3 * (m4 - l2 * m1), least)
     u1 = b1 - l1 * b0
     d2 = (b2 - l2 * b0 - l3 * u1) * i2
     d1 = u1 * i1 - l3 * d2
