@@ -5,8 +5,8 @@ Blocks of rows are solved one after another and put into maps of the whole frame
 by which of them are in shadow, once for each time that light is subtracted, so a block solved with as many rows around
 it comes out as all rows together would. So blocks may be solved anywhere (`BlockMap`), by default here in turn. A pixel
 with fewer than two usable lights gets no normal; one with two gets one that the prior decides along one direction, and
-a σ that says so. Then the normals are made those of an integrable surface, σ is evaluated, and uncertain ones go on from
-those around.
+a σ that says so. Then the normals are made those of an integrable surface, σ is evaluated, and uncertain ones go on
+from those around.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -201,7 +201,7 @@ def solve(
     )  # fmt: skip
     maps["sigma_deg"][window] = errors.sigma_deg
     markov_field.regularise(
-        maps["normals"][window], maps["albedo"][window], errors.sigma_deg, surface.pop("information"), masked.ray
+        maps["normals"][window], maps["albedo"][window], errors.sigma_deg, surface.pop("equations"), masked.ray
     )
     depth = integration.depth(
         maps["normals"][window].transpose(2, 0, 1), masked.mask, masked.ray,
@@ -269,7 +269,7 @@ def _integration_inputs(shape: tuple[int, int], *, discontinuous: bool) -> dict[
     object."""
     maps: dict[str, np.ndarray] = {name: np.ones(shape, np.float32) for name in ("start", "stated_share")}
     maps |= {"variance": np.zeros(shape, np.float32), "lights": np.zeros(shape, np.uint8)}
-    maps["information"] = np.zeros((*shape, 6), np.float32)
+    maps["equations"] = np.zeros((*shape, 9), np.float32)
     return maps | ({"continuity_weight": np.ones(shape, np.float32)} if discontinuous else {})
 
 
@@ -324,7 +324,7 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "continuity_weight": local.continuity_weight,
         "lights": np.minimum(used, 255).astype(np.uint8),
         "stated_share": _stated_share(solution, scene),
-        "information": np.where(unlit[:, None], 0, pixel_solve.information(estimate)),
+        "equations": np.where(unlit[:, None], 0, pixel_solve.normal_equations(estimate, solution.values)),
     }
     sampled = chosen[(solved & ~solution.hardly_lit)[own][chosen]]
     return BlockResult(

@@ -269,12 +269,16 @@ def normal_perturbation(estimate: Estimate, right: FloatArray) -> FloatArray:
     return moved - normal.T[:, :, None] * np.einsum("an,nak->nk", normal, moved)[:, None, :]
 
 
-def information(estimate: Estimate) -> Float32Array:
-    """Fisher information (N, 6) of g from the images, with the weights used: xx, xy, xz, yy, yz, zz."""
-    rows = estimate.light if estimate.terms is None else estimate.light + estimate.terms.by_g
+def normal_equations(estimate: Estimate, values: Float32Array) -> Float32Array:
+    """Normal equations (N, 9) of g by the values (F, N) that it was solved from, with the weights used and no prior:
+    the matrix's xx, xy, xz, yy, yz, zz, and the right-hand side's x, y, z."""
+    rows, terms = estimate.light, estimate.terms
+    if terms is not None:
+        rows, values = rows + terms.by_g, values - terms.constant
     weighted = estimate.weights[:, None] * rows
-    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    return np.stack([np.einsum("fn,fn->n", weighted[:, a], rows[:, b]) for a, b in pairs], axis=1)
+    columns = (rows[:, 0], rows[:, 1], rows[:, 2], values)
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2), (0, 3), (1, 3), (2, 3))
+    return np.stack([np.einsum("fn,fn->n", weighted[:, a], columns[b]) for a, b in pairs], axis=1)
 
 
 def fisher_information(

@@ -2,12 +2,12 @@
 
 A pixel that one or two lamps reach, or one that mixes surfaces, is told by its images along some directions of g =
 albedo × normal and by nothing but a weak prior along the others. There its neighbours know more. Each uncertain pixel
-is moved to the mode of its conditional distribution: its images' information about g, the weak prior, and for each of
-four neighbours two robust terms (Cauchy), of the change of the normal and of that of the albedo's logarithm. How large
-these changes are is measured where normals are certain, so that a smooth object of one paint gives a narrow prior and a
-carved or painted one hardly any. Pixels at an edge mix what lies on its two sides, and a region that few lamps reach
-may be wide, so neighbours are sought far away first, and then closer by. Certain pixels stay as they are, and σ stays
-too: of what is gained, it would not know how much the neighbours have in common.
+is moved to the mode of its conditional distribution: its images' normal equations of g, the weak prior on where it was,
+and for each of four neighbours two robust terms (Cauchy), of the change of the normal and of that of the albedo's
+logarithm. How large these changes are is measured where normals are certain, so that a smooth object of one paint gives
+a narrow prior and a carved or painted one hardly any. Pixels at an edge mix what lies on its two sides, and a region
+that few lamps reach may be wide, so neighbours are sought far away first, and then closer by. Certain pixels stay as
+they are, and σ stays too: of what is gained, it would not know how much the neighbours have in common.
 
 What it buys, and what it leaves, is in decision 93. As the prior's mean in the solve of single pixels the neighbours'
 normals gain nothing: beside walls and in holes the nearest are others'.
@@ -39,14 +39,14 @@ SAMPLED_ROWS = 256
 
 
 def regularise(
-    normals: Float32Array, albedo: Float32Array, sigma_deg: Float32Array, information: Float32Array, ray: Float32Array
+    normals: Float32Array, albedo: Float32Array, sigma_deg: Float32Array, equations: Float32Array, ray: Float32Array
 ) -> None:
     """Regularises unit normals (H, W, 3), view frame, and albedo (H, W) of uncertain pixels by those around, in place.
 
     `ray` (2, H, W) are the pixels' rays: normals stay visible. `sigma_deg` (H, W) is their final 1 σ, NaN where there
-    is no normal; uncertain is what is above `unchecked_sigma_deg`. `information` (H, W, 6) is that of the images about
-    g: xx, xy, xz, yy, yz, zz. Where σ is larger than it explains, because of edges and misfit, the information counts
-    by the ratio.
+    is no normal; uncertain is what is above `unchecked_sigma_deg`. `equations` (H, W, 9) are the images' normal
+    equations of g, as of `pixel_solve.normal_equations`. Where σ is larger than they explain, because of edges and
+    misfit, they count by the ratio.
     """
     known = np.isfinite(sigma_deg) & (albedo > 0)
     certain = known & (sigma_deg <= photometry.SETTINGS.unchecked_sigma_deg)
@@ -58,7 +58,7 @@ def regularise(
     least = np.float32(0.2 * np.median(albedo[certain]))
     matrix = np.empty((len(uncertain), 6), np.float32)
     target = np.empty((len(uncertain), 3), np.float32)
-    _prepare(normals, albedo, stated, information, uncertain, least, photometry.SETTINGS.prior_scale, matrix, target)
+    _prepare(normals, albedo, stated, equations, uncertain, least, photometry.SETTINGS.prior_scale, matrix, target)
     largest = int(np.log2(max(*known.shape, REACH) / REACH))
     for stride in (1 << power for power in range(largest, -1, -1)):
         changes = _usual_changes(normals, albedo, certain, stride)
@@ -138,17 +138,17 @@ def _solved(
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
 def _prepare(
-    normals: Float32Array, albedo: Float32Array, stated: Float32Array, information: Float32Array,
+    normals: Float32Array, albedo: Float32Array, stated: Float32Array, equations: Float32Array,
     uncertain: np.ndarray, least: np.float32, prior_scale: float, matrix: Float32Array, target: Float32Array,
 ) -> None:  # fmt: skip
-    """Precision of g by a pixel's own images and prior, scaled to its stated variance, and that times the present g."""
+    """Normal equations of g by a pixel's own images, scaled to its stated variance, and by a prior on the present g."""
     width = albedo.shape[1]
     for k in numba.prange(len(uncertain)):
         i, j = uncertain[k] // width, uncertain[k] % width
         rho = albedo[i, j]
         prior = np.float32(1 / (prior_scale * max(rho, least)) ** 2)
         x, y, z = rho * normals[i, j, 0], rho * normals[i, j, 1], rho * normals[i, j, 2]
-        own = information[i, j]
+        own = equations[i, j]
         _, _, _, variance = _solved(
             own[0] + prior, own[1], own[2], own[3] + prior, own[4], own[5] + prior, x, y, z, x, y, z
         )
@@ -157,9 +157,9 @@ def _prepare(
             matrix[k, c] = share * own[c]
         for c in (0, 3, 5):
             matrix[k, c] += prior
-        target[k, 0] = matrix[k, 0] * x + matrix[k, 1] * y + matrix[k, 2] * z
-        target[k, 1] = matrix[k, 1] * x + matrix[k, 3] * y + matrix[k, 4] * z
-        target[k, 2] = matrix[k, 2] * x + matrix[k, 4] * y + matrix[k, 5] * z
+        target[k, 0] = share * own[6] + prior * x
+        target[k, 1] = share * own[7] + prior * y
+        target[k, 2] = share * own[8] + prior * z
 
 
 @numba.njit(
