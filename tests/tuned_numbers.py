@@ -75,7 +75,8 @@ REASONS: dict[str, str] = {
         prior_forecast.SHOWN_LIGHTS prior_forecast.POINTS candidate_lights.DOME_CANDIDATES
         visibility.MAP_SIZE translucency.GRID photon_transfer.BINS
         resampling.EXTRAPOLATION_PX local_regression.RADIUS_PX
-        local_regression.STRIP_ROWS local_regression.CHUNK_COLUMNS markov_field.REACH markov_field.SAMPLED_ROWS""",
+        local_regression.STRIP_ROWS local_regression.CHUNK_COLUMNS markov_field.REACH markov_field.SAMPLED_ROWS
+        markov_field.STRIP_ROWS""",
     "steps and tolerances of numerical methods": """
         photometry.UNDISTORTION_ROUNDS reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
         photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE poisson.JACOBI_SHARE

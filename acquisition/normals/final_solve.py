@@ -166,8 +166,8 @@ def solve(
     window = (images.rows, images.columns)
     maps = _empty_maps(size)
     surface = _integration_inputs(shape, discontinuous=bool(np.any(state.continuity_weight < 1)))
-    views = {name: image[window] for name, image in maps.items()} | surface
-    flags = memory_mapped.zeros((len(images.lights), *size))
+    flags, equations = memory_mapped.zeros((len(images.lights), *size)), memory_mapped.zeros((*shape, 36))
+    views = {name: image[window] for name, image in maps.items()} | surface | {"equations": equations}
     samples = _stratified_sample(int(np.count_nonzero(masked.mask)))
     numbers: list[np.ndarray] = []
     matrices: list[FloatArray] = []
@@ -183,7 +183,8 @@ def solve(
         for image, values in zip(flags, block.flags, strict=True):
             image[window][rows][mask] = values
         light, indirect = light + block.light, indirect + block.indirect
-        memory_mapped.release(flags)
+        for stored in (flags, equations):
+            memory_mapped.release(stored)
         numbers.append(np.flatnonzero(mask)[block.sampled] + rows.start * shape[1])
         matrices.append(block.matrices)
     del views
@@ -200,9 +201,7 @@ def solve(
         capture_deg=capture_sigma_deg, sharpened=sharpened,
     )  # fmt: skip
     maps["sigma_deg"][window] = errors.sigma_deg
-    markov_field.regularise(
-        maps["normals"][window], maps["albedo"][window], errors.sigma_deg, surface.pop("equations"), masked.ray
-    )
+    markov_field.regularise(maps["normals"][window], maps["albedo"][window], errors.sigma_deg, equations, masked.ray)
     depth = integration.depth(
         maps["normals"][window].transpose(2, 0, 1), masked.mask, masked.ray,
         integration.confidence(surface.pop("variance")), surface.pop("start"),
@@ -269,7 +268,6 @@ def _integration_inputs(shape: tuple[int, int], *, discontinuous: bool) -> dict[
     object."""
     maps: dict[str, np.ndarray] = {name: np.ones(shape, np.float32) for name in ("start", "stated_share")}
     maps |= {"variance": np.zeros(shape, np.float32), "lights": np.zeros(shape, np.uint8)}
-    maps["equations"] = np.zeros((*shape, 9), np.float32)
     return maps | ({"continuity_weight": np.ones(shape, np.float32)} if discontinuous else {})
 
 
@@ -324,7 +322,9 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "continuity_weight": local.continuity_weight,
         "lights": np.minimum(used, 255).astype(np.uint8),
         "stated_share": _stated_share(solution, scene),
-        "equations": np.where(unlit[:, None], 0, pixel_solve.normal_equations(estimate, solution.values)),
+        "equations": np.where(unlit[:, None], 0, pixel_solve.normal_equations(estimate, solution.values)).view(
+            np.uint8
+        ),
     }
     sampled = chosen[(solved & ~solution.hardly_lit)[own][chosen]]
     return BlockResult(

@@ -22,6 +22,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
+from acquisition.normals.images import memory_mapped
 from acquisition.normals.pixels import pixel_solve
 
 REACH, SWEEPS = 32, 5
@@ -34,47 +35,56 @@ LARGEST_STEP = 0.7
 UNKNOWN = np.float32(1e9)
 """Variance of pixels without a normal."""
 
-SAMPLED_ROWS = 256
-"""Rows, about, whose changes are measured."""
+STRIP_ROWS, SAMPLED_ROWS = 256, 256
+"""Rows whose equations are read at once, and rows, about, whose changes are measured."""
 
 
 def regularise(
-    normals: Float32Array, albedo: Float32Array, sigma_deg: Float32Array, equations: Float32Array, ray: Float32Array
+    normals: Float32Array, albedo: Float32Array, sigma_deg: Float32Array, equations: np.ndarray, ray: Float32Array
 ) -> None:
     """Regularises unit normals (H, W, 3), view frame, and albedo (H, W) of uncertain pixels by those around, in place.
 
     `ray` (2, H, W) are the pixels' rays: normals stay visible. `sigma_deg` (H, W) is their final 1 σ, NaN where there
-    is no normal; uncertain is what is above `unchecked_sigma_deg`. `equations` (H, W, 9) are the images' normal
-    equations of g, as of `pixel_solve.normal_equations`. Where σ is larger than they explain, because of edges and
-    misfit, they count by the ratio.
+    is no normal; uncertain is what is above `unchecked_sigma_deg`. `equations` are the images' normal equations of g,
+    of `memory_mapped.zeros` (H, W, 36), bytes of nine numbers as of `pixel_solve.normal_equations`. Where σ is larger
+    than they explain, because of edges and misfit, they count by the ratio.
     """
     known = np.isfinite(sigma_deg) & (albedo > 0)
     certain = known & (sigma_deg <= photometry.SETTINGS.unchecked_sigma_deg)
     uncertain = np.flatnonzero(known & ~certain)
     if np.count_nonzero(certain) < photometry.SETTINGS.min_sample or not len(uncertain):
         return
-    stated = np.where(known, np.radians(sigma_deg) ** 2, UNKNOWN).astype(np.float32)
-    variance = stated.copy()
+    own = _of_pixels(equations, uncertain)
     least = np.float32(0.2 * np.median(albedo[certain]))
-    matrix = np.empty((len(uncertain), 6), np.float32)
-    target = np.empty((len(uncertain), 3), np.float32)
-    _prepare(normals, albedo, stated, equations, uncertain, least, photometry.SETTINGS.prior_scale, matrix, target)
+    _weigh(normals, albedo, sigma_deg, uncertain, least, photometry.SETTINGS.prior_scale, own)
+    variance = np.empty(known.shape, np.float32)
     largest = int(np.log2(max(*known.shape, REACH) / REACH))
     for stride in (1 << power for power in range(largest, -1, -1)):
         changes = _usual_changes(normals, albedo, certain, stride)
-        np.copyto(variance, stated)
         if changes is None:
             continue
+        np.square(np.radians(sigma_deg, out=variance), out=variance)
+        np.copyto(variance, UNKNOWN, where=~known)
         for _ in range(SWEEPS):
             for parity in (0, 1):
-                _sweep(
-                    normals, albedo, variance, uncertain, matrix, target, stride, parity, *changes,
-                    1 / photometry.CAUCHY_SCALE**2,
-                )  # fmt: skip
+                _sweep(normals, albedo, variance, uncertain, own, stride, parity, *changes, photometry.CAUCHY_SCALE**-2)
     rows, columns = np.unravel_index(uncertain, known.shape)
     direction = photometry.ray_directions(np.ascontiguousarray(ray[:, rows, columns]))
     visible = pixel_solve.clamp_to_visible(np.ascontiguousarray(normals[rows, columns].T), direction)
     normals[rows, columns] = visible.T
+
+
+def _of_pixels(equations: np.ndarray, chosen: np.ndarray) -> Float32Array:
+    """Those (K, 9) of the pixels with flat numbers `chosen` (K,), sorted, of `memory_mapped.zeros` (H, W, 36)."""
+    height, width = equations.shape[:2]
+    out = np.empty((len(chosen), 9), np.float32)
+    for start in range(0, height, STRIP_ROWS):
+        stop = min(start + STRIP_ROWS, height)
+        first, last = np.searchsorted(chosen, (start * width, stop * width))
+        strip = equations[start:stop].reshape(-1, 36)
+        out[first:last] = strip[chosen[first:last] - start * width].view(np.float32)
+        memory_mapped.release(equations)
+    return out
 
 
 def _usual_changes(
@@ -133,43 +143,41 @@ def _solved(
 
 
 @numba.njit(
-    "void(float32[:,:,:], float32[:,:], float32[:,:], float32[:,:,:], int64[::1], float32, float64, float32[:,::1],"
-    " float32[:,::1])",
+    "void(float32[:,:,:], float32[:,:], float32[:,:], int64[::1], float32, float64, float32[:,::1])",
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
-def _prepare(
-    normals: Float32Array, albedo: Float32Array, stated: Float32Array, equations: Float32Array,
-    uncertain: np.ndarray, least: np.float32, prior_scale: float, matrix: Float32Array, target: Float32Array,
+def _weigh(
+    normals: Float32Array, albedo: Float32Array, sigma_deg: Float32Array, uncertain: np.ndarray, least: np.float32,
+    prior_scale: float, own: Float32Array,
 ) -> None:  # fmt: skip
-    """Normal equations of g by a pixel's own images, scaled to its stated variance, and by a prior on the present g."""
+    """Scales a pixel's own normal equations to its stated variance, and adds a prior on the present g, in place."""
     width = albedo.shape[1]
     for k in numba.prange(len(uncertain)):
         i, j = uncertain[k] // width, uncertain[k] % width
-        rho = albedo[i, j]
+        rho, stated = albedo[i, j], np.float32(math.radians(sigma_deg[i, j]) ** 2)
         prior = np.float32(1 / (prior_scale * max(rho, least)) ** 2)
         x, y, z = rho * normals[i, j, 0], rho * normals[i, j, 1], rho * normals[i, j, 2]
-        own = equations[i, j]
         _, _, _, variance = _solved(
-            own[0] + prior, own[1], own[2], own[3] + prior, own[4], own[5] + prior, x, y, z, x, y, z
+            own[k, 0] + prior, own[k, 1], own[k, 2], own[k, 3] + prior, own[k, 4], own[k, 5] + prior, x, y, z, x, y, z
         )
-        share = np.float32(math.sqrt(min(variance / stated[i, j], np.float32(1))))
-        for c in range(6):
-            matrix[k, c] = share * own[c]
+        share = np.float32(math.sqrt(min(variance / stated, np.float32(1))))
+        for c in range(9):
+            own[k, c] *= share
         for c in (0, 3, 5):
-            matrix[k, c] += prior
-        target[k, 0] = share * own[6] + prior * x
-        target[k, 1] = share * own[7] + prior * y
-        target[k, 2] = share * own[8] + prior * z
+            own[k, c] += prior
+        own[k, 6] += prior * x
+        own[k, 7] += prior * y
+        own[k, 8] += prior * z
 
 
 @numba.njit(
-    "void(float32[:,:,:], float32[:,:], float32[:,::1], int64[::1], float32[:,::1], float32[:,::1], int64, int64,"
-    " float64, float64, float64)",
+    "void(float32[:,:,:], float32[:,:], float32[:,::1], int64[::1], float32[:,::1], int64, int64, float64, float64,"
+    " float64)",
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
 def _sweep(
-    normals: Float32Array, albedo: Float32Array, variance: Float32Array, uncertain: np.ndarray, matrix: Float32Array,
-    target: Float32Array, stride: int, parity: int, of_normal: float, of_albedo: float, inverse_cauchy2: float,
+    normals: Float32Array, albedo: Float32Array, variance: Float32Array, uncertain: np.ndarray, own: Float32Array,
+    stride: int, parity: int, of_normal: float, of_albedo: float, inverse_cauchy2: float,
 ) -> None:  # fmt: skip
     """One Gauss–Newton step of each uncertain pixel of a parity towards its conditional mode; its variance then.
 
@@ -184,10 +192,10 @@ def _sweep(
             continue
         rho, nx, ny, nz = albedo[i, j], normals[i, j, 0], normals[i, j, 1], normals[i, j, 2]
         x, y, z = rho * nx, rho * ny, rho * nz
-        m0, m1, m2, m3, m4, m5 = matrix[k, 0], matrix[k, 1], matrix[k, 2], matrix[k, 3], matrix[k, 4], matrix[k, 5]
-        b0 = target[k, 0] - (m0 * x + m1 * y + m2 * z)
-        b1 = target[k, 1] - (m1 * x + m3 * y + m4 * z)
-        b2 = target[k, 2] - (m2 * x + m4 * y + m5 * z)
+        m0, m1, m2, m3, m4, m5 = own[k, 0], own[k, 1], own[k, 2], own[k, 3], own[k, 4], own[k, 5]
+        b0 = own[k, 6] - (m0 * x + m1 * y + m2 * z)
+        b1 = own[k, 7] - (m1 * x + m3 * y + m4 * z)
+        b2 = own[k, 8] - (m2 * x + m4 * y + m5 * z)
         inverse = np.float32(1) / rho
         inverse2 = inverse * inverse
         for side in range(4):
@@ -198,10 +206,10 @@ def _sweep(
             px, py, pz = normals[a, b, 0], normals[a, b, 1], normals[a, b, 2]
             cosine = nx * px + ny * py + nz * pz
             shade = np.float32(math.log(rho / albedo[a, b]))
-            own = np.float32(0.5) * variance[a, b]
+            theirs = np.float32(0.5) * variance[a, b]
             turn = max(np.float32(2) - np.float32(2) * cosine, np.float32(0))
-            w = np.float32(1) / (normal2 + own + turn * tail)  # of a tangential direction
-            u = np.float32(1) / (albedo2 + own + shade * shade * tail)  # along g
+            w = np.float32(1) / (normal2 + theirs + turn * tail)  # of a tangential direction
+            u = np.float32(1) / (albedo2 + theirs + shade * shade * tail)  # along g
             across, along = w * inverse2, (u - w) * inverse2
             m0 += across + along * nx * nx
             m1 += along * nx * ny
@@ -223,4 +231,4 @@ def _sweep(
         _, _, _, variance[i, j] = _solved(m0, m1, m2, m3, m4, m5, b0, b1, b2, x, y, z)
 
 
-KERNELS = (_solved, _prepare, _sweep)
+KERNELS = (_solved, _weigh, _sweep)
