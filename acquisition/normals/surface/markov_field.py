@@ -96,9 +96,9 @@ def _usual_changes(
     turns: list[Float32Array] = []
     shades: list[Float32Array] = []
     for axis in (0, 1):
-        n, a, k = (np.swapaxes(image, 0, axis) for image in (normals, albedo, certain))
-        some = slice(None, None, max(k.shape[1] // SAMPLED_ROWS, 1))
-        n, a, k = n[:, some], a[:, some], k[:, some]
+        some = slice(None, None, max(certain.shape[1 - axis] // SAMPLED_ROWS, 1))
+        n, a = (np.swapaxes(image, 0, axis)[:, some] for image in (normals, albedo))
+        k = np.swapaxes(certain, 0, axis)[:, some]
         both = k[stride:] & k[:-stride]
         turns.append(np.sqrt(np.sum((n[stride:][both] - n[:-stride][both]) ** 2, axis=-1)))
         shades.append(np.abs(np.log(a[stride:][both] / a[:-stride][both])))
