@@ -296,7 +296,10 @@ def test_service_answers_while_arm_is_silent(start: Any, monkeypatch: pytest.Mon
 
     assert (first, halted, stopped) == (200, 202, State.STOPPED)
     assert answered_meanwhile
-    assert codes <= {ErrorCode.ARM_UNREACHABLE, ErrorCode.SESSION_ACTION_NOT_ALLOWED, ErrorCode.RIG_NOT_READY}
+    assert codes <= {
+        ErrorCode.ARM_UNREACHABLE, ErrorCode.SESSION_ACTION_NOT_ALLOWED, ErrorCode.RIG_NOT_READY,
+        ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
+    }  # fmt: skip
 
 
 def test_start_waiting_for_devices_is_refused_at_shutdown(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
