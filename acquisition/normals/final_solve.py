@@ -200,8 +200,11 @@ def solve(
         maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window], facing,
         capture_deg=capture_sigma_deg, sharpened=sharpened,
     )  # fmt: skip
+    # That nothing checks a normal of three lights does not make its images tell less.
+    unchecked = (lights_used < photometry.OVERDETERMINED) * np.float32(photometry.SETTINGS.unchecked_sigma_deg**2)
+    known_deg = np.sqrt(np.maximum(errors.sigma_deg**2 - unchecked, maps["sigma_deg"][window] ** 2))
     maps["sigma_deg"][window] = errors.sigma_deg
-    markov_field.regularise(maps["normals"][window], maps["albedo"][window], errors.sigma_deg, equations, masked.ray)
+    markov_field.regularise(maps["normals"][window], maps["albedo"][window], known_deg, equations, masked.ray)
     depth = integration.depth(
         maps["normals"][window].transpose(2, 0, 1), masked.mask, masked.ray,
         integration.confidence(surface.pop("variance")), surface.pop("start"),
@@ -302,14 +305,9 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
     radiance = np.zeros_like(solution.measured) if solution.indirect is None else solution.indirect
     light, indirect = np.maximum(np.sum(solution.measured, axis=0), 1e-6), np.sum(radiance, axis=0)
     share = (indirect / light).astype(np.float32)
-    # Of diffuse pixels that hardly any lamp reaches, what is known before any image.
-    unlit = solution.hardly_lit if scene.terms is None or scene.terms.metal == 0 else np.zeros_like(solved)
-    view = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
-    normals = np.where(unlit, view, estimate.normals)
-    albedo = np.where(unlit, np.float32(local.typical_albedo), estimate.albedo)
     maps = {
-        "normals": pixel_solve.clamp_to_visible(normals, ray_direction).T,
-        "albedo": np.where(solved, albedo, 0),
+        "normals": pixel_solve.clamp_to_visible(estimate.normals, ray_direction).T,
+        "albedo": np.where(solved, estimate.albedo, 0),
         "residual": np.where(solved, estimate.residual, 0),
         "indirect": np.where(solved, share, 0),
         "sigma_deg": np.where(solved, sigma, np.nan),
@@ -322,9 +320,7 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "continuity_weight": local.continuity_weight,
         "lights": np.minimum(used, 255).astype(np.uint8),
         "stated_share": _stated_share(solution, scene),
-        "equations": np.where(unlit[:, None], 0, pixel_solve.normal_equations(estimate, solution.values)).view(
-            np.uint8
-        ),
+        "equations": pixel_solve.normal_equations(estimate, solution.values).view(np.uint8),
     }
     sampled = chosen[(solved & ~solution.hardly_lit)[own][chosen]]
     return BlockResult(

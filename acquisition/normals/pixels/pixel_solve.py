@@ -278,7 +278,8 @@ def normal_equations(estimate: Estimate, values: Float32Array) -> Float32Array:
     weighted = estimate.weights[:, None] * rows
     columns = (rows[:, 0], rows[:, 1], rows[:, 2], values)
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2), (0, 3), (1, 3), (2, 3))
-    return np.stack([np.einsum("fn,fn->n", weighted[:, a], columns[b]) for a, b in pairs], axis=1)
+    sums = [np.einsum("fn,fn->n", weighted[:, a], columns[b]) for a, b in pairs]
+    return np.stack(sums, axis=1, dtype=np.float32, casting="same_kind")
 
 
 def fisher_information(

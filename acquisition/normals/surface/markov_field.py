@@ -44,10 +44,10 @@ def regularise(
 ) -> None:
     """Regularises unit normals (H, W, 3), view frame, and albedo (H, W) of uncertain pixels by those around, in place.
 
-    `ray` (2, H, W) are the pixels' rays: normals stay visible. `sigma_deg` (H, W) is their final 1 σ, NaN where there
-    is no normal; uncertain is what is above `unchecked_sigma_deg`. `equations` are the images' normal equations of g,
-    of `memory_mapped.zeros` (H, W, 36), bytes of nine numbers as of `pixel_solve.normal_equations`. Where σ is larger
-    than they explain, because of edges and misfit, they count by the ratio.
+    `ray` (2, H, W) are the pixels' rays: normals stay visible. `sigma_deg` (H, W) is 1 σ of what their images tell,
+    with edges and misfit, NaN where there is no normal; uncertain is what is above `unchecked_sigma_deg`. `equations`
+    are the images' normal equations of g, of `memory_mapped.zeros` (H, W, 36), bytes of nine numbers as of
+    `pixel_solve.normal_equations`. Where σ is larger than they explain, they count by the ratio.
     """
     known = np.isfinite(sigma_deg) & (albedo > 0)
     certain = known & (sigma_deg <= photometry.SETTINGS.unchecked_sigma_deg)
