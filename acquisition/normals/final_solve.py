@@ -201,8 +201,9 @@ def solve(
         capture_deg=capture_sigma_deg, sharpened=sharpened,
     )  # fmt: skip
     # That nothing checks a normal of three lights does not make its images tell less.
-    unchecked = (lights_used < photometry.OVERDETERMINED) * np.float32(photometry.SETTINGS.unchecked_sigma_deg**2)
-    known_deg = np.sqrt(np.maximum(errors.sigma_deg**2 - unchecked, maps["sigma_deg"][window] ** 2))
+    known_deg = np.square(errors.sigma_deg)
+    known_deg[lights_used < photometry.OVERDETERMINED] -= photometry.SETTINGS.unchecked_sigma_deg**2
+    np.sqrt(np.maximum(known_deg, np.square(maps["sigma_deg"][window]), out=known_deg), out=known_deg)
     maps["sigma_deg"][window] = errors.sigma_deg
     markov_field.regularise(maps["normals"][window], maps["albedo"][window], known_deg, equations, masked.ray)
     depth = integration.depth(
