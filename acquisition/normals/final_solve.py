@@ -166,7 +166,8 @@ def solve(
     window = (images.rows, images.columns)
     maps = _empty_maps(size)
     surface = _integration_inputs(shape, discontinuous=bool(np.any(state.continuity_weight < 1)))
-    flags, equations = memory_mapped.zeros((len(images.lights), *size)), memory_mapped.zeros((*shape, 36))
+    flags = memory_mapped.zeros((len(images.lights), *size))
+    equations = memory_mapped.zeros((*shape, 9), np.float32)
     views = {name: image[window] for name, image in maps.items()} | surface | {"equations": equations}
     samples = _stratified_sample(int(np.count_nonzero(masked.mask)))
     numbers: list[np.ndarray] = []
@@ -321,7 +322,7 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "continuity_weight": local.continuity_weight,
         "lights": np.minimum(used, 255).astype(np.uint8),
         "stated_share": _stated_share(solution, scene),
-        "equations": pixel_solve.normal_equations(estimate, solution.values).view(np.uint8),
+        "equations": pixel_solve.normal_equations(estimate, solution.values),
     }
     sampled = chosen[(solved & ~solution.hardly_lit)[own][chosen]]
     return BlockResult(

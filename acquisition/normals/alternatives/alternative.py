@@ -1,8 +1,8 @@
 """An alternative to the model of the images, and the rule by which its solution replaces the one before.
 
 What a fit has to be depends on what asks for it. A test that is surer than the fit needs no better one; a term that a
-score promises needs to be found in about that amount; what nothing but a poor fit calls for needs a far better one. A
-change of all images is judged by the loss, in which most pixels count, rather than by the misfit.
+score promises needs to be found in about that amount; what nothing but a poor fit calls for needs a far better one.
+Other images are judged by the loss, in which every measurement counts, rather than by the misfit, which is a median.
 """
 
 from collections.abc import Sequence

@@ -14,14 +14,14 @@ LARGE_BYTES = 1 << 28
 """Size from which an array is mapped to an unnamed file, so that memory holds only the pages in use."""
 
 
-def zeros(shape: tuple[int, ...]) -> np.ndarray:
-    """Allocates zeros (uint8) in memory or, from LARGE_BYTES on, in a file that is deleted with the array."""
-    size = int(np.prod(shape))
+def zeros(shape: tuple[int, ...], dtype: type[np.generic] = np.uint8) -> np.ndarray:
+    """Allocates zeros in memory or, from LARGE_BYTES on, in a file that is deleted with the array."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
     if size < LARGE_BYTES:
-        return np.zeros(shape, np.uint8)
+        return np.zeros(shape, dtype)
     with tempfile.TemporaryFile() as file:
         file.truncate(size)
-        return np.ndarray(shape, np.uint8, buffer=mmap.mmap(file.fileno(), size))
+        return np.ndarray(shape, dtype, buffer=mmap.mmap(file.fileno(), size))
 
 
 def iterate(array: np.ndarray) -> Iterator[np.ndarray]:

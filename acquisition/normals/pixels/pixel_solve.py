@@ -171,11 +171,13 @@ def _peak_ratio(values: Float32Array, light: Float32Array, clipped: BoolArray) -
 
 
 def median_albedo(estimate: Estimate, values: Float32Array, clipped: BoolArray) -> float:
-    """Median over pixels of the peak y/|s|, a lower bound of the albedo; from values (F, N) and which are `clipped`.
-
-    A fifth of it is the least albedo that a pixel's prior is given.
-    """
+    """Median over pixels of the peak y/|s|, a lower bound of the albedo; from values (F, N) and which are `clipped`."""
     return float(np.median(_peak_ratio(values, estimate.light, clipped)))
+
+
+def least_prior_albedo(median: float) -> float:
+    """Least albedo that the prior of a pixel's g is given, where that of the object has this median: a fifth of it."""
+    return max(0.2 * median, 1e-6)
 
 
 def solve(
@@ -241,7 +243,7 @@ def _solve(
     problem = PixelProblem(
         values=values, by_g=bent, light=lighting.light, point=lighting.point, view=lighting.view, extra=extra,
         terms=terms, response=scene.response(pixels.channel), sky=pixels.sky, noise=scene.noise,
-        least_albedo=max(0.2 * typical, 1e-6), cauchy_scale=scene.cauchy_scale, iterations=iterations,
+        least_albedo=least_prior_albedo(typical), cauchy_scale=scene.cauchy_scale, iterations=iterations,
     )  # fmt: skip
     return robust_solve.solve(problem, pixels.clipped, classified, classify)
 

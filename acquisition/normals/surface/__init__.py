@@ -1,1 +1,5 @@
-"""The surface of the normals: integrated depth, discontinuities, integrable normals, regression on neighbours."""
+"""The surface that normals belong to: depth by integration, discontinuities, and what neighbours know of a normal.
+
+`integrability`, then `local_regression`, then `markov_field`: a surface's constraint, the noise of all normals, and the
+normals that stay uncertain.
+"""

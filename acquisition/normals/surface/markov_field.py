@@ -40,14 +40,14 @@ STRIP_ROWS, SAMPLED_ROWS = 256, 256
 
 
 def regularise(
-    normals: Float32Array, albedo: Float32Array, sigma_deg: Float32Array, equations: np.ndarray, ray: Float32Array
+    normals: Float32Array, albedo: Float32Array, sigma_deg: Float32Array, equations: Float32Array, ray: Float32Array
 ) -> None:
     """Regularises unit normals (H, W, 3), view frame, and albedo (H, W) of uncertain pixels by those around, in place.
 
     `ray` (2, H, W) are the pixels' rays: normals stay visible. `sigma_deg` (H, W) is 1 σ of what their images tell,
     with edges and misfit, NaN where there is no normal; uncertain is what is above `unchecked_sigma_deg`. `equations`
-    are the images' normal equations of g, of `memory_mapped.zeros` (H, W, 36), bytes of nine numbers as of
-    `pixel_solve.normal_equations`. Where σ is larger than they explain, they count by the ratio.
+    (H, W, 9) of `memory_mapped.zeros` are the images' normal equations of g, as of `pixel_solve.normal_equations`.
+    Where σ is larger than they explain, they count by the square root of the variances' ratio.
     """
     known = np.isfinite(sigma_deg) & (albedo > 0)
     certain = known & (sigma_deg <= photometry.SETTINGS.unchecked_sigma_deg)
@@ -55,7 +55,7 @@ def regularise(
     if np.count_nonzero(certain) < photometry.SETTINGS.min_sample or not len(uncertain):
         return
     own = _of_pixels(equations, uncertain)
-    least = np.float32(0.2 * np.median(albedo[certain]))
+    least = np.float32(pixel_solve.least_prior_albedo(float(np.median(albedo[certain]))))
     _weigh(normals, albedo, sigma_deg, uncertain, least, photometry.SETTINGS.prior_scale, own)
     variance = np.empty(known.shape, np.float32)
     largest = int(np.log2(max(*known.shape, REACH) / REACH))
@@ -74,15 +74,14 @@ def regularise(
     normals[rows, columns] = visible.T
 
 
-def _of_pixels(equations: np.ndarray, chosen: np.ndarray) -> Float32Array:
-    """Those (K, 9) of the pixels with flat numbers `chosen` (K,), sorted, of `memory_mapped.zeros` (H, W, 36)."""
+def _of_pixels(equations: Float32Array, chosen: np.ndarray) -> Float32Array:
+    """Those (K, 9) of the pixels with flat numbers `chosen` (K,), sorted, read strip by strip."""
     height, width = equations.shape[:2]
     out = np.empty((len(chosen), 9), np.float32)
     for start in range(0, height, STRIP_ROWS):
         stop = min(start + STRIP_ROWS, height)
         first, last = np.searchsorted(chosen, (start * width, stop * width))
-        strip = equations[start:stop].reshape(-1, 36)
-        out[first:last] = strip[chosen[first:last] - start * width].view(np.float32)
+        out[first:last] = equations[start:stop].reshape(-1, 9)[chosen[first:last] - start * width]
         memory_mapped.release(equations)
     return out
 

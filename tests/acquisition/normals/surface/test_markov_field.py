@@ -40,7 +40,7 @@ def regularised(
     xx, xy, xz, yy, yz, zz = information.tolist()
     right = albedo[..., None] * normals @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     equations = np.concatenate([np.broadcast_to(information, (*few.shape, 6)), right], axis=-1, dtype=np.float32)
-    markov_field.regularise(normals, albedo, sigma, equations.view(np.uint8), RAY)
+    markov_field.regularise(normals, albedo, sigma, equations, RAY)
     np.testing.assert_array_equal(sigma, before)
     return normals, albedo
 
@@ -79,7 +79,7 @@ def test_regularise_leaves_pixels_without_normal_and_needs_certain_ones() -> Non
     known = X > 10
     normals, albedo = np.where(known[..., None], PLANE, 0), np.where(known, 0.5, 0).astype(np.float32)
     sigma = np.where(known, np.where(FEW, 40, 1), np.nan).astype(np.float32)
-    markov_field.regularise(normals, albedo, sigma, np.zeros((SIZE, SIZE, 36), np.uint8), RAY)
+    markov_field.regularise(normals, albedo, sigma, np.zeros((SIZE, SIZE, 9), np.float32), RAY)
     assert not np.any(normals[~known])
     uncertain, _ = regularised(SPHERE, np.full((SIZE, SIZE), 0.5), NONE, np.ones((SIZE, SIZE), np.bool_))
     np.testing.assert_array_equal(uncertain, SPHERE)
