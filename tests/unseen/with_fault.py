@@ -29,9 +29,9 @@ class Pair:
         return self.faulty_deg / self.sound_deg
 
 
-def solved(family: str, seed: int, reflectance: str, fault: str, lights: int = 10) -> Pair:
-    """Solves a scene's capture without and with a fault."""
-    scene = scenes.scene(family, seed, reflectance, PIXELS)
+def solved(family: str, seed: int, reflectance: str, fault: str, lights: int = 10, *, pixels: int = PIXELS) -> Pair:
+    """Solves a scene's capture without and with a fault, in images of so many pixels across."""
+    scene = scenes.scene(family, seed, reflectance, pixels)
     positions = patterns.fixed("two-rings", scene, lights, 0, 1)
     sound, faulty = (run.solve(scene, capture(scene, positions, fault=faults.named(name))) for name in ("", fault))
     graded = scene.truth.within_78_deg & sound.mask & faulty.mask
