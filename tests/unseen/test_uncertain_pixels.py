@@ -9,15 +9,20 @@ from tests.unseen.captures import capture
 
 
 @pytest.mark.parametrize(
-    ("family", "seed", "lights", "most"),
-    [("machined", 469, 8, 0.85), ("knot", 473, 8, 0.85), ("turned", 476, 4, 1.0), ("blob", 476, 4, 1.0)],
+    ("family", "seed", "lights", "most", "most_deg"),
+    [
+        ("machined", 469, 8, 0.85, 2.5),
+        ("knot", 473, 8, 0.85, 2.7),
+        ("turned", 476, 4, 1.0, 2.0),
+        ("blob", 476, 4, 1.0, 2.5),
+    ],
 )
 def test_solve_uncertain_pixels_gain_by_their_neighbours(
-    family: str, seed: int, lights: int, most: float, monkeypatch: pytest.MonkeyPatch
+    family: str, seed: int, lights: int, most: float, most_deg: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Four lights are a pilot's: most of a smooth object's limb has three of them, and its images tell more of it than
-    neighbours that face another way."""
-    scene = scenes.scene(family, seed, "lambert", 96)
+    neighbours that face another way, or the viewing axis, by which the turned part is 2.4° off."""
+    scene = scenes.scene(family, seed, "lambert")
     pilot = lights == patterns.PILOT_LIGHTS
     positions = patterns.pilot_lights(scene, 0, 1) if pilot else patterns.fixed("two-rings", scene, lights, 0, 1)
     captured = capture(scene, positions)
@@ -29,5 +34,6 @@ def test_solve_uncertain_pixels_gain_by_their_neighbours(
     regularised = error_deg()
     monkeypatch.setattr(markov_field, "regularise", lambda *_: None)
     ratio = regularised / error_deg()
-    print(f"\n{family} {seed}, {lights} lights: {ratio:.3f}")
+    print(f"\n{family} {seed}, {lights} lights: {regularised:.2f}°, {ratio:.3f} of that without")
     assert ratio < most
+    assert regularised < most_deg
