@@ -47,6 +47,8 @@ def _default(field: dict[str, Any], required: bool) -> str:
     value = field.get("default")
     if value in ([], {}, None, ""):
         return "–"
+    if isinstance(value, list) and all(isinstance(one, int | float) for one in value):
+        return f"`{json.dumps(value)}`"
     if isinstance(value, dict | list):
         return "see there"
     return f"`{json.dumps(value)}`"

@@ -128,13 +128,13 @@ class ArmConfig(Value):
     robot_api_port: int = Field(default=80, gt=0, lt=65536, description="PolyScope X: the port of its Robot API")
     serial: str | None = Field(default=None, description="Checked at connection when given")
     flange_from_tool: Pose = Field(description="The controller's TCP: origin at the emitter, +z the lamp's axis")
-    payload_kg: float = Field(gt=0)
-    payload_center_m: Vector3
+    payload_kg: float = Field(gt=0, description="Bracket, lamp and cable, weighed")
+    payload_center_m: Vector3 = Field(description="Their centre of gravity in the flange frame")
     tool_capsules: list[CapsuleShape] = Field(description="Bracket and lamp, in the flange frame")
     cable_allowance_m: float = Field(
         default=0.0, ge=0, description="Added to the radius of the last wrist and the tool for cables"
     )
-    home: Joints
+    home: Joints = Field(description="Joint angles, rad: clear of the camera's view, near the middle of the lights")
     max_joint_speed_rad_s: float = Field(default=1.05, gt=0, le=math.pi)
     max_joint_acceleration_rad_s2: float = Field(default=1.4, gt=0, le=40)
     max_tool_speed_m_s: float = Field(default=0.25, gt=0, le=3)
@@ -145,7 +145,7 @@ class ArmConfig(Value):
         le=40,
         description="Must stop the arm from its maximum speed within 0.2 s, the watchdog's timeout",
     )
-    settle_s: float = Field(default=0.25, ge=0)
+    settle_s: float = Field(default=0.25, ge=0, description="From standstill until the lamp no longer swings")
     remote_recovery: bool = Field(
         default=False, description="Whether an operator may unlock, power on and release brakes over HTTP"
     )
@@ -190,8 +190,8 @@ MIN_SLANT_DEG, MAX_SLANT_DEG = 8.0, 75.0
 class DomeConfig(Value):
     """Dome of light positions: a spherical cap about `center_m` (object frame), slants measured from the view axis."""
 
-    center_m: Vector3 = (0.0, 0.0, 0.03)
-    radius_m: float = Field(default=0.45, gt=0)
+    center_m: Vector3 = Field(default=(0.0, 0.0, 0.03), description="In the object's frame, m")
+    radius_m: float = Field(default=0.45, gt=0, description="Distance of the lights from there")
     min_slant_deg: float = Field(default=MIN_SLANT_DEG, ge=0)
     max_slant_deg: float = Field(default=MAX_SLANT_DEG, gt=0, le=89)
     candidates: int = Field(default=300, ge=12, le=2000)
@@ -204,12 +204,23 @@ class ObstacleBase(Value):
     clearance_m: float | None = Field(default=None, gt=0, description="Minimum distance; default: that of `clearances`")
 
 
+LEAST_NORMAL = 1e-6
+"""Length of a half-space's normal, below which it has no direction and nothing would ever collide with it."""
+
+
 class HalfSpace(ObstacleBase):
     """A half-space: points x with normal · (x − point) < 0, base frame."""
 
     kind: Literal["half-space"] = "half-space"
     point_m: Vector3
-    normal: Vector3
+    normal: Vector3 = Field(description="Out of the obstacle, of any length")
+
+    @field_validator("normal")
+    @classmethod
+    def _has_a_direction(cls, normal: Vector3) -> Vector3:
+        if np.linalg.norm(normal) < LEAST_NORMAL:
+            raise ValueError("normal has no direction: give the one that points out of the obstacle, such as [0, 0, 1]")
+        return normal
 
 
 class Box(ObstacleBase):

@@ -71,6 +71,12 @@ def test_unit_allows_the_system_calls_of_real_time() -> None:
     assert allowed >= NEEDED
 
 
+def test_unit_allows_the_sockets_that_cameras_are_found_by() -> None:
+    line = re.search(r"^RestrictAddressFamilies=(.*)$", UNIT.read_text(encoding="utf-8"), re.MULTILINE)
+    assert line is not None
+    assert {"AF_INET", "AF_NETLINK"} <= set(line[1].split())
+
+
 def test_unit_grants_real_time_without_a_capability() -> None:
     text = UNIT.read_text(encoding="utf-8")
     assert "\nLimitRTPRIO=1\n" in text
