@@ -72,6 +72,7 @@ class ErrorCode(StrEnum):
     FOLDER_INVALID = "folder.invalid"
     SCENE_MOVED = "scene.moved"
     STORE_DISK_FULL = "store.disk_full"
+    STORE_UNWRITABLE = "store.unwritable"
     STORE_LOCKED = "store.locked"
     STORE_CORRUPT = "store.corrupt"
     ARCHIVE_ADDRESS_INVALID = "archive.address_invalid"
@@ -326,6 +327,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.STORE_DISK_FULL: Problem(
         507, "The disk is full", "Free space in the data folder, then resume; no announced frame is lost."
     ),
+    ErrorCode.STORE_UNWRITABLE: Problem(
+        503,
+        "The journal cannot be written",
+        "End the program that holds rig.db open, or see to the disk, then resume; nothing announced is lost.",
+    ),
     ErrorCode.STORE_LOCKED: Problem(
         503, "Another service uses this data folder", "Stop the other service, or choose another data folder."
     ),
@@ -369,6 +375,10 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         500, "Internal error of the service", "Keep the log and report it; the session's data are safe."
     ),
 }
+
+
+NOT_WRITTEN = frozenset({ErrorCode.STORE_DISK_FULL, ErrorCode.STORE_UNWRITABLE})
+"""Problems of the journal for which an entry that must not be lost waits."""
 
 
 def problem(code: ErrorCode, detail: str, **context: Any) -> dict[str, Any]:

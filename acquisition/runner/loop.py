@@ -15,7 +15,7 @@ from structlog.contextvars import bound_contextvars
 
 from acquisition import session
 from acquisition.devices import Rig, StopToken
-from acquisition.models.errors import ErrorCode, Halted, RigError, problem
+from acquisition.models.errors import NOT_WRITTEN, ErrorCode, Halted, RigError, problem
 from acquisition.runner.progress import ProgressEstimator
 from acquisition.runner.safety_monitor import SafetyMonitor
 from acquisition.runner.step_executor import StepExecutor
@@ -47,6 +47,7 @@ PAUSING_CODES = frozenset(
         ErrorCode.CAPTURE_FRAME_REJECTED,
         ErrorCode.SCENE_MOVED,
         ErrorCode.STORE_DISK_FULL,
+        ErrorCode.STORE_UNWRITABLE,
         ErrorCode.COMPUTE_LOST,
         ErrorCode.PLAN_TO_REVIEW,
         ErrorCode.CALIBRATION_PLACE_TARGET,
@@ -64,7 +65,7 @@ AT_REST_WITHIN_S = 2.0
 REST_POLL_S = 0.02
 """Period, s, of reading the joint speeds meanwhile."""
 JOURNAL_RETRY_S = 1.0
-"""Period, s, of attempts to write a state while the disk is full."""
+"""Period, s, of attempts to write a state while the journal cannot be written."""
 
 
 class SessionLoop:
@@ -96,13 +97,13 @@ class SessionLoop:
     ) -> bool:
         """Fires one of the service's own triggers; False when a person's action came first and forbids it.
 
-        Waits while the disk is full: the state must not be lost, and nothing moves meanwhile.
+        Waits while the journal cannot be written: the state must not be lost, and nothing moves meanwhile.
         """
         while True:
             try:
                 self._store.journal.trigger(session_id, trigger, actor, reason)
             except RigError as error:
-                if error.code is ErrorCode.STORE_DISK_FULL and not self._closing.wait(JOURNAL_RETRY_S):
+                if error.code in NOT_WRITTEN and not self._closing.wait(JOURNAL_RETRY_S):
                     continue
                 if error.code is not ErrorCode.SESSION_ACTION_NOT_ALLOWED:
                     raise

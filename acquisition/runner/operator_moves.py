@@ -116,14 +116,21 @@ class OperatorMoves:
         access = self._access
         access.refuse_held()
         self.refuse_jogged()
+        token = StopToken()
+        self._take_over(token)  # before anything is looked at: a halt from now on ends this move, planned or not
         access.require_clear()
         access.make_ready()
         access.require_clear()
         here = self._rig.arm.reading.joints
         path: JointPath = self._compute.run(access.closing, "plan_retreat", here, *self._known)
-        token = StopToken()
-        access.take_over(token)
         access.put(lambda: self._follow_home(here, path, token, actor))
+
+    def _take_over(self, token: StopToken) -> None:
+        """Makes a token the one that halts set; set at once where somebody halts meanwhile."""
+        halts = self._access.halts()
+        self._access.take_over(token)
+        if self._access.halts() != halts:
+            token.set()
 
     def _follow_home(self, here: tuple[float, ...], path: JointPath, token: StopToken, actor: str) -> None:
         """Follows the path home in the runner's thread, unless something else has begun since it was planned."""
@@ -131,6 +138,9 @@ class OperatorMoves:
         journal = self._store.journal
         if self._access.is_current(token) and journal.holder() is None:
             try:
+                self._access.require_clear()
+                if token.is_set():
+                    raise Halted
                 if not session.same_joints(self._rig.arm.reading.joints, here):
                     raise RigError(ErrorCode.ARM_MOVE_FAILED, "The arm has been moved since the path was planned")
                 take.follow_path(self._rig, path.path, path.speeds, token)
@@ -177,18 +187,15 @@ class OperatorMoves:
             if jog is not None:
                 self._end(jog)
             made = _Jog(hold, motion, actor, once)
-            halts = access.halts()
-            access.take_over(made.token)
-            if access.halts() != halts:
-                made.token.set()
+            self._take_over(made.token)
             self._jog = made
             self._holds.append(hold)
         try:
             if not access.is_ready():
                 access.make_ready()
                 access.require_clear()
-        except RigError as error:
-            made.error = error
+        except BaseException as error:
+            made.error = error if isinstance(error, RigError) else None
             made.ended.set()
             raise
         access.put(lambda: self._drive(made))
@@ -198,9 +205,12 @@ class OperatorMoves:
             raise made.error
         return not made.ended.is_set()
 
-    def release(self) -> None:
-        """Ends a jog at once, and returns when the arm is at rest."""
+    def release(self, hold: str | None = None) -> None:
+        """Ends a jog at once, and returns when the arm is at rest; the press `hold` begins nothing any more, even where
+        its request is still on the way."""
         with self._lock:
+            if hold is not None and hold not in self._holds:
+                self._holds.append(hold)
             if self._jog is not None:
                 self._end(self._jog)
 

@@ -26,7 +26,7 @@ from acquisition.formats.frames import FolderFrames
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import require_capture
 from acquisition.models.cell_config import CellConfig
-from acquisition.models.errors import ErrorCode, Halted, RigError, problem
+from acquisition.models.errors import NOT_WRITTEN, ErrorCode, Halted, RigError, problem
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.runner import calibration_checks, solve_calibration
@@ -339,12 +339,12 @@ class ReSolveService:
                 self._end(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
 
     def _end(self, request: SolveRequest, error: RigError) -> None:
-        """Announces a failure from the thread; waits while the disk is full, for else the request would be pending."""
+        """Announces a failure from the thread; waits while the journal cannot be written: else it would be pending."""
         while True:
             try:
                 self._fail(request, error)
             except RigError as refused:
-                if refused.code is ErrorCode.STORE_DISK_FULL and not self._closing.wait(POLL_S):
+                if refused.code in NOT_WRITTEN and not self._closing.wait(POLL_S):
                     continue
                 _log.exception("the outcome of solving session %s again", request.session_id)
             return

@@ -14,7 +14,6 @@ from concurrent import futures
 from concurrent.futures import Future
 from contextlib import suppress
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import Any, TypeVar
 
 from acquisition import session
@@ -77,6 +76,7 @@ class Runner:
         self.planning = PlanningService(store, rig, self.choices, compute, self._executor, self._closing)
         self.preview = Preview(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
+        self._running: str | None = None  # the session that the token is of
         self._taking_over = threading.Lock()  # never held by a halt
         self._stops = StopRecord(store, monitor, self._loop.trigger)
         self.halts = 0  # how often somebody has halted the cell: what was decided before is void
@@ -105,6 +105,9 @@ class Runner:
         self.begin_shutdown()
         if self._thread.is_alive():
             self._thread.join(10)
+        if not self._thread.is_alive():
+            with suppress(RigError):  # the journal cannot be written: nothing more can be done
+                self._stops.record_outstanding()
         self._monitor.close()
         self._rig.camera.close()
         self._rig.arm.close()
@@ -164,8 +167,8 @@ class Runner:
         self.halts += 1  # before the token: a start in another thread sees this, or its token is set below
         self._token.set()
         self._rig.halt()
-        latch = self._monitor.latch_stop(actor)
-        self._requests.put(lambda: self._stops.halt(actor, latch))
+        self._stops.add(actor, self._monitor.latch_stop(actor))
+        self._requests.put(self._stops.record_outstanding)
         self._token.set()  # a start may have been entered since: its token is another one
 
     def require_clear(self) -> None:
@@ -199,8 +202,11 @@ class Runner:
         """Halts and interrupts the session that holds the rig; called by the safety monitor when it latches a fault."""
         self._token.set()
         self._rig.halt()
-        recorded = self._stops.fault(latch)
-        self._requests.put(lambda: self._stops.interrupt(latch, recorded))
+        recorded = False
+        try:
+            recorded = self._stops.fault(latch)
+        finally:
+            self._requests.put(lambda: self._stops.interrupt(latch, recorded))
 
     def status(self) -> RigStatus:
         """The status of the rig, from cached readings; asks no device."""
@@ -236,21 +242,6 @@ class Runner:
         return self._estimator.estimate(record, stage)
 
     @property
-    def reach_file(self) -> Path:
-        """Where the cell's reach is kept."""
-        return self._executor.reach_cache
-
-    def reach(self) -> str:
-        """The cell's reach as JSON. Raises RigError rig.busy while a session uses the compute process."""
-        calibration = self.choices.calibration
-        cache = self._executor.reach_cache_of(calibration)
-        if self._store.journal.holder() is not None and not cache.exists():
-            raise RigError(ErrorCode.RIG_BUSY, "The reach is made once, when no session runs: ask again later")
-        if not cache.exists():
-            self._compute.run(self._closing, "make_reach", self._rig.cell, calibration, cache)
-        return cache.read_text(encoding="utf-8")
-
-    @property
     def processor_s(self) -> dict[str, float]:
         """Processor time of the jobs of the compute process so far, by name, s."""
         return self._compute.processor_s
@@ -267,7 +258,9 @@ class Runner:
         row = journal.session(session_id)
         target = session.next_state(row.state, action, Actor.OPERATOR)
         if target is None or target is row.state or row.state is State.PAUSING:
-            return journal.trigger(session_id, action, actor)[1]
+            before, state = journal.trigger(session_id, action, actor, expected=row.state)
+            # One that has come to rest meanwhile is not resumed without all that follows.
+            return state if before is row.state else self._start(session_id, action, actor, from_here)
         holder = journal.holder()
         if holder is not None and holder.id != session_id:
             raise RigError(ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig", holder=holder.id)
@@ -295,17 +288,15 @@ class Runner:
             before, target = journal.trigger(session_id, action, actor)
             if before is target:  # a concurrent equal request was first: it runs the session
                 return target
-            self._token = token
+            self._token, self._running = token, session_id
         self._requests.put(lambda: self._loop.run(session_id, token))
         return target
 
     def _stop(self, session_id: str, actor: str) -> State:
-        journal = self._store.journal
-        holder = journal.holder()
-        if holder is not None and holder.id == session_id:
+        if self._running == session_id:  # before the journal is asked, which another program may hold
             self._token.set()
             self._rig.halt()
-        _, state = journal.trigger(session_id, Trigger.STOP, actor)
+        _, state = self._store.journal.trigger(session_id, Trigger.STOP, actor)
         if state is State.STOPPING:
             # A resume may have begun between the halt and the entry: its token is another one. And the loop may have
             # ended before the entry, or not have run, so that nothing else would enter the arm's rest.
@@ -338,7 +329,7 @@ class Runner:
         def take_over(token: StopToken) -> None:
             with self._taking_over:
                 self._refuse_held()
-                self._token = token
+                self._token, self._running = token, None
 
         def make_ready() -> None:
             self.preview.preempt()

@@ -99,10 +99,7 @@ class SafetyMonitor:
         The acknowledgement is remembered also where the latch stays. Raises RigError safety.still_faulted while the
         controller reports a stop.
         """
-        self._acknowledged_at[actor] = time.monotonic()
-        fault = self._present_fault()
-        if fault is not None and fault.code != ErrorCode.DEVICE_DISCONNECTED:
-            raise RigError(ErrorCode.SAFETY_STILL_FAULTED, fault.detail, fault=str(fault.code))
+        fault = self.require_over(actor)
         with self._latch_lock:
             opened, self._latch = self._latch, None
             if fault is not None:
@@ -111,6 +108,15 @@ class SafetyMonitor:
             _log.warning("%s acknowledged: %s", actor, opened.detail)
             self._on_change(None)
         return opened
+
+    def require_over(self, actor: str) -> states.Fault | None:
+        """Remembers that `actor` acknowledges; returns a lost link, the fault that may last. Raises RigError
+        safety.still_faulted while the controller reports a stop."""
+        self._acknowledged_at[actor] = time.monotonic()
+        fault = self._present_fault()
+        if fault is not None and fault.code != ErrorCode.DEVICE_DISCONNECTED:
+            raise RigError(ErrorCode.SAFETY_STILL_FAULTED, fault.detail, fault=str(fault.code))
+        return fault
 
     def acknowledged_within(self, actor: str, within_s: float) -> bool:
         """Whether `actor` has acknowledged within this time."""
@@ -136,8 +142,8 @@ class SafetyMonitor:
             if self._latch is not None:
                 return
             latch = self._latch = Latch(fault.code, fault.detail.removesuffix("."), time.time())
-        _log.error("%s: %s", latch.code, latch.detail)
         self._on_change(latch)
+        _log.error("%s: %s", latch.code, latch.detail)
 
     def _present_fault(self) -> states.Fault | None:
         reading = self._arm.reading
@@ -154,5 +160,5 @@ class SafetyMonitor:
         while not self._ending.wait(PERIOD_S):
             try:
                 self.poll()
-            except RigError:
-                _log.exception("the latch is set, but its entry failed")
+            except Exception:  # noqa: BLE001 - nothing else sees the next fault: the thread must live on
+                _log.exception("the latch is set, but what follows from it failed")

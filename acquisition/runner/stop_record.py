@@ -1,12 +1,14 @@
 """Journal of what has stopped the cell: a fault that the safety monitor latched, a person's stop, an acknowledgement.
 
-The devices are halted and the latch is closed before anything is written. A disk that is full delays the entries only:
-what the session has come to is written as soon as there is space, by the thread that runs sessions, and what has
-stopped it afterwards. A latch that is recorded closes again with the next service.
+The devices are halted and the latch is closed before anything is written. A journal that cannot be written, on a full
+disk or held by another program, delays the entries only: what the session has come to is written as soon as that is
+over, by the thread that runs sessions, and what has stopped it afterwards. A latch that is recorded closes again with
+the next service.
 """
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
@@ -32,9 +34,10 @@ class StopRecord:
     def __init__(self, store: Store, monitor: SafetyMonitor, fire: Fire) -> None:
         self._store, self._monitor, self._fire = store, monitor, fire
         self._recording = threading.Lock()  # never held by a halt
+        self._outstanding: deque[tuple[str, Latch]] = deque()
 
     def fault(self, latch: Latch) -> bool:
-        """Records and announces a fault at once; False where the disk is full."""
+        """Records and announces a fault at once; False where the journal cannot be written."""
         return _tried(lambda: self._store.journal.record_fault(latch.code, latch.detail))
 
     def interrupt(self, latch: Latch, recorded: bool) -> None:
@@ -45,8 +48,17 @@ class StopRecord:
         if not recorded:
             self._record(latch)
 
-    def halt(self, actor: str, latch: Latch) -> None:
-        """Records that `actor` has stopped the cell, and stops the session that holds the rig."""
+    def add(self, actor: str, latch: Latch) -> None:
+        """Notes that `actor` has stopped the cell, without a lock or the journal; `record_outstanding` follows."""
+        self._outstanding.append((actor, latch))
+
+    def record_outstanding(self) -> None:
+        """Records the stops that are noted, and stops the session that holds the rig."""
+        while self._outstanding:
+            self._halt(*self._outstanding[0])
+            self._outstanding.popleft()
+
+    def _halt(self, actor: str, latch: Latch) -> None:
         holder = self._store.journal.holder()
 
         def record() -> None:
@@ -62,20 +74,32 @@ class StopRecord:
             record()
 
     def acknowledge(self, actor: str) -> None:
-        """Opens the latch and records who did. Raises RigError safety.still_faulted, store.disk_full."""
+        """Records who acknowledges, and then opens the latch: an acknowledgement that is refused changes nothing.
+
+        Raises RigError safety.still_faulted, store.disk_full, store.unwritable.
+        """
         with self._recording:
-            self._monitor.acknowledge(actor)
+            self._monitor.require_over(actor)
             self._store.journal.acknowledge(actor)
+            try:
+                self._monitor.acknowledge(actor)
+            except RigError:  # a fault has come meanwhile
+                if (latch := self._monitor.latch) is not None:
+                    self._record_closed(latch)
+                raise
 
     def _record(self, latch: Latch) -> None:
-        """Records a latch that is still closed: one acknowledged meanwhile would come back with the next service."""
         with self._recording:
-            if self._monitor.latch is latch and not self._store.journal.unacknowledged_faults():
-                self._store.journal.record_fault(latch.code, latch.detail)
+            self._record_closed(latch)
+
+    def _record_closed(self, latch: Latch) -> None:
+        """Records a latch that is still closed: one acknowledged meanwhile would come back with the next service."""
+        if self._monitor.latch is latch and not self._store.journal.unacknowledged_faults():
+            self._store.journal.record_fault(latch.code, latch.detail)
 
 
 def _tried(entry: Callable[[], None]) -> bool:
-    """Whether an entry could be written; the disk may be full."""
+    """Whether an entry could be written; the disk may be full, or the journal held by another program."""
     try:
         entry()
     except RigError:

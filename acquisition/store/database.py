@@ -116,21 +116,16 @@ class Database:
 
     @contextmanager
     def _transaction(self) -> Generator[sqlite3.Connection]:
-        """A transaction under the lock. Raises RigError store.disk_full when the disk does not take it."""
-        try:
-            with self._lock:
-                self._connection.execute("BEGIN IMMEDIATE")
-                try:
-                    yield self._connection
-                    self._connection.execute("COMMIT")
-                except BaseException:
-                    if self._connection.in_transaction:  # SQLite itself rolls back when the disk is full
-                        self._connection.execute("ROLLBACK")
-                    raise
-        except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode != sqlite3.SQLITE_FULL:
+        """A transaction under the lock. Raises RigError store.disk_full and store.unwritable."""
+        with _refusals(), self._lock:
+            self._connection.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._connection
+                self._connection.execute("COMMIT")
+            except BaseException:
+                if self._connection.in_transaction:  # SQLite itself rolls back when the disk is full
+                    self._connection.execute("ROLLBACK")
                 raise
-            raise RigError(ErrorCode.STORE_DISK_FULL, "No space left for the journal", file="rig.db") from error
         # After the lock is released: waiting readers query the table under that lock.
         with self._event_added:
             self._event_added.notify_all()
@@ -150,12 +145,24 @@ class Database:
         )
 
     def _one(self, query: str, *values: Any) -> sqlite3.Row | None:
-        with self._lock:
+        with _refusals(), self._lock:
             return self._connection.execute(query, values).fetchone()
 
     def _all(self, query: str, *values: Any) -> list[sqlite3.Row]:
-        with self._lock:
+        with _refusals(), self._lock:
             return self._connection.execute(query, values).fetchall()
+
+
+@contextmanager
+def _refusals() -> Generator[None]:
+    """Gives what SQLite cannot do at the moment a code: its disk is full, or another program or the disk refuses."""
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        if error.sqlite_errorcode == sqlite3.SQLITE_FULL:
+            raise RigError(ErrorCode.STORE_DISK_FULL, "No space left for the journal", file="rig.db") from error
+        detail = f"The journal cannot be written: {error}"
+        raise RigError(ErrorCode.STORE_UNWRITABLE, detail, file="rig.db") from error
 
 
 def placeholders(values: Any) -> str:

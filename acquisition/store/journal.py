@@ -70,15 +70,19 @@ class Journal(OutboxTable):
             return self.session(identity), True
 
     def trigger(
-        self, session_id: str, trigger: Trigger, actor: str, reason: dict[str, Any] | None = None
-    ) -> tuple[State, State]:
+        self, session_id: str, trigger: Trigger, actor: str, reason: dict[str, Any] | None = None,
+        *, expected: State | None = None,
+    ) -> tuple[State, State]:  # fmt: skip
         """Changes a session's state by the table and returns (before, after), all in one transaction.
 
-        `actor` is a person's name, or that of `session.Actor.RUNNER` or `SERVICE`. Raises RigError
+        `actor` is a person's name, or that of `session.Actor.RUNNER` or `SERVICE`. Of a session in another state than
+        the `expected` one nothing changes. Raises RigError
         session.action_not_allowed, rig.busy (naming the holder), session.not_found.
         """
         with self._transaction() as connection:
             row = self.session(session_id)
+            if expected is not None and row.state is not expected:
+                return row.state, row.state
             target = next_state(row.state, trigger, Actor.of(actor))
             if target is None:
                 self._record_action(connection, session_id, trigger, actor, "refused")

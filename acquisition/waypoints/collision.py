@@ -67,7 +67,7 @@ class Scene:
     def violations(self, joints: FloatArray) -> Indices:
         """First violated clearance of each of (N, 6): the obstacle's number, len(reasons): the arm itself, −1: none."""
         return kernels.first_violations(
-            np.ascontiguousarray(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.vertices,
+            _finite(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.vertices,
             self.pairs, self.self_margin, NODE_SLACK_M,
         )  # fmt: skip
 
@@ -78,21 +78,21 @@ class Scene:
     def clearance(self, joints: FloatArray) -> FloatArray:
         """Minimum distances (N, O + 1) in m from the arm's surface to each obstacle and, last, to itself."""
         return kernels.distances(
-            np.ascontiguousarray(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.vertices,
+            _finite(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.vertices,
             self.pairs,
         )  # fmt: skip
 
     def edges_free(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
         """Continuous collision check (Schwarzer, Saha and Latombe 2002) of N straight joint edges, (N, 6) to (N, 6)."""
         return kernels.edges_free(
-            np.ascontiguousarray(starts), np.ascontiguousarray(ends), self.model.dh, self.links, self.capsules,
+            _finite(starts), _finite(ends), self.model.dh, self.links, self.capsules,
             self.lever_arms, self.obstacles, self.vertices, self.pairs, self.self_margin,
         )  # fmt: skip
 
     def blocked_cones(self, joints: FloatArray, emitters: FloatArray) -> Indices:
         """For (N, 6) with emitters (N, 3) in base: 1 the arm blocks the view, 2 it shadows the object, −1 neither."""
         return kernels.blocked_cones(
-            np.ascontiguousarray(joints), np.ascontiguousarray(emitters), self.model.dh, self.links, self.capsules,
+            _finite(joints), np.ascontiguousarray(emitters), self.model.dh, self.links, self.capsules,
             self.first_tool_capsule, self.lens[None], self.keep_out[None], CONE_MARGIN_M,
         )  # fmt: skip
 
@@ -182,6 +182,13 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
         occluders=_occluders(obstacles, vertices),
         lens=np.array(calibration.base_from_camera, dtype=float)[:3, 3].copy(),
     )
+
+
+def _finite(joints: FloatArray) -> FloatArray:
+    """Joint angles, contiguous. Raises ValueError for NaN, of which no distance is below any clearance."""
+    if not np.isfinite(joints).all():
+        raise ValueError("joint angles must be finite")
+    return np.ascontiguousarray(joints)
 
 
 def _row(kind: int, margin: float, *shape: float) -> FloatArray:

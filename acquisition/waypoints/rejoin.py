@@ -1,7 +1,8 @@
 """Rejoining an interrupted route: the remaining waypoints in the same order, from the arm's present configuration.
 
 So an interrupted session captures each light from the configuration that was planned for it, and its images are those
-of an uninterrupted one. The legs between the waypoints were certified when the route was made and are kept.
+of an uninterrupted one. The legs between the waypoints were certified when the route was made and are kept, and so is
+the way home where the route still ends at the same light.
 """
 
 from collections.abc import Sequence
@@ -9,8 +10,8 @@ from collections.abc import Sequence
 from acquisition.models.base import as_joints
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
-from acquisition.models.route import Route, Waypoint
-from acquisition.waypoints.routing import path_between
+from acquisition.models.route import JointPath, Route, Waypoint
+from acquisition.waypoints.routing import path_between, retreat
 
 
 def rejoin(
@@ -18,8 +19,8 @@ def rejoin(
 ) -> Route:
     """Remaining part of a route from the arm's present configuration: the same waypoints in the same order.
 
-    `left` are numbers of lights that the route serves, `start_joints` (6) rad. Raises RigError waypoints.collision when
-    no certified path leads to the first of them.
+    `remaining` are numbers of lights that the route serves, `start_joints` (6) rad. Raises RigError waypoints.collision
+    when no certified path leads to the first of them, or home from the last.
     """
     remaining_legs = [
         (number, waypoint)
@@ -35,13 +36,21 @@ def rejoin(
             waypoint = waypoint.model_copy(update=dict(path))  # noqa: PLW2901
         waypoints.append(waypoint)
         before = waypoint.joints
-    home_seconds = route.seconds - sum(waypoint.seconds for waypoint in route.waypoints)
+    home = JointPath(
+        path=route.home_path,
+        speeds=route.home_speeds,
+        seconds=route.seconds - sum(waypoint.seconds for waypoint in route.waypoints),
+    )
+    if not remaining_legs or remaining_legs[-1][0] != route.light_numbers[-1]:
+        home = retreat(before, cell, calibration)
     return route.model_copy(
         update={
             "start": as_joints(start_joints),
             "waypoints": waypoints,
             "light_numbers": [number for number, _ in remaining_legs],
-            "seconds": sum(waypoint.seconds for waypoint in waypoints) + home_seconds,
+            "home_path": home.path,
+            "home_speeds": home.speeds,
+            "seconds": sum(waypoint.seconds for waypoint in waypoints) + home.seconds,
             "lower_bound_s": 0.0,
         }
     )

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from acquisition.models.calibration_recipe import AnyRecipe
 
 app = typer.Typer(
-    no_args_is_help=True, help="Calibrates the cell from images of a board, a mirror sphere and a matt plane; with --address the arm moves."
+    no_args_is_help=True,
+    help="Calibrates the cell from images of a board, a mirror sphere and a matt plane; with --address the arm moves.",
 )
 
 Images = Annotated[Path, typer.Argument(help="Folder of images, PNG or TIFF, all of one size")]

@@ -48,8 +48,8 @@ KEPT_DRAWINGS = 4
 async def reach_picture(service: ServiceOf, request: Request, form: Format) -> Response:
     """The reach of the arm: the dome seen from the camera, or cell and dome in 3-D, with the reason of each refusal."""
     runner = service.runner
-    reach = await in_turn(service.limits.reach, runner.reach)
-    draw = partial(runner.render, "draw_reach", service.cell, service.calibration, runner.reach_file, form)
+    reach = await in_turn(service.limits.reach, runner.planning.reach)
+    draw = partial(runner.render, "draw_reach", service.cell, service.calibration, runner.planning.reach_file, form)
     return await _rendered(service, request, draw, form, reach, service.cell, service.calibration)
 
 

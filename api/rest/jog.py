@@ -10,6 +10,7 @@ import anyio.to_thread
 from fastapi import APIRouter
 from pydantic import Field
 
+from acquisition.models.base import Value
 from acquisition.models.errors import ErrorCode
 from acquisition.models.jog import JogMotion
 from acquisition.runner.operator_moves import HOLD_S
@@ -39,6 +40,16 @@ class JogRequest(JogMotion):
     def motion(self) -> JogMotion:
         """The motion that is asked for."""
         return JogMotion.model_validate({name: getattr(self, name) for name in JogMotion.model_fields})
+
+
+class JogRelease(Value):
+    """The press whose button is let go."""
+
+    hold: str | None = Field(
+        default=None,
+        max_length=64,
+        description="Its name: its request moves nothing any more, should it arrive after this one",
+    )
 
 
 class JogResource(Resource):
@@ -85,8 +96,13 @@ async def jog(service: ServiceOf, actor: Actor, request: JogRequest) -> JogResou
     return JogResource(moving=moving, hold_s=HOLD_S, links=_LINKS)
 
 
-@router.post("/v1/rig/jog/release", status_code=202, responses=problems.responses_of(ErrorCode.RIG_BUSY))
-async def release_jog(service: ServiceOf) -> JogResource:
+@router.post(
+    "/v1/rig/jog/release",
+    status_code=202,
+    responses=problems.responses_of(*problems.BODY_CODES, ErrorCode.RIG_BUSY),
+)
+async def release_jog(service: ServiceOf, released: JogRelease | None = None) -> JogResource:
     """Ends a jog at once, as when the button is let go; answers when the arm is at rest. Harmless without one."""
-    await anyio.to_thread.run_sync(service.runner.moves.release, limiter=service.limits.stop)
+    hold = None if released is None else released.hold
+    await anyio.to_thread.run_sync(service.runner.moves.release, hold, limiter=service.limits.stop)
     return JogResource(moving=False, hold_s=HOLD_S, links=_LINKS)

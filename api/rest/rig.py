@@ -181,7 +181,7 @@ async def park(service: ServiceOf, actor: Actor) -> Accepted:
 )
 async def reach(service: ServiceOf) -> Response:
     """Which light positions the arm can reach, and why not the others; computed once for a cell, in a minute or so."""
-    content = await in_turn(service.limits.reach, service.runner.reach)
+    content = await in_turn(service.limits.reach, service.runner.planning.reach)
     return Response(content, media_type="application/json")
 
 

@@ -70,7 +70,7 @@ class CellScene:
     def encoded(self) -> bytes:
         """The SceneResource as JSON; made anew when the reach has become known or another calibration is in use."""
         with self._lock:
-            reach_file = self._service.runner.reach_file
+            reach_file = self._service.runner.planning.reach_file
             stamp = (reach_file, _stamp(reach_file))
             if self._encoded is None or self._encoded[0] != stamp:
                 scene = self._geometry().model_copy(update={"lights": _lights(reach_file)})

@@ -6,7 +6,8 @@ or the driver.
 A thread of its own sleeps on a socket. Waking it is one `send`, which takes no lock and may be done in a signal
 handler (threading.Event takes a lock, which a handler could find held by the very thread it interrupts). Woken by a
 halt, it gives the driver ACKNOWLEDGE_S to accept it and then stops the arm itself; woken by the death of the driver,
-or by a failure, it stops at once. Without its program the arm brakes, and only an explicit connect can move it again.
+or by a failure, its own included, it stops at once, and logs afterwards. Without its program the arm brakes, and only
+an explicit connect can move it again.
 """
 
 import contextlib
@@ -16,7 +17,7 @@ import select
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from acquisition.devices.ur import protocol
 from acquisition.devices.ur.software import Software, StopConnection
@@ -78,37 +79,45 @@ class ProgramStop:
             self._wake_write.send(reason)
 
     def _run(self) -> None:
-        reasons = b""
-        while _QUIT not in reasons:
-            self._keep_open()
-            sources: list[int | socket.socket] = [self._wake_read]
-            if self._process is not None:
-                sources.append(self._process)
-            if self._connection is not None:
-                sources.append(self._connection.socket)
-            ready, _, _ = select.select(sources, [], [], _REOPEN_S)
-            reasons = self._wake_read.recv(4096) if self._wake_read in ready else b""
-            if _WATCH in reasons:
-                self._replace_process()
-            elif self._process is not None and self._process in ready:
-                _log.error("the driver has ended: the arm is stopped")
-                os.close(self._process)
-                self._process = None
+        while True:
+            try:
+                if not self._serve():
+                    break
+            except Exception:  # noqa: BLE001 - nothing else stops an arm whose driver hangs: the thread must live on
                 self._stop()
-            if _STOP in reasons:
-                self._stop()
-            elif _HALT in reasons:
-                self._supervise_halt()
-            elif self._connection is not None and self._connection.socket in ready:
-                self._read_unasked()
-            if _REOPEN in reasons:  # after a stop: the old connection is the sooner one
-                self._drop()
-                self._try_open_at = 0.0
+                _log.exception("the second halt path failed: the arm is stopped")
+                time.sleep(protocol.ACKNOWLEDGE_S)
         self._new_process = None
         self._replace_process()
         self._drop()
         self._wake_write.close()
         self._wake_read.close()
+
+    def _serve(self) -> bool:
+        """Waits for one event and answers it; False: the thread is to end."""
+        self._keep_open()
+        wake = self._wake_read.fileno()
+        connection = None if self._connection is None else self._connection.socket.fileno()
+        sources = [one for one in (wake, self._process, connection) if one is not None]
+        ready = _readable(sources, _REOPEN_S)
+        reasons = self._wake_read.recv(4096) if wake in ready else b""
+        if _WATCH in reasons:
+            self._replace_process()
+        elif self._process is not None and self._process in ready:
+            os.close(self._process)
+            self._process = None
+            self._stop()
+            _log.error("the driver has ended: the arm is stopped")
+        if _STOP in reasons:
+            self._stop()
+        elif _HALT in reasons:
+            self._supervise_halt()
+        elif connection is not None and connection in ready:
+            self._read_unasked()
+        if _REOPEN in reasons:  # after a stop: the old connection is the sooner one
+            self._drop()
+            self._try_open_at = 0.0
+        return _QUIT not in reasons
 
     def _replace_process(self) -> None:
         if self._process is not None and self._process != self._new_process:
@@ -117,20 +126,20 @@ class ProgramStop:
 
     def _supervise_halt(self) -> None:
         if not self._await(lambda: self._halt_state()[0], protocol.ACKNOWLEDGE_S):
-            _log.warning("the driver has not accepted a halt within %g s", protocol.ACKNOWLEDGE_S)
+            late = f"accepted a halt within {protocol.ACKNOWLEDGE_S:g} s"
         elif not self._await(lambda: self._halt_state()[1], _CARRY_OUT_S):
-            _log.warning("the driver has not carried out a halt within %g s", _CARRY_OUT_S)
+            late = f"carried out a halt within {_CARRY_OUT_S:g} s"
         else:
             return
         self._stop()
+        _log.warning("the driver has not %s", late)
 
     def _await(self, condition: Callable[[], bool], seconds: float) -> bool:
         """Whether the condition becomes true in time; False as soon as the driver has ended."""
         deadline = time.monotonic() + seconds
         watched = [] if self._process is None else [self._process]
         while not condition():
-            ended, _, _ = select.select(watched, [], [], protocol.TICK_S)
-            if ended:
+            if _readable(watched, protocol.TICK_S):
                 return False
             if time.monotonic() > deadline:
                 return condition()  # it may be this thread that was late
@@ -140,6 +149,7 @@ class ProgramStop:
         """Ends the program; without a confirmation once more on a new connection, for stopping twice is harmless."""
         if not self._enabled:
             return
+        unconfirmed = "cannot be reached"
         for _ in range(2):
             self._try_open_at = 0.0
             self._keep_open()
@@ -148,12 +158,12 @@ class ProgramStop:
             try:
                 reply = self._connection.stop()
             except OSError as error:
-                _log.warning("a stop by %s is not confirmed: it %s", self._software.stop_path, error)
                 self._drop()
+                unconfirmed = str(error)
                 continue
             _log.warning("stopped by %s: %s", self._software.stop_path, reply)
             return
-        _log.error("the program could not be stopped by %s", self._software.stop_path)
+        _log.error("the program could not be stopped by %s: it %s", self._software.stop_path, unconfirmed)
 
     def _keep_open(self) -> None:
         now = time.monotonic()
@@ -177,3 +187,11 @@ class ProgramStop:
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+
+
+def _readable(descriptors: Iterable[int], within_s: float) -> set[int]:
+    """Which descriptors are readable, or have failed, by `poll`: `select` knows none from 1024 on."""
+    waiting = select.poll()
+    for one in descriptors:
+        waiting.register(one, select.POLLIN)
+    return {one for one, _ in waiting.poll(1000 * within_s)}

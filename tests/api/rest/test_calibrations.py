@@ -39,9 +39,9 @@ def test_chosen_calibration_is_used_and_survives_restart(start: Callable[..., An
         listed = service.http.get("/v1/rig/calibrations").json()["items"]
         assert [(one["id"], one["active"], one["fits"]) for one in listed] == [("cell", True, ""), (ID, False, "")]
         assert service.client.create(Recipe()).calibration == before.fingerprint
-        reach_file = service.service.runner.reach_file
+        reach_file = service.service.runner.planning.reach_file
         assert service.client.activate_calibration(ID).values == values
-        assert service.service.runner.reach_file != reach_file
+        assert service.service.runner.planning.reach_file != reach_file
         assert service.client.create(Recipe()).calibration == values.fingerprint
     with start() as again:
         assert again.client.calibration().id == ID

@@ -109,7 +109,7 @@ def test_scene_etag_holds_until_reach_is_known(own: Any) -> None:
     unchanged = own.http.get("/v1/rig/scene", headers={"If-None-Match": f'"other", {first.headers["etag"]}'})
     refusal = {"reason": "too-far", "detail": "1.2 m from the shoulder"}
     reach = {"points": [[0.1, 0.2, -0.5], [0.3, 0.2, -0.6]], "refusals": [None, refusal]}
-    own.service.runner.reach_file.write_text(json.dumps(reach), encoding="utf-8")
+    own.service.runner.planning.reach_file.write_text(json.dumps(reach), encoding="utf-8")
     changed = own.http.get("/v1/rig/scene", headers={"If-None-Match": first.headers["etag"]})
 
     assert first.json()["lights"] is None
