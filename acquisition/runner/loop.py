@@ -9,6 +9,7 @@ transition table refuses the loop's own trigger, which is then dropped.
 import logging
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 from structlog.contextvars import bound_contextvars
@@ -99,17 +100,26 @@ class SessionLoop:
 
         Waits while the journal cannot be written: the state must not be lost, and nothing moves meanwhile.
         """
+        try:
+            self.until_written(lambda: self._store.journal.trigger(session_id, trigger, actor, reason))
+        except RigError as error:
+            if error.code is not ErrorCode.SESSION_ACTION_NOT_ALLOWED:
+                raise
+            _log.info("session %s: %s came too late", session_id, trigger)
+            return False
+        return True
+
+    def until_written(self, entry: Callable[[], object]) -> None:
+        """Makes an entry into the journal, and waits while that cannot be written. Raises RigError as the entry does,
+        of a journal that cannot be written when the service ends."""
         while True:
             try:
-                self._store.journal.trigger(session_id, trigger, actor, reason)
+                entry()
             except RigError as error:
                 if error.code in NOT_WRITTEN and not self._closing.wait(JOURNAL_RETRY_S):
                     continue
-                if error.code is not ErrorCode.SESSION_ACTION_NOT_ALLOWED:
-                    raise
-                _log.info("session %s: %s came too late", session_id, trigger)
-                return False
-            return True
+                raise
+            return
 
     def _run_step(self, session_id: str, token: StopToken) -> bool:
         """Runs one step and maps its failure to a state; False when there is no more to do."""

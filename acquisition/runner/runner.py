@@ -78,7 +78,7 @@ class Runner:
         self._token = StopToken()
         self._running: str | None = None  # the session that the token is of
         self._taking_over = threading.Lock()  # never held by a halt
-        self._stops = StopRecord(store, monitor, self._loop.trigger)
+        self._stops = StopRecord(store, monitor, self._loop)
         self.halts = 0  # how often somebody has halted the cell: what was decided before is void
         self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
         self._next_connection = 0.0

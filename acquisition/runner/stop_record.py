@@ -20,19 +20,25 @@ from acquisition.store import Store
 _log = logging.getLogger(__name__)
 
 
-class Fire(Protocol):
-    """`SessionLoop.trigger`: fires a trigger, and waits while the disk is full."""
+class Entries(Protocol):
+    """`SessionLoop`: makes entries, and waits while the journal cannot be written."""
 
-    def __call__(
+    def trigger(
         self, session_id: str, trigger: Trigger, actor: str = ..., reason: dict[str, object] | None = ...
-    ) -> bool: ...
+    ) -> bool:
+        """Fires a trigger of a session."""
+        ...
+
+    def until_written(self, entry: Callable[[], object]) -> None:
+        """Makes any other entry."""
+        ...
 
 
 class StopRecord:
     """Writes stops of the cell; `fault` and `acknowledge` from any thread, the others from the runner's."""
 
-    def __init__(self, store: Store, monitor: SafetyMonitor, fire: Fire) -> None:
-        self._store, self._monitor, self._fire = store, monitor, fire
+    def __init__(self, store: Store, monitor: SafetyMonitor, entries: Entries) -> None:
+        self._store, self._monitor, self._entries = store, monitor, entries
         self._recording = threading.Lock()  # never held by a halt
         self._outstanding: deque[tuple[str, Latch]] = deque()
 
@@ -44,9 +50,9 @@ class StopRecord:
         """Interrupts the session that holds the rig, then records the fault unless `fault` has."""
         holder = self._store.journal.holder()
         if holder is not None and holder.state is not State.INTERRUPTED:
-            self._fire(holder.id, Trigger.INTERRUPT, Actor.SERVICE, problem(latch.code, latch.detail))
+            self._entries.trigger(holder.id, Trigger.INTERRUPT, Actor.SERVICE, problem(latch.code, latch.detail))
         if not recorded:
-            self._record(latch)
+            self._entries.until_written(lambda: self._record(latch))
 
     def add(self, actor: str, latch: Latch) -> None:
         """Notes that `actor` has stopped the cell, without a lock or the journal; `record_outstanding` follows."""
@@ -68,10 +74,10 @@ class StopRecord:
 
         recorded = _tried(record)
         if holder is not None:
-            self._fire(holder.id, Trigger.STOP, actor)
-            self._fire(holder.id, Trigger.AT_REST)
+            self._entries.trigger(holder.id, Trigger.STOP, actor)
+            self._entries.trigger(holder.id, Trigger.AT_REST)
         if not recorded:
-            record()
+            self._entries.until_written(record)
 
     def acknowledge(self, actor: str) -> None:
         """Records who acknowledges, and then opens the latch: an acknowledgement that is refused changes nothing.
