@@ -15,7 +15,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import LIT, SATURATED, FisherInformation, NormalMap, SolveSettings
 from acquisition.normals import near_light
-from acquisition.normals.alternatives import model_trial
+from acquisition.normals.alternatives import lamp_alternatives, model_trial
 from acquisition.normals.brdf import reflectance_solve
 from acquisition.normals.images import memory_mapped, silhouette
 from acquisition.normals.images.image_set import (
@@ -74,7 +74,8 @@ def solve(images: ImageSet, solver: Solver = "auto", *, keep_steps: bool = False
         white = np.float32(_white(images))
         many = images.count >= photometry.SETTINGS.many_lights
         solved = near_light.solve(far, SolveSettings(keep_steps=keep_steps), thorough=not many)
-        if many and _unexplained(solved):
+        as_stated = lamp_alternatives.AXES not in [finding.kind for finding in solved.findings]
+        if many and as_stated and _unexplained(solved):
             solved = reflectance_solve.solve(near_light.windowed_images(far), _distant(images).units, solved)
         colour = None if solved.albedo_rgb is None else solved.albedo_rgb * white
         solved = replace(solved, albedo=solved.albedo * white, albedo_rgb=colour)

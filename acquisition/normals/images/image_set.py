@@ -228,3 +228,9 @@ def check(images: ImageSet) -> None:
         )
     if distant:
         refuse_coplanar(first)
+        behind = np.count_nonzero(first[:, 2] <= 0)
+        if 2 * behind > len(first):
+            refuse(
+                f"{behind} of {len(first)} lights are behind the object: give directions from the object to the light, "
+                "with x to the right, y up and z to the camera"
+            )
