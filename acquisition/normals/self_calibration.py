@@ -154,7 +154,7 @@ def normal_equations(
         return None
     terms = estimate.terms
     nothing, none = np.zeros((count, 0, 0), np.float32), np.zeros((count, 0), np.float32)
-    by_g, added = (nothing, none) if terms is None else (terms.by_g, terms.value)
+    by_g, added = (nothing, none) if terms is None else (terms.by_g, terms.from_lamps)
     by_parameter, parameters, parameter_sigma = nothing, np.zeros(0), np.zeros(0)
     if tested is not None:
         by_parameter, parameters, parameter_sigma = tested, np.zeros(tested.shape[1]), np.zeros(tested.shape[1])
@@ -277,14 +277,15 @@ def normal_variance(
     `by_depth` (∂s/∂Z) (F, 3, N); lamps (F, 6) as estimated.
     """
     of_each_lamp = [
-        np.einsum("fcn,cn->fn", estimate.light, estimate.g),
+        estimate.by_lamps,
         *position_derivative(estimate, lamps).transpose(1, 0, 2),
     ]
     of_all = [np.einsum("fcn,cn->fn", by_depth, estimate.g)]
     if estimate.terms is not None:
         of_all += list(_by_term(estimate, shared.terms).transpose(1, 0, 2))
-    right = [np.einsum("fn,fan->naf", estimate.weights * kind, estimate.light) for kind in of_each_lamp]
-    right += [np.einsum("fn,fan->na", estimate.weights * kind, estimate.light)[..., None] for kind in of_all]
+    rows = estimate.rows
+    right = [np.einsum("fn,fan->naf", estimate.weights * kind, rows) for kind in of_each_lamp]
+    right += [np.einsum("fn,fan->na", estimate.weights * kind, rows)[..., None] for kind in of_all]
     moved = pixel_solve.normal_perturbation(estimate, np.concatenate(right, axis=2).astype(np.float64))
     covariance = shared.covariance[: moved.shape[2], : moved.shape[2]]
     return np.einsum("naf,fg,nag->n", moved, covariance, moved, optimize=True).astype(np.float32)

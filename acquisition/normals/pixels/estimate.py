@@ -24,6 +24,17 @@ class Estimate:
     terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
 
     @property
+    def rows(self) -> Float32Array:
+        """Design rows (F, 3, N): derivatives s + ∂h/∂g of the values by g, h being the terms beyond Lambert's."""
+        return self.light if self.terms is None else self.light + self.terms.by_g
+
+    @property
+    def by_lamps(self) -> Float32Array:
+        """What the lamps' intensities multiply in the values (F, N): all but ambient light and offset."""
+        direct = np.einsum("fcn,cn->fn", self.light, self.g)
+        return direct if self.terms is None else direct + self.terms.from_lamps
+
+    @property
     def term_value(self) -> Float32Array | np.float32:
         """What the terms beyond Lambert's contribute to the values (F, N); 0 without any."""
         return np.float32(0) if self.terms is None else self.terms.value

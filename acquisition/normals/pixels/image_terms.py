@@ -107,6 +107,11 @@ class TermValues:
     by_g: Float32Array
 
     @property
+    def from_lamps(self) -> Float32Array:
+        """What scales with the lamp (F, N): all but ambient light and offset."""
+        return self.value - self.ambient - np.float32(self.offset)
+
+    @property
     def constant(self) -> Float32Array:
         """What does not scale with |g| (F, N): derivatives by g say nothing of it."""
         return self.lobe + np.float32(self.offset)

@@ -260,9 +260,10 @@ def clamp_to_visible(normals: Float32Array, ray_direction: Float32Array) -> Floa
 def normal_perturbation(estimate: Estimate, right: FloatArray) -> FloatArray:
     """First-order rotation (N, 3, K) of the normals, rad, by errors δy of the measurements (implicit differentiation).
 
-    `right` = Σ w s δy (N, 3, K) is what these errors add to the right-hand side of the normal equations.
+    `right` = Σ w r δy (N, 3, K), r the design rows, is what these errors add to the right-hand side of the normal
+    equations.
     """
-    s, w, g = (part.astype(np.float64) for part in (estimate.light, estimate.weights, estimate.g))
+    s, w, g = (part.astype(np.float64) for part in (estimate.rows, estimate.weights, estimate.g))
     matrix = np.einsum("fn,fan,fbn->nab", w, s, s, optimize=True)
     matrix += (1e-6 * np.trace(matrix, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(3)
     albedo = np.sqrt(np.maximum(np.sum(g * g, axis=0), 1e-12))
@@ -274,9 +275,9 @@ def normal_perturbation(estimate: Estimate, right: FloatArray) -> FloatArray:
 def normal_equations(estimate: Estimate, values: Float32Array) -> Float32Array:
     """Normal equations (N, 9) of g by the values (F, N) that it was solved from, with the weights used and no prior:
     the matrix's xx, xy, xz, yy, yz, zz, and the right-hand side's x, y, z."""
-    rows, terms = estimate.light, estimate.terms
+    rows, terms = estimate.rows, estimate.terms
     if terms is not None:
-        rows, values = rows + terms.by_g, values - terms.constant
+        values = values - terms.constant
     weighted = estimate.weights[:, None] * rows
     columns = (rows[:, 0], rows[:, 1], rows[:, 2], values)
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2), (0, 3), (1, 3), (2, 3))
@@ -291,5 +292,5 @@ def fisher_information(
     light = estimate.light[:, :, chosen]
     change = depth_derivative(light, estimate.point[:, chosen], ray_direction[:, chosen], lamps)
     slope = np.einsum("fck,ck->fk", change, estimate.g[:, chosen])
-    rows = np.concatenate([light, slope[:, None]], axis=1).astype(np.float64)
+    rows = np.concatenate([estimate.rows[:, :, chosen], slope[:, None]], axis=1).astype(np.float64)
     return np.einsum("fk,fak,fbk->kab", estimate.weights[:, chosen].astype(np.float64), rows, rows, optimize=True)

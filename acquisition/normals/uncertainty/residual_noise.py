@@ -103,7 +103,8 @@ class _Residuals:
         strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
         used = solution.weights > 0
         used &= np.count_nonzero(used, axis=0) >= max(least_lights, photometry.OVERDETERMINED)
-        return cls(np.ascontiguousarray(light), values.astype(np.float64), predicted, strength, extra, used)
+        rows = np.ascontiguousarray(solution.rows, np.float64)
+        return cls(rows, values.astype(np.float64), predicted, strength, extra, used)
 
     def unleveraged(self, noise: Noise) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Variance v in a `noise`, squared residuals over 1 − h, and which count; each (F, K)."""
