@@ -138,8 +138,8 @@ class SharedSettings:
 
 SETTINGS = SharedSettings()
 
-METAL = "metal"
-"""Kind of the finding that a surface is metal."""
+METAL, GREY_TILE = "metal", "grey tile"
+"""Kinds of the findings that a surface is metal, and of the grey tile, which no normal rests on."""
 
 PIXEL_UNKNOWNS = 3
 """Unknowns of a pixel that its residuals pay for: albedo × normal."""
@@ -182,7 +182,7 @@ def bounded_variance(variance_deg2: FloatArray) -> FloatArray:
 def capture_sigma_deg(findings: Sequence[ModelFinding]) -> float:
     """1 σ, degrees, of all normals of a capture by what was found of it: E of uncorrected findings, half of E of a
     metal that fits (decision 70)."""
-    if any(not finding.corrected for finding in findings):
+    if any(not finding.corrected and finding.kind != GREY_TILE for finding in findings):
         return SETTINGS.unchecked_sigma_deg
     metal = any(finding.kind == METAL for finding in findings)
     return SETTINGS.weakly_checked_sigma_deg if metal else 0.0

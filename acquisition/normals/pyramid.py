@@ -72,7 +72,7 @@ class MaskedImages:
     def level(self, factor: int, chosen: np.ndarray, table_depth_m: Float32Array | None) -> "PyramidLevel":
         """Block means on a grid `factor` times coarser, and the pixels with the numbers `chosen` (K,), sorted.
 
-        `table_depth_m` (h, w) is the depth of what surrounds the object, none: nothing does.
+        `table_depth_m` is the depth of what surrounds the object on that grid, none: nothing does.
         """
         coarse: list[Pixels] = []
         sample: list[tuple[int, Pixels]] = []
@@ -90,7 +90,7 @@ class MaskedImages:
             before = after
         table = None
         if table_depth_m is not None:
-            table = Table(resampling.block_means(table_depth_m, factor), np.concatenate(table_values, axis=1))
+            table = Table(table_depth_m, np.concatenate(table_values, axis=1))
         return PyramidLevel(resampling.concatenate_rows(coarse), factor, tuple(sample), table)
 
 

@@ -26,6 +26,7 @@ from acquisition.normals.images.grey_tile import GreyTile
 from acquisition.normals.images.image_set import refuse_coplanar
 from acquisition.normals.images.normalised_images import Images, refuse_few
 from acquisition.normals.indirect_light import translucency
+from acquisition.normals.pixels import resampling
 from acquisition.normals.pixels.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages
 from acquisition.normals.uncertainty import sensor_estimate
@@ -139,7 +140,9 @@ def solve_stack(
     if count < SETTINGS.min_pixels or any(one.stop - one.start == 1 for one in silhouette.bounding_box(masked.mask)):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
     factor = alternation.coarse_factor(count, 1 if channel is None else mosaic.CELL)
-    table = None if place.table_depth_m is None else place.table_depth_m[rows, columns]
+    table = None
+    if place.table_depth_m is not None:
+        table = resampling.block_means(place.table_depth_m[rows, columns], factor)
     level = masked.level(factor, final_solve.noise_sample(count), table)
     start = rough[masked.mask]
     if factor > 1:

@@ -93,7 +93,7 @@ def options(automatic_s: float, wanted: Exposure, times: CaptureTimes) -> list[l
     base = np.floor(np.log2(automatic_s) + 1e-9)
 
     def exposure(octave: int, frames: int = 1) -> FrameExposure:
-        return FrameExposure(exposure_s=round(float(2.0 ** (base + octave)), 6), frames=frames)
+        return FrameExposure(exposure_s=float(f"{2.0 ** (base + octave):.6g}"), frames=frames)
 
     def is_allowed(exposures: Sequence[FrameExposure]) -> bool:
         within = all(times.shortest_s <= one.exposure_s <= times.longest_s for one in exposures)

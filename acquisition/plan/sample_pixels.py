@@ -9,6 +9,7 @@ import numpy as np
 from acquisition import image_values, photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import FrameExposure
 from acquisition.models.result import LIT, NormalMap
 from acquisition.models.shot import Observations, Shot
@@ -80,8 +81,11 @@ def reweight(sample: Samples, normal_map: NormalMap, observations: Observations,
     """Reweights each pixel's information from the variance by which the solver weighted to the planner's, and fills in
     the mean indirect part of the images."""
     shots = [(shot, shot.light) for shot in observations.shots if shot.kind == "light" and shot.light is not None]
-    if not shots or len(shots) != len(normal_map.flags):
+    if not shots:
         return sample
+    if len(shots) != len(normal_map.flags):
+        counts = f"the normals are of {len(normal_map.flags)} images, the session has {len(shots)}"
+        raise RigError(ErrorCode.PLAN_INFEASIBLE, f"{counts}: plan by the result of all of them")
     shaded = planned_images.shading(sample, [light for _, light in shots], calibration)
     frames = [of_frames(observations.frames_of(shot)) for shot, _ in shots]
     sensor, _ = planned_images.sensor_variance(shaded.value, frames, calibration)

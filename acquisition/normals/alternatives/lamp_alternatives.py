@@ -177,7 +177,7 @@ def _relit(
     problem: Problem, kind: str, axes: FloatArray, most: float, *, sound_enough: bool = False, silent: bool = False
 ) -> Alternative:
     """The lamps' axes multiplied by a matrix (2, 2)."""
-    relit = problem.relit(light_tests.transformed(problem.nominal.lamps, axes))
+    relit = problem.with_axes(axes)
     return Alternative(kind, _axes_sentence(axes), relit, most, sound_enough=sound_enough, silent=silent)
 
 
@@ -209,4 +209,4 @@ def swapped_lamps(present: Solution) -> list[Alternative]:
     order = np.arange(len(nominal.lamps))
     order[[swap.first, swap.second]] = swap.second, swap.first
     message = f"the lamps of images {swap.first + 1} and {swap.second + 1} are swapped: they are exchanged"
-    return [Alternative("swapped lamps", message, problem.relit(nominal.lamps[order]), 1.0)]
+    return [Alternative("swapped lamps", message, problem.with_lamps_of(order), 1.0)]

@@ -197,10 +197,12 @@ def turn_deg(axes: FloatArray) -> float:
 
 
 def transformed(lamps: Float32Array, axes: FloatArray) -> Float32Array:
-    """Lamps (F, 6) with the image-plane axes of positions and optical axes transformed by a matrix (2, 2)."""
+    """Lamps (F, 6) or (F, 9) with the image-plane axes of positions, optical axes and tilts transformed by a matrix
+    (2, 2)."""
     out = lamps.copy()
     matrix = axes.astype(np.float32)
-    out[:, 0:2], out[:, 3:5] = lamps[:, 0:2] @ matrix.T, lamps[:, 3:5] @ matrix.T
+    for first in range(0, lamps.shape[1], 3):
+        out[:, first : first + 2] = lamps[:, first : first + 2] @ matrix.T
     return out
 
 

@@ -15,7 +15,7 @@ from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, final_solve
 from acquisition.normals.alternation import AlternationResult
-from acquisition.normals.alternatives import registration
+from acquisition.normals.alternatives import light_tests, registration
 from acquisition.normals.alternatives.registration import Registration
 from acquisition.normals.alternatives.term_tests import TermScores
 from acquisition.normals.final_solve import SolvedSample
@@ -118,18 +118,28 @@ class Problem:
         """The same object in changed images, with their sensor noise."""
         masked = replace(self.masked, images=images)
         count = int(np.count_nonzero(masked.mask))
-        level = masked.level(self.level.factor, final_solve.noise_sample(count), None)
+        table = None if self.level.table is None else self.level.table.depth_m
+        level = masked.level(self.level.factor, final_solve.noise_sample(count), table)
         noise = replace(self.nominal.noise, shot=images.shot, floor=images.floor)
         return replace(
             self,
             masked=masked,
-            level=replace(level, table=self.level.table),
+            level=level,
             nominal=replace(self.nominal, noise=noise),
         )
 
-    def relit(self, lamps: Float32Array) -> "Problem":
-        """The same images under other lamps (F, 6)."""
-        return replace(self, nominal=replace(self.nominal, lamps=lamps))
+    def with_axes(self, axes: FloatArray) -> "Problem":
+        """The same images under lamps whose axes are multiplied by a matrix (2, 2), and the errors they share."""
+        lamps, common = light_tests.transformed(self.nominal.lamps, axes), self.nominal.common_lamp_errors_m
+        if common is not None:
+            common = np.concatenate([np.einsum("ij,fjc->fic", axes, common[:, :2]), common[:, 2:]], axis=1)
+        return replace(self, nominal=replace(self.nominal, lamps=lamps, common_lamp_errors_m=common))
+
+    def with_lamps_of(self, order: np.ndarray) -> "Problem":
+        """The same images, each under the lamp of the image of the number in `order` (F,)."""
+        lamps, common = self.nominal.lamps[order], self.nominal.common_lamp_errors_m
+        common = None if common is None else common[order]
+        return replace(self, nominal=replace(self.nominal, lamps=lamps, common_lamp_errors_m=common))
 
 
 @dataclass(frozen=True)

@@ -202,6 +202,11 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     for i in range(3):
         n[i] = start[p, i]
         best[i] = n[i]
+    if used == 0:  # nothing tells, and there is no spread of residuals either
+        normals[p] = start[p]
+        strengths[p] = 0
+        statistics[p, 0], statistics[p, 1], statistics[p, 2] = 0, 0, np.inf
+        return
     basis(n, light, diffuse_form, roughness, model)
     loss = non_negative_least_squares(y, w, model, matrix, right, c)
     _tangents(n, tangent)

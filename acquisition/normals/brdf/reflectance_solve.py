@@ -36,6 +36,7 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
     values, clipped, lines, columns = _sample(images, mask)
     form = reflectance_fit.best_diffuse_form(values, clipped, table, normals[lines, columns])
     maps = {name: getattr(before, name).copy() for name in ("normals", "albedo", "sigma_deg", "residual")}
+    variance = np.zeros(mask.shape, np.float32)
     flags = memory_mapped.zeros(before.flags.shape)
     for rows in row_blocks(len(mask)):
         chosen = np.flatnonzero(mask[rows])
@@ -43,19 +44,15 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
             continue
         values, clipped = _measurements(images, rows, chosen)
         fits = reflectance_fit.fit(values, clipped, table, form, normals[rows].reshape(-1, 3)[chosen])
-        # Ambiguity between lobes and diffuse term, and penumbrae, show in deviations from the neighbours, if anywhere.
-        # Noise shows there as well as in the residuals, so that the larger of the two holds both.
-        apart = reflectance_fit.neighbour_deviation(fits.normals, chosen, mask.shape[1])
-        variance = np.maximum(fits.variance, apart**2) + np.float32(photometry.SETTINGS.flat_field_sigma**2)
         strength = np.sum(fits.strengths, axis=1)
         found = {
             "normals": fits.normals,
             # A pixel that is all gloss has a normal too, though next to no diffuse albedo.
             "albedo": np.maximum(fits.strengths[:, 0], np.float32(1e-6) * strength),
-            "sigma_deg": np.degrees(np.sqrt(np.minimum(variance, UNKNOWN_VARIANCE_RAD2))),
             "residual": fits.spread,
         }
         inside = mask[rows]
+        variance[rows][inside] = fits.variance
         for name, part in found.items():
             maps[name][window][rows][inside] = part
         diffuse = reflectance_fit.diffuse(fits.normals, table, form) * fits.strengths[:, :1]
@@ -63,6 +60,11 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
         for image, one in zip(flags, classified, strict=True):
             image[window][rows][inside] = one
         memory_mapped.release(flags)
+    # Ambiguity between lobes and diffuse term, and penumbrae, show in deviations from the neighbours, if anywhere.
+    # Noise shows there as well as in the residuals, so that the larger of the two holds both.
+    apart = reflectance_fit.neighbour_deviation(maps["normals"][window][mask], np.flatnonzero(mask), mask.shape[1])
+    total = np.maximum(variance[mask], apart**2) + np.float32(photometry.SETTINGS.flat_field_sigma**2)
+    maps["sigma_deg"][window][mask] = np.degrees(np.sqrt(np.minimum(total, UNKNOWN_VARIANCE_RAD2)))
     why = "no reflectance of the whole object fits: each pixel has lobes of its own"
     return replace(
         before, **maps, flags=flags, intensity_factors=np.ones(len(directions)),

@@ -98,7 +98,7 @@ def measure(observations: Observations, calibration: Calibration, tile: GreyTile
 def unusable() -> ModelFinding:
     """The finding where the tile serves nothing."""
     return ModelFinding(
-        kind="grey tile",
+        kind=photometry.GREY_TILE,
         message="the grey tile is saturated or in a shadow in most images, so that it was not used: lay it where the "
         "object's shadow does not fall, choose a darker one, and look whether `grey_tile.outline_px` is its outline",
         corrected=False,
@@ -128,4 +128,4 @@ def _finding(saturated: BoolArray, shadowed: BoolArray) -> ModelFinding:
     ]
     message = f"the grey tile {' and '.join(said)}: intensities of images before and after stand in"
     value = float(np.count_nonzero(saturated | shadowed))
-    return ModelFinding(kind="grey tile", message=message, corrected=True, value=value)
+    return ModelFinding(kind=photometry.GREY_TILE, message=message, corrected=True, value=value)

@@ -116,7 +116,7 @@ def _pair_curve(first: Float32Array, second: Float32Array, sensor: SensorModel) 
     """Photon-transfer curve of two frames of one light; none where one frame is stored twice. The second, a little
     brighter or darker, is scaled to the first. Values whose own noise would be clipped are left out.
 
-    Var(first − scale · second) is slope · level (1 + scale) + floor (1 + scale²).
+    Var(first − scale · second) is slope · first (1 + scale) + floor (1 + scale²).
     """
     if np.array_equal(first, second):
         return None
@@ -128,7 +128,7 @@ def _pair_curve(first: Float32Array, second: Float32Array, sensor: SensorModel) 
     if power == 0:
         return EMPTY_CURVE
     scale = float(np.sum(first * second * good, dtype=np.float64)) / power
-    level *= np.float32(0.5 * (1 + scale) ** 2 / (1 + scale**2))
+    level *= np.float32(2 * scale / (1 + scale**2))
     apart = (first - second * np.float32(scale)) * np.float32((1 + scale**2) ** -0.5)
     return _quad_curve(level, np.asarray(apart, np.float32), sensor, good)
 

@@ -96,12 +96,20 @@ def test_choose_side_unlit_by_pilot_gets_light(cushion: scenes.Scene, reach: sce
     assert np.mean([light.position[0] for light in added]) < -0.05
 
 
+def test_choose_by_normals_of_other_images_is_refused(
+    piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
+) -> None:
+    observations = scenes.capture(cushion, scenes.ring(8, 45.0))
+    with pytest.raises(RigError, match="of 4 images, the session has 8"):
+        plan.Problem.of(piloted, observations, Recipe(), reach, cushion.calibration)
+
+
 def test_choose_recipe_fulfilled_gives_no_lights_but_forecast(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
-    lights = scenes.ring(8, 45.0)
-    observations = scenes.capture(cushion, lights)
-    chosen = plan.choose(plan.Problem.of(piloted, observations, Recipe(), reach, cushion.calibration))
+    observations = scenes.capture(cushion, scenes.ring(4, 45.0))
+    recipe = Recipe(pilot_lights=4, planned_lights=0)
+    chosen = plan.choose(plan.Problem.of(piloted, observations, recipe, reach, cushion.calibration))
     assert chosen.lights == []
     assert (chosen.predicted_sigma_deg or 0) > 0
     assert "all lights of the recipe have been captured" in chosen.notes

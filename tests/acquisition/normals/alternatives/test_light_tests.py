@@ -79,6 +79,8 @@ def test_transformed_lamps_turn_places_and_optical_axes() -> None:
     lamps = np.array([[0.1, 0.2, -0.3, 0.6, 0.0, -0.8]], np.float32)
     out = light_tests.transformed(lamps, light_tests.turned_by(90))
     assert out == pytest.approx(np.array([[-0.2, 0.1, -0.3, 0.0, 0.6, -0.8]]))
+    tilted = np.concatenate([lamps, np.array([[0.1, 0.0, 0.05]], np.float32)], axis=1)
+    assert light_tests.transformed(tilted, light_tests.turned_by(90))[0, 6:] == pytest.approx([0.0, 0.1, 0.05])
 
 
 @pytest.mark.parametrize(("first", "second"), [(0, 1), (2, 6), (3, 7)])

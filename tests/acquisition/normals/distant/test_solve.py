@@ -158,6 +158,18 @@ def test_best_diffuse_form_is_that_of_the_images(number: int) -> None:
     assert np.median(errors(fits.normals, true, np.ones(len(true), np.bool_))) < 0.3
 
 
+def test_reflectance_fit_of_a_pixel_without_measurements_tells_nothing() -> None:
+    table, start = reflectance_fit.light_table(lights()), np.array([[0.0, 0.0, 1.0]] * 2, np.float32)
+    values = np.full((2, table.shape[1]), 0.5, np.float32)
+    clipped = np.zeros(values.shape, np.bool_)
+    clipped[1] = True
+    fits = reflectance_fit.fit(values, clipped, table, reflectance_fit.DIFFUSE_FORMS[0], start)
+    assert np.isfinite(fits.variance[0])
+    assert np.isinf(fits.variance[1])
+    assert fits.normals[1] == pytest.approx(start[1])
+    assert fits.strengths[1] == pytest.approx(0)
+
+
 def test_neighbour_deviation_measures_noise_and_not_curvature() -> None:
     normals, mask = ball(96)
     mask = mask & (normals[..., 2] > np.cos(np.radians(50)))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import normals
+from acquisition import normals, photometry
 from acquisition.capture import region
 from acquisition.models import cell_config
 from acquisition.models.cell_config import GreyTileConfig
@@ -153,8 +153,10 @@ def test_solve_with_tile_that_does_not_serve_is_as_without_and_says_so() -> None
     found, _ = solved(true, observations, with_tile=True)
     plain, _ = solved(true, observations, with_tile=False)
     np.testing.assert_array_equal(found.normals, plain.normals)
-    assert found.findings[-1].kind == "grey tile"
+    assert found.findings[-1].kind == photometry.GREY_TILE
     assert not found.findings[-1].corrected
+    # σ is of the normals, which are as without it: what is forecast of further images, too.
+    assert photometry.capture_sigma_deg(found.findings) == photometry.capture_sigma_deg(plain.findings)
 
 
 def test_outline_of_cell_file_becomes_pixels_within_the_edge() -> None:
