@@ -59,11 +59,16 @@ class Readiness:
     def tell_payload(self) -> None:
         """Tells the controller the payload of another tool, where this program has control; else `prepare` does.
 
-        Raises RigError as `Arm.prepare`.
+        Refused, it leaves the rig not ready: nothing moves with the payload of before. Raises RigError as
+        `Arm.prepare`.
         """
         self._rig.arm.carry(*self._payload())
         if self._rig.arm.reading.program_running:
-            self._rig.arm.prepare()
+            try:
+                self._rig.arm.prepare()
+            except RigError as error:
+                self.problems = [_as_problem(error)]
+                raise
 
     def reconnect_missing(self) -> bool:
         """Connects missing devices and keeps the problem of each; True when that has made the rig complete."""

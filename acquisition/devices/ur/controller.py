@@ -100,13 +100,16 @@ class Controller:
         """Lamp out (sent at once), then a synchronous stop; harmless at rest and without a program."""
         if self._open_request is None:
             return
+        unwritten: RuntimeError | None = None
         if self._outputs is not None:
             try:
                 self._write_lamp(False)
             except RuntimeError as error:  # a dead connection; a controller without a program puts the lamp out itself
-                _log.error("the lamp's output cannot be written: %s", error)
+                unwritten = error
         if self._control is not None and self._control.isProgramRunning():
             self._control.stopJ(self._open_request.stop_deceleration_rad_s2)
+        if unwritten is not None:  # not before: a log may block
+            _log.error("the lamp's output cannot be written: %s", unwritten)
 
     # -------------------------------------------------------------------------------------------------------- requests
 

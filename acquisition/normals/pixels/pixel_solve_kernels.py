@@ -18,8 +18,8 @@ BLOCK_PIXELS = 128
 """Pixels of a block: its arrays stay in the cache."""
 
 CAUCHY_MEAN_WEIGHT = np.float32(0.95)
-"""Mean of Cauchy's weights of Gaussian noise. Errors are the same as without the weights, so the covariance, which
-they would inflate by its inverse, is multiplied by it."""
+"""Factor of the covariance, which Cauchy's weights inflate: of Gaussian noise their mean is 0.88 to 0.92, by leverage,
+and their efficiency 0.95. The constants of σ are fitted with it (`error_variance`)."""
 
 
 @numba.njit(
