@@ -132,6 +132,7 @@ def test_shutdown_with_open_event_stream_is_orderly(cell_file: Path, tmp_path: P
 
     assert started.returncode == (-signal.SIGTERM if number == signal.SIGTERM else 0)
     assert "Traceback" not in errors
+    assert "Finished server process" in errors  # the last entry is not lost with the process
 
 
 def test_service_import_loads_no_kernel_and_no_ray_tracer() -> None:
