@@ -233,13 +233,20 @@ class Runner:
         )
 
     def progress(self, session_id: str) -> SessionProgress:
-        """The stage and progress of a session, with the remaining time and what it rests on."""
+        """The stage and progress of a session, with the remaining time and what it rests on.
+
+        Raises RigError session.not_found, store.corrupt when its plans cannot be read.
+        """
         record = self._store.record(session_id)
         stage = self._loop.stages.get(session_id)
         if stage is None:
             home = self._rig.cell.arm.home
             stage = session.stage(record, session.next_step(record, home, home))
         return self._estimator.estimate(record, stage)
+
+    def told_progress(self, row: SessionRow) -> SessionProgress:
+        """The stage and progress of a session as last announced, for one whose files cannot be read."""
+        return self._estimator.told(row)
 
     @property
     def processor_s(self) -> dict[str, float]:

@@ -12,10 +12,11 @@ import stat
 from pathlib import Path
 
 from acquisition.formats.frames import FolderFrames
-from acquisition.models import cell_config
+from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import SessionRecord
 from acquisition.store.calibration_sets import CalibrationSets
+from acquisition.store.folder import read_value
 from acquisition.store.journal import Journal
 from acquisition.store.rows import Action, Artifact, Event, SessionFilter, SessionRow
 
@@ -55,9 +56,12 @@ class Store:
         return self.data / "cache" / name
 
     def calibration_of(self, session_id: str) -> str | None:
-        """SHA-256 of the calibration's values that a session was created with; None: its folder is not there."""
-        file = self.folder(session_id) / "calibration.json"
-        return cell_config.load_calibration(file).fingerprint if file.is_file() else None
+        """SHA-256 of the calibration's values that a session was created with; None: its folder is not there.
+
+        Raises RigError session.not_found, store.corrupt.
+        """
+        folder, name = self.folder(session_id), "calibration.json"
+        return read_value(Calibration, folder, name).fingerprint if (folder / name).is_file() else None
 
     @property
     def free(self) -> int:

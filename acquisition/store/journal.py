@@ -28,6 +28,7 @@ from acquisition.session import (
     allowed_actions,
     next_state,
 )
+from acquisition.store.folder import read_value
 from acquisition.store.outbox_table import OutboxTable
 from acquisition.store.rows import Action, Artifact, SessionRow, session_from_row
 
@@ -258,7 +259,10 @@ class Journal(OutboxTable):
         return [Shot.model_validate_json(row["body"]) for row in rows]
 
     def record(self, session_id: str, folder: Path) -> SessionRecord:
-        """What `session.next_step` reads; plans and routes come from the files that the journal names."""
+        """What `session.next_step` reads; plans and routes come from the files that the journal names.
+
+        Raises RigError session.not_found, store.corrupt naming the file that is missing or damaged.
+        """
         with self._lock:
             row = self.session(session_id)
             plans = {item.number: item for item in self.artifacts(session_id, "plan")}
@@ -275,8 +279,8 @@ class Journal(OutboxTable):
             unverified = self._unverified(session_id)
         passes = tuple(
             PassRecord(
-                plan=LightPlan.model_validate_json((folder / plans[number].path).read_bytes()),
-                route=Route.model_validate_json((folder / routes[number]).read_bytes()) if number in routes else None,
+                plan=read_value(LightPlan, folder, plans[number].path),
+                route=read_value(Route, folder, routes[number]) if number in routes else None,
                 shots={
                     shot.light_number: shot
                     for shot in shots

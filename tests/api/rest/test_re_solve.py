@@ -331,6 +331,43 @@ def test_re_solve_failure_is_announced_and_kept(service: Any) -> None:
     assert service.client.resolve(identity) == number + 1
 
 
+def test_sessions_one_with_damaged_files_is_listed_and_named(service: Any) -> None:
+    identity = capture(service)
+    service.client.stop(identity)
+    number = service.client.resolve(identity)
+    assert outcome(service, identity, number).type == READY
+    assert service.http.patch(f"/v1/sessions/{identity}", json={"answer": number}).status_code == 200
+    folder = service.service.store.folder(identity)
+
+    def damage_of(path: Path, change: Callable[[Path], object]) -> tuple[Any, Any]:
+        kept = path.rename(path.with_name("kept"))
+        change(path)
+        try:
+            return listed(), service.http.get(f"/v1/sessions/{identity}")
+        finally:
+            path.unlink(missing_ok=True)
+            kept.rename(path)
+
+    def listed() -> Any:
+        return next(one for one in service.client.sessions() if one.id == identity)
+
+    whole = listed()
+    assert whole.damage is None
+    for name in ("passes/0/plan.json", f"results/{number}/manifest.json", "calibration.json"):
+        for change in (Path.touch, lambda path: path.write_text("{}"), lambda path: None):
+            if name == "calibration.json" and change is not Path.touch:
+                continue
+            one, answer = damage_of(folder / name, change)
+            assert one.damage.code is ErrorCode.STORE_CORRUPT
+            assert (one.stage, one.label, one.answer) == ("pilot", whole.label, None)
+            assert (answer.status_code, answer.json()["code"]) == (500, ErrorCode.STORE_CORRUPT)
+            assert f"sessions/{identity}/{name}" in answer.json()["detail"]
+    one, _ = damage_of(folder, lambda path: None)  # moved away, as the manual says when the disk is full
+    assert "plan.json" in one.damage.detail
+    assert listed() == whole
+    service.client.delete(identity)
+
+
 @pytest.mark.long
 def test_re_solve_requested_before_restart_is_done_after_it(
     serving: Any, service_settings: Any, tmp_path: Path

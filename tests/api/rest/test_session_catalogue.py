@@ -10,6 +10,8 @@ from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from api import ProblemError
+from api.rest import sessions
+from api.rest.keys import Caller, Role
 
 
 def ids(service: Any, **wanted: Any) -> list[str]:
@@ -49,6 +51,15 @@ def test_sessions_filtered_list_keeps_filter_over_pages(own: Any) -> None:
     found = [item["id"] for page in (first, second) for item in page["items"]]
     assert found == [item.id for item in reversed(made[1::2])]
     assert second["next"] is None
+
+
+def test_sessions_one_deleted_while_they_are_listed_is_left_out(administered: Any) -> None:
+    made = administered.client.create()
+    row, caller = administered.service.store.journal.session(made.id), Caller("an-admin", Role.ADMIN, "")
+    assert sessions._listed(administered.service, row, caller) is not None
+    administered.client.delete(made.id)
+
+    assert sessions._listed(administered.service, row, caller) is None
 
 
 def test_sessions_unknown_parameter_is_refused_by_name(own: Any) -> None:
