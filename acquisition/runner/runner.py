@@ -22,7 +22,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.cell_config import Tool
 from acquisition.models.errors import ErrorCode, RigError, problem
-from acquisition.runner import calibration_checks, preconditions
+from acquisition.runner import calibration_checks, new_session, preconditions
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.loop import SessionLoop
 from acquisition.runner.operator_moves import OperatorMoves, RunnerAccess
@@ -116,14 +116,9 @@ class Runner:
     def create(self, recipe: AnyRecipe, idempotency_key: str | None = None) -> tuple[SessionRow, bool]:
         """Creates a session; nothing moves. The flag is False when the idempotency key names an existing session.
 
-        Raises RigError request.invalid for exposures that the camera cannot make.
+        Raises RigError as `new_session.create`.
         """
-        cell = self._rig.cell
-        preconditions.require_exposures(recipe, cell)
-        row, new = self._store.journal.create_session(recipe, cell.model_dump_json(), cell.fingerprint, idempotency_key)
-        if new:
-            self._executor.create_folder(row.id, recipe)
-        return row, new
+        return new_session.create(self._store, self._rig.cell, self.choices.calibration, recipe, idempotency_key)
 
     def state_tool(self, tool: Tool, actor: str) -> None:
         """A person states what is on the flange; the controller is told its payload. Raises RigError config.invalid for

@@ -6,7 +6,6 @@ Moves are journalled before they are made (write-ahead), files are written befor
 """
 
 import json
-import secrets
 import sqlite3
 import time
 from pathlib import Path
@@ -30,7 +29,8 @@ from acquisition.session import (
 )
 from acquisition.store.folder import read_value
 from acquisition.store.outbox_table import OutboxTable
-from acquisition.store.rows import Action, Artifact, SessionRow, session_from_row
+from acquisition.store.rows import Action, Artifact, SessionRow
+from acquisition.store.session_table import new_session_id
 
 PLAN_REVIEWED, MOVE_SENT = "plan.reviewed", "arm.sent"
 """Types of events that a resumed session reads: approved plans, and the path of the last move."""
@@ -42,26 +42,21 @@ class Journal(OutboxTable):
     # ------------------------------------------------------------------------------------------------------- sessions
 
     def create_session(
-        self, recipe: AnyRecipe, cell: str, fingerprint: str, idempotency_key: str | None = None
-    ) -> tuple[SessionRow, bool]:
-        """Creates a session and returns it and True; for an idempotency key used before, that session and False."""
+        self, recipe: AnyRecipe, cell: str, fingerprint: str, idempotency_key: str | None = None,
+        identity: str | None = None,
+    ) -> tuple[SessionRow, bool]:  # fmt: skip
+        """Creates a session and returns it and True; for an idempotency key used before, that session and False.
+
+        `identity` is one of `new_session_id`, under which its folder has been made. Raises RigError request.invalid
+        for a key that was used for another recipe.
+        """
         with self._transaction() as connection:
-            if idempotency_key is not None:
-                known = connection.execute(
-                    "SELECT * FROM session WHERE idempotency_key = ?", (idempotency_key,)
-                ).fetchone()
-                if known is not None:
-                    row = session_from_row(known)
-                    if row.recipe != recipe:
-                        raise RigError(
-                            ErrorCode.REQUEST_INVALID,
-                            "This Idempotency-Key was used for another recipe; choose a new key",
-                            session_id=row.id,
-                        )
-                    return row, False
+            known = self.session_of_key(idempotency_key, recipe)
+            if known is not None:
+                return known, False
             (number,) = connection.execute("SELECT coalesce(max(number), 0) + 1 FROM session").fetchone()
             now = round(time.time(), 6)  # as HTTP states it, so that a session is among those since its own time
-            identity = time.strftime("%Y%m%d-%H%M%S-", time.gmtime(now)) + secrets.token_hex(3)
+            identity = identity or new_session_id(now)
             connection.execute(
                 "INSERT INTO session (id, number, state, recipe, cell, fingerprint, idempotency_key, created_at)"
                 " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",

@@ -15,6 +15,7 @@ import pytest
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State, Trigger
+from acquisition.store import folder
 from acquisition.store.queue_table import EntryState, QueueState
 from api import Client, ProblemError
 from api.rest.keys import Role
@@ -234,6 +235,22 @@ def test_queue_held_rig_stops_queue_and_keeps_entry(bench: Bench) -> None:
 
     assert reason_of(queue) is ErrorCode.RIG_BUSY
     assert states(queue) == [EntryState.WAITING]
+    assert states(bench.stopped()) == [EntryState.DONE]
+
+
+def test_queue_full_disk_stops_queue_and_leaves_no_session(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.client.enqueue("coin", QUICK)
+    with monkeypatch.context() as full:
+        full.setattr(folder, "RESERVED_BYTES", 1 << 60)
+        bench.client.act_on_queue("resume")
+        stopped = bench.until(lambda queue: queue.reason is not None)
+    assert reason_of(stopped) is ErrorCode.STORE_DISK_FULL
+    assert states(stopped) == [EntryState.WAITING]
+    assert list(bench.client.sessions()) == []
+
+    bench.client.act_on_queue("resume")
+
+    assert states(bench.until(lambda queue: states(queue) != [EntryState.WAITING]))[0] is not EntryState.FAILED
     assert states(bench.stopped()) == [EntryState.DONE]
 
 

@@ -15,6 +15,7 @@ from acquisition.devices.ur import tcp
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State, Trigger
+from acquisition.store import folder as stored_folder
 from api import ProblemError
 
 
@@ -59,6 +60,19 @@ def test_create_same_idempotency_key_creates_one_session(own: Any) -> None:
     assert refused.value.code is ErrorCode.REQUEST_INVALID
     assert refused.value.context["session_id"] == made[0].id
     assert len(list(own.client.sessions())) == 1
+
+
+def test_create_on_a_full_disk_leaves_nothing_and_the_key_unused(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as full:
+        full.setattr(stored_folder, "RESERVED_BYTES", 1 << 60)
+        refused = own.http.post("/v1/sessions", headers={"Idempotency-Key": "key-1"})
+
+    assert (refused.status_code, refused.json()["code"]) == (507, ErrorCode.STORE_DISK_FULL)
+    assert list(own.client.sessions()) == []
+    assert list((own.service.store.data / "sessions").iterdir()) == []
+    made = own.client.create(Recipe(), "key-1")
+    assert (own.service.store.folder(made.id) / "recipe.json").is_file()
+    assert own.client.create(Recipe(), "key-1").id == made.id
 
 
 def test_rig_states_version_of_software(shared: Any) -> None:
