@@ -42,10 +42,10 @@ from acquisition.runner.board_shots import BoardShots
 from acquisition.runner.compute import Compute
 from acquisition.runner.lamp_shots import LampShots
 from acquisition.runner.moving_shots import MovingShotCapture
-from acquisition.runner.re_solve import SolveRequest
 from acquisition.runner.response_shots import ResponseShots
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.shots import ShotCapture, predicted_image_file
+from acquisition.runner.solve_requests import SolveRequest
 from acquisition.session import SessionRecord
 from acquisition.store import Store
 from acquisition.store.folder import write_bytes, write_manifest, write_value

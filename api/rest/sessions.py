@@ -173,9 +173,10 @@ def edit(
     responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.SESSION_ACTION_NOT_ALLOWED)},
 )
 def delete(service: ServiceOf, session_id: SessionId) -> None:
-    """Deletes a session that does not hold the rig, with all its files."""
+    """Deletes a session that does not hold the rig, with all its files; a solve of it that runs is ended first."""
     folder = service.store.folder(session_id)
     service.store.journal.delete_session(session_id)
+    service.resolving.end_of(session_id)
     if folder.exists():
         shutil.rmtree(folder)
 

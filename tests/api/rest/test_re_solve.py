@@ -24,7 +24,8 @@ from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.models.shot import Observations, Shot
-from acquisition.runner.re_solve import ACCEPTED, EXPORTS, FAILED, READY
+from acquisition.runner.re_solve import EXPORTS
+from acquisition.runner.solve_requests import ACCEPTED, FAILED, READY
 from acquisition.session import State
 from acquisition.store.folder import write_frame, write_value
 from api import ProblemError
@@ -382,6 +383,38 @@ def test_re_solve_requested_before_restart_is_done_after_it(
     with serving(chosen) as after:
         assert outcome(after, identity, 2).type == READY
         assert after.client.result(identity, 2).origin == "resolve"
+
+
+def test_delete_during_a_solve_ends_it_and_its_folder_for_good(service: Any) -> None:
+    identity = capture(service)
+    service.client.stop(identity)
+    resolving, folder = service.service.resolving, service.service.store.folder(identity)
+    service.client.resolve(identity, SolveSettings(depth_rounds=10))
+    until(lambda: resolving._running is not None and (folder / "results").exists())
+
+    service.client.delete(identity)
+
+    assert resolving._running is None
+    assert not folder.exists()
+    time.sleep(1)
+    assert not folder.exists()
+    again = capture(service)
+    service.client.stop(again)
+    assert outcome(service, again, service.client.resolve(again)).type == READY
+
+
+def test_solve_of_session_pruned_meanwhile_leaves_no_folder(service: Any) -> None:
+    identity = capture(service)
+    service.client.stop(identity)
+    store, resolving = service.service.store, service.service.resolving
+    folder = store.folder(identity)
+    service.client.resolve(identity)
+    until(lambda: resolving._running is not None and (folder / "results").exists())
+
+    store.journal.delete_session(identity)  # as `lightpose prune` does in a process of its own
+    until(lambda: resolving._running is None)
+
+    until(lambda: not folder.exists())
 
 
 @pytest.mark.long
