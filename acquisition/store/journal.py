@@ -130,7 +130,7 @@ class Journal(OutboxTable):
                     allowed=[str(action) for action in allowed_actions(row.state)],
                 )
             connection.execute("DELETE FROM session WHERE id = ?", (session_id,))
-            self._event(connection, None, "session.deleted", {"session_id": session_id})
+            self._event(connection, session_id, "session.deleted", {"session_id": session_id})
 
     # ------------------------------------------------------------------------------------------------------- the work
 

@@ -97,6 +97,19 @@ def test_create_data_folder_in_use_is_refused(own: Any) -> None:
     assert refused.value.code is ErrorCode.STORE_LOCKED
 
 
+def test_serve_damaged_database_ends_with_a_remedy(cell_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "rig.db").write_bytes(b"no database" * 1000)
+    command = [sys.executable, "-m", "api.cli", "serve", "--cell", str(cell_file), "--data", str(tmp_path / "data")]
+
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+    assert ended.returncode == 2
+    assert f"{ErrorCode.STORE_CORRUPT}: The journal rig.db: file is not a database" in ended.stderr
+    assert "What to do: Restore" in ended.stderr
+    assert "Traceback" not in ended.stderr
+
+
 def test_serve_port_in_use_is_refused(cell_file: Path, tmp_path: Path) -> None:
     with socket.create_server(("127.0.4.5", 0)) as listener:
         port = listener.getsockname()[1]
