@@ -390,6 +390,10 @@ def test_queue_empty_is_not_resumed(bench: Bench) -> None:
     with pytest.raises(ProblemError) as refused:
         bench.client.act_on_queue("resume")
     assert refused.value.code is ErrorCode.REQUEST_INVALID
+    assert "detail" in refused.value.problem.remedy  # there is no field to correct
+    assert bench.client.queue().changed is None
+    bench.client.enqueue("coin", QUICK)
+    assert bench.client.act_on_queue("resume").changed is not None
 
 
 def test_queue_roles_operator_changes_viewer_looks(tmp_path: Path) -> None:

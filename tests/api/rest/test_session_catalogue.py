@@ -72,6 +72,30 @@ def test_sessions_unknown_parameter_is_refused_by_name(own: Any) -> None:
     assert own.http.get("/v1/sessions?ticket=any").status_code == 200
 
 
+def test_unknown_parameter_of_events_and_images_is_refused_by_name(own: Any) -> None:
+    made = own.client.create()
+    shot = f"/v1/sessions/{made.id}/passes/0/shots/0"
+    for path in ("/v1/events?sesion_id=x", f"{shot}/image?fromat=tiff", f"{shot}/thumbnail.jpg?widht=20"):
+        answer = own.http.get(path)
+        assert answer.status_code == 422, path
+        assert [item["field"] for item in answer.json()["errors"]] == [path.partition("?")[2].partition("=")[0]]
+    assert own.http.get("/v1/events?follow=false&after=0&ticket=any").status_code == 200
+
+
+def test_log_of_session_cannot_be_forged(own: Any) -> None:
+    forged = "coin\n2026-11-29T00:00:00  action  action=stop by=root\0 Münze"
+    made = own.client.create(Recipe(label="coin"))
+    before = own.http.get(f"/v1/sessions/{made.id}/log").text
+    own.client.edit(made.id, label=forged)
+
+    lines = own.http.get(f"/v1/sessions/{made.id}/log").text.splitlines()
+    assert len(lines) == len(before.splitlines()) + 2
+    assert all(char.isprintable() for line in lines for char in line)
+    (described,) = [line for line in lines if " session.described " in line]
+    assert 'label="coin\\n2026' in described
+    assert "Münze" in described
+
+
 def test_edit_changes_label_and_notes_and_keeps_recipe(own: Any) -> None:
     made = own.client.create(Recipe(label="coin", notes="obverse"))
     own.client.stop(made.id)
