@@ -232,13 +232,14 @@ TAGS = ("capture-recipe", "board-recipe", "lamp-recipe", "response-recipe", "che
 """What an error's location names beside the fields: which of the recipes was read."""
 
 
-def _kind(recipe: object) -> str:
+def _kind(recipe: object) -> str | None:
     given = cast(dict[str, Any], recipe) if isinstance(recipe, dict) else None
     kind = given.get("kind", "capture") if given is not None else getattr(recipe, "kind", "capture")
     return {
         "camera": "board-recipe", "hand-eye": "board-recipe", "lamp": "lamp-recipe", "response": "response-recipe",
         "check": "check-recipe",
-    }.get(str(kind), "capture-recipe")  # fmt: skip
+        "capture": "capture-recipe",
+    }.get(str(kind))  # fmt: skip
 
 
 AnyRecipe = Annotated[
@@ -247,7 +248,11 @@ AnyRecipe = Annotated[
     | Annotated[LampRecipe, Tag("lamp-recipe")]
     | Annotated[ResponseRecipe, Tag("response-recipe")]
     | Annotated[CheckRecipe, Tag("check-recipe")],
-    Discriminator(_kind),
+    Discriminator(
+        _kind,
+        custom_error_type="kind",
+        custom_error_message="`kind` is one of capture, camera, hand-eye, lamp, response, check; without it capture",
+    ),
 ]
 """The recipe of a session of any kind; without `kind` it is one of capture."""
 

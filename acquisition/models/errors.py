@@ -98,7 +98,7 @@ class Problem:
 
 PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.REQUEST_INVALID: Problem(
-        422, "The request is invalid", "Correct the fields named in `errors` and send the request again."
+        422, "The request is invalid", "Correct what the detail says (`errors` names the fields) and send it again."
     ),
     ErrorCode.REQUEST_NOT_FOUND: Problem(
         404, "No resource exists at this address", "Follow the links of a session, or see /docs for the routes."
@@ -330,13 +330,15 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.STORE_UNWRITABLE: Problem(
         503,
         "The journal cannot be written",
-        "End the program that holds rig.db open, or see to the disk, then resume; nothing announced is lost.",
+        "End the program that holds rig.db open, or see to disk and permissions; then resume: nothing is lost.",
     ),
     ErrorCode.STORE_LOCKED: Problem(
         503, "Another service uses this data folder", "Stop the other service, or choose another data folder."
     ),
     ErrorCode.STORE_CORRUPT: Problem(
-        500, "A stored file is missing or damaged", "Restore the file named in the detail from a backup."
+        500,
+        "A stored file is missing or damaged",
+        "Restore what the detail names from a backup; a newer release's database needs that release.",
     ),
     ErrorCode.ARCHIVE_ADDRESS_INVALID: Problem(
         422, "The archive's address cannot be used", "Give a folder, or an address such as s3://bucket/archive."

@@ -16,7 +16,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.recipe import Recipe
 from acquisition.models.time_left import Basis, TimeLeft, TimePart
 from acquisition.session import PassRecord, SessionRecord, Stage, State
-from acquisition.store import Event, SessionFilter, Store
+from acquisition.store import Event, SessionFilter, SessionRow, Store
 
 EARLIER_SESSIONS = 5
 """Completed sessions of the cell whose times count."""
@@ -42,6 +42,7 @@ _WORK_OF_STAGE = {
     stage: str(stage) for stage in (Stage.PILOT, Stage.PLAN, Stage.WAYPOINTS, Stage.NORMALS, Stage.ESTIMATE)
 }
 _EVENTS = ("session.stage", "session.state", "shot.captured")
+_TOLD = ("session.stage", "session.progress")
 _PASS_EXTRAS = 1
 """Units of capture work of a pass beside its lights: the way home with the lamp-off frames."""
 
@@ -81,6 +82,14 @@ class ProgressEstimator:
         """Progress of a session as its record has it, in the stage that it has reached."""
         holds = record.state in session.RIG_HOLDING
         return SessionProgress(stage, session.progress(record), self._time_left(record) if holds else None)
+
+    def told(self, row: SessionRow) -> SessionProgress:
+        """Progress of a session as it was last announced, which needs none of its files."""
+        told = {event.type: event.body for event in self._store.journal.events(0, 10_000, row.id, _TOLD)}
+        if row.state is State.COMPLETED:
+            return SessionProgress(Stage.FINISHED, 1.0, None)
+        stage = Stage(told.get("session.stage", {}).get("stage", Stage.PILOT))
+        return SessionProgress(stage, told.get("session.progress", {}).get("progress", 0.0), None)
 
     def _time_left(self, record: SessionRecord) -> TimeLeft:
         events = self._store.journal.events(0, 10_000, record.session_id, _EVENTS)

@@ -7,16 +7,15 @@ asked for before, by its idempotency key or by equal settings, images and softwa
 that repeats itself makes no second job. A cancelled solve is killed with its process, which frees its memory at once.
 """
 
-import json
 import logging
 import queue
 import shutil
 import threading
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from structlog.contextvars import bound_contextvars
 
@@ -29,15 +28,15 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import NOT_WRITTEN, ErrorCode, Halted, RigError, problem
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.runner import calibration_checks, solve_calibration
+from acquisition.runner import calibration_checks, solve_calibration, solve_requests
 from acquisition.runner.compute import Compute, Preempted
+from acquisition.runner.solve_requests import ACCEPTED, FAILED, READY, SolveRequest
 from acquisition.session import ENDED, SessionRecord, State
 from acquisition.store import Store
 from acquisition.store.folder import write_manifest
 
 _log = logging.getLogger(__name__)
 
-ACCEPTED, FAILED, READY = "resolve.accepted", "resolve.failed", "normals.ready"
 EXPORTS = (
     "normals_directx.png", "maps.exr", "albedo.exr", "albedo.png", "mesh.ply", "lights.lp", "lights.dome",
     "diligent.zip", "integration.zip",
@@ -47,18 +46,9 @@ EXPORTS = (
 POLL_S = 0.5
 """Period, s, of checking whether a session runs and whether the service ends."""
 
-
-@dataclass(frozen=True)
-class SolveRequest:
-    """A requested solve: its number among the session's results, and the last pass whose images it uses."""
-
-    session_id: str
-    number: int
-    settings: SolveSettings
-    last_pass: int
-    idempotency_key: str | None = None
-    software: str = ""
-    calibration: str | None = None
+ENDED_WITHIN_S = 10.0
+"""How long the deletion of a session waits for the end of its solve, s; what is written later is removed by its thread.
+"""
 
 
 def observations(record: SessionRecord, folder: Path, last_pass: int | None = None) -> Observations:
@@ -143,11 +133,12 @@ class ReSolveService:
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="resolving", daemon=True)
         self._running: SolveRequest | None = None
+        self._ended = threading.Event()  # of the running solve: it writes nothing more
         self._halting = threading.Event()  # ends the running solve: the service closes, or it was cancelled
 
     def open(self) -> None:
         """Queues the requests that the last service left unfinished, and starts the thread."""
-        for request in self._submitted(None):
+        for request in solve_requests.submitted(self._store.journal, None):
             self._queue.put(request)
         self._thread.start()
 
@@ -194,7 +185,7 @@ class ReSolveService:
                     passes=captured_passes,
                 )
             wanted = SolveRequest(session_id, 0, settings, last, idempotency_key, version("lightpose"), calibration)
-            asked = self._submitted(session_id, with_finished=True)
+            asked = solve_requests.submitted(self._store.journal, session_id, with_finished=True)
             known = self._known(wanted, asked)
             if known is not None:
                 return known, False
@@ -223,12 +214,18 @@ class ReSolveService:
         """
         with self._numbering:
             self._store.journal.session(session_id)
-            requests = self._submitted(session_id, with_finished=True)
+            requests = solve_requests.submitted(self._store.journal, session_id, with_finished=True)
             if number not in [request.number for request in requests]:
                 raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Nobody asked for a result {number} of {session_id}")
-            request = next((item for item in self._submitted(session_id) if item.number == number), None)
+            request = next(
+                (item for item in solve_requests.submitted(self._store.journal, session_id) if item.number == number),
+                None,
+            )
             if request is None:
-                if self._failures(session_id).get(number, {}).get("code") == ErrorCode.RESULT_CANCELLED:
+                if (
+                    solve_requests.failures(self._store.journal, session_id).get(number, {}).get("code")
+                    == ErrorCode.RESULT_CANCELLED
+                ):
                     return
                 raise RigError(
                     ErrorCode.SESSION_ACTION_NOT_ALLOWED, f"The solve of result {number} has ended", allowed=[]
@@ -239,11 +236,22 @@ class ReSolveService:
             else:
                 self._fail(request, _cancelled(number))
 
+    def end_of(self, session_id: str) -> None:
+        """Ends the solve of a session that was deleted, and waits until it writes nothing more."""
+        with self._numbering:
+            if self._running is None or self._running.session_id != session_id:
+                return
+            self._halting.set()
+            ended = self._ended
+        ended.wait(ENDED_WITHIN_S)
+
     def raise_outcome(self, session_id: str, number: int) -> None:
         """Raises result.not_ready for a pending result, or the problem of a failed one; else returns."""
-        if number not in [request.number for request in self._submitted(session_id, with_finished=True)]:
+        if number not in [
+            request.number for request in solve_requests.submitted(self._store.journal, session_id, with_finished=True)
+        ]:
             return
-        reason = self._failures(session_id).get(number)
+        reason = solve_requests.failures(self._store.journal, session_id).get(number)
         if reason is not None:
             raise RigError(ErrorCode(reason["code"]), reason["detail"])
         raise RigError(ErrorCode.RESULT_NOT_READY, f"Result {number} of session {session_id} is being solved")
@@ -271,11 +279,13 @@ class ReSolveService:
             )
         except (Preempted, Halted) as error:
             raise busy from error
+        finally:
+            self._remove_if_deleted(session_id)
         return file
 
     def _known(self, wanted: SolveRequest, asked: list[SolveRequest]) -> SolveRequest | None:
         """The one of the session's requests so far that leads to the same result; None without one."""
-        failed = self._failures(wanted.session_id)
+        failed = solve_requests.failures(self._store.journal, wanted.session_id)
         for request in asked:
             if wanted.idempotency_key is not None and request.idempotency_key == wanted.idempotency_key:
                 return request
@@ -284,37 +294,9 @@ class ReSolveService:
                 return request
         return None
 
-    def _failures(self, session_id: str) -> dict[int, dict[str, Any]]:
-        """The problems of a session's solves that failed, by number."""
-        events = self._store.journal.events(0, 10_000, session_id, (FAILED,))
-        return {event.body["number"]: event.body["problem"] for event in events}
-
     @staticmethod
     def _key(request: SolveRequest) -> tuple[str, int]:
         return request.session_id, request.number
-
-    def _submitted(self, session_id: str | None, *, with_finished: bool = False) -> list[SolveRequest]:
-        """The solves that were asked for, of one session or of all: those without an outcome, or all of them."""
-        journal = self._store.journal
-        submitted: dict[tuple[str, int], SolveRequest] = {}
-        last = 0
-        while events := journal.events(last, 500, session_id, (ACCEPTED, FAILED, READY)):
-            last = events[-1].id
-            for event in events:
-                key = (event.session_id or "", event.body["number"])
-                if event.type == ACCEPTED:
-                    settings = SolveSettings.model_validate_json(json.dumps(event.body["settings"]))
-                    submitted[key] = SolveRequest(
-                        *key,
-                        settings,
-                        event.body["last_pass"],
-                        event.body.get("idempotency_key"),
-                        event.body.get("software", ""),
-                        event.body.get("calibration"),
-                    )
-                elif not with_finished:
-                    submitted.pop(key, None)
-        return list(submitted.values())
 
     def _serve(self) -> None:
         while not self._closing.is_set():
@@ -322,21 +304,27 @@ class ReSolveService:
                 request = self._queue.get(timeout=POLL_S)
             except queue.Empty:
                 continue
-            if not self._begin(request):
-                continue
-            try:
-                with bound_contextvars(session_id=request.session_id):
-                    self._solve(request)
-            except Halted:
-                if self._closing.is_set():
-                    return
-                self._discard(request)
+            if self._begin(request):
+                try:
+                    self._carry_out(request)
+                finally:
+                    self._finish(request)
+
+    def _carry_out(self, request: SolveRequest) -> None:
+        """Solves what was asked for and announces what became of it; nothing when the service ends."""
+        try:
+            with bound_contextvars(session_id=request.session_id):
+                self._solve(request)
+        except Halted:
+            if not self._closing.is_set():
+                folder = self._store.data / "sessions" / request.session_id
+                shutil.rmtree(folder / "results" / str(request.number), ignore_errors=True)
                 self._end(request, _cancelled(request.number))
-            except RigError as error:
-                self._end(request, error)
-            except Exception as error:  # noqa: BLE001 - the thread must live on; the event says what failed
-                _log.exception("solving session %s again", request.session_id)
-                self._end(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
+        except RigError as error:
+            self._end(request, error)
+        except Exception as error:  # noqa: BLE001 - the thread must live on; the event says what failed
+            _log.exception("solving session %s again", request.session_id)
+            self._end(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
 
     def _end(self, request: SolveRequest, error: RigError) -> None:
         """Announces a failure from the thread; waits while the journal cannot be written: else it would be pending."""
@@ -352,19 +340,32 @@ class ReSolveService:
     def _begin(self, request: SolveRequest) -> bool:
         """Notes which solve runs from now on; False for one that was cancelled while it waited."""
         with self._numbering:
-            waits = request.number in [item.number for item in self._submitted(request.session_id)]
-            self._running = request if waits else None
+            waits = request.number in [
+                item.number for item in solve_requests.submitted(self._store.journal, request.session_id)
+            ]
+            if waits:
+                self._running, self._ended = request, threading.Event()
             if not self._closing.is_set():
                 self._halting.clear()
             return waits
 
-    def _discard(self, request: SolveRequest) -> None:
-        """Removes what a solve that was cancelled has written."""
+    def _finish(self, request: SolveRequest) -> None:
+        with self._numbering:
+            self._running = None
+        self._remove_if_deleted(request.session_id)
+        self._ended.set()
+
+    def _remove_if_deleted(self, session_id: str) -> None:
+        """Removes what was written of a session after it was deleted, here or by `prune` beside the service."""
+        if self._is_deleted(session_id):
+            shutil.rmtree(self._store.data / "sessions" / session_id, ignore_errors=True)
+
+    def _is_deleted(self, session_id: str) -> bool:
         try:
-            folder = self._store.folder(request.session_id)
-        except RigError:
-            return  # deleted meanwhile
-        shutil.rmtree(folder / "results" / str(request.number), ignore_errors=True)
+            self._store.journal.session(session_id)
+        except RigError as error:
+            return error.code is ErrorCode.SESSION_NOT_FOUND
+        return False
 
     def _solve(self, request: SolveRequest) -> None:
         record = self._store.record(request.session_id)
@@ -384,10 +385,8 @@ class ReSolveService:
 
     def _fail(self, request: SolveRequest, error: RigError) -> None:
         _log.error("solving session %s again: %s", request.session_id, error)
-        try:
-            self._store.journal.session(request.session_id)
-        except RigError:
-            return  # deleted meanwhile
+        if self._is_deleted(request.session_id):
+            return
         reason = problem(error.code, error.detail)
         self._store.journal.announce(request.session_id, FAILED, {"number": request.number, "problem": reason})
 

@@ -57,13 +57,19 @@ class RigChoices:
         """`of_cell` is the calibration that the cell file names; `refuse_used` raises RigError rig.busy while somebody
         moves the arm; `arm_name` is model and serial number of the arm that answers, None: none does.
 
-        Raises RigError calibration.not_found, store.corrupt when the one that was chosen is not there any more.
+        Raises RigError store.corrupt when the one that was chosen is not there any more, or is damaged.
         """
         self._store, self._cell, self._of_cell = store, cell, of_cell
         self._refuse_used, self._arm_name = refuse_used, arm_name
         chosen = store.journal.newest(CALIBRATION_CHOSEN)
         self._id = CELL_FILE if chosen is None else str(chosen["id"])
-        self._calibration = self.values(self._id)
+        try:
+            self._calibration = self.values(self._id)
+        except RigError as error:
+            if error.code is not ErrorCode.CALIBRATION_NOT_FOUND:
+                raise
+            missing = f"{store.data}/calibrations/{self._id}, the calibration in use, is missing"
+            raise RigError(ErrorCode.STORE_CORRUPT, missing, file=self._id) from error
         stated = store.journal.newest(TOOL_STATED)
         self._tool: Tool = cell.arm.tool if stated is None else stated["tool"]
         self.changing = threading.Lock()  # held while a session takes the rig, too: never by a halt

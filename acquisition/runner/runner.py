@@ -22,7 +22,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.cell_config import Tool
 from acquisition.models.errors import ErrorCode, RigError, problem
-from acquisition.runner import calibration_checks, preconditions
+from acquisition.runner import calibration_checks, new_session, preconditions
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.loop import SessionLoop
 from acquisition.runner.operator_moves import OperatorMoves, RunnerAccess
@@ -116,14 +116,9 @@ class Runner:
     def create(self, recipe: AnyRecipe, idempotency_key: str | None = None) -> tuple[SessionRow, bool]:
         """Creates a session; nothing moves. The flag is False when the idempotency key names an existing session.
 
-        Raises RigError request.invalid for exposures that the camera cannot make.
+        Raises RigError as `new_session.create`.
         """
-        cell = self._rig.cell
-        preconditions.require_exposures(recipe, cell)
-        row, new = self._store.journal.create_session(recipe, cell.model_dump_json(), cell.fingerprint, idempotency_key)
-        if new:
-            self._executor.create_folder(row.id, recipe)
-        return row, new
+        return new_session.create(self._store, self._rig.cell, self.choices.calibration, recipe, idempotency_key)
 
     def state_tool(self, tool: Tool, actor: str) -> None:
         """A person states what is on the flange; the controller is told its payload. Raises RigError config.invalid for
@@ -233,13 +228,20 @@ class Runner:
         )
 
     def progress(self, session_id: str) -> SessionProgress:
-        """The stage and progress of a session, with the remaining time and what it rests on."""
+        """The stage and progress of a session, with the remaining time and what it rests on.
+
+        Raises RigError session.not_found, store.corrupt when its plans cannot be read.
+        """
         record = self._store.record(session_id)
         stage = self._loop.stages.get(session_id)
         if stage is None:
             home = self._rig.cell.arm.home
             stage = session.stage(record, session.next_step(record, home, home))
         return self._estimator.estimate(record, stage)
+
+    def told_progress(self, row: SessionRow) -> SessionProgress:
+        """The stage and progress of a session as last announced, for one whose files cannot be read."""
+        return self._estimator.told(row)
 
     @property
     def processor_s(self) -> dict[str, float]:

@@ -16,7 +16,7 @@ from acquisition import session
 from acquisition.capture import region
 from acquisition.devices import Rig, StopToken
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_recipe import AnyRecipe, CheckRecipe, LampRecipe, ResponseRecipe
+from acquisition.models.calibration_recipe import CheckRecipe, LampRecipe, ResponseRecipe
 from acquisition.models.calibration_set import CELL_FILE
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
@@ -42,10 +42,10 @@ from acquisition.runner.board_shots import BoardShots
 from acquisition.runner.compute import Compute
 from acquisition.runner.lamp_shots import LampShots
 from acquisition.runner.moving_shots import MovingShotCapture
-from acquisition.runner.re_solve import SolveRequest
 from acquisition.runner.response_shots import ResponseShots
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.shots import ShotCapture, predicted_image_file
+from acquisition.runner.solve_requests import SolveRequest
 from acquisition.session import SessionRecord
 from acquisition.store import Store
 from acquisition.store.folder import write_bytes, write_manifest, write_value
@@ -67,13 +67,6 @@ class StepExecutor:
     @property
     def _calibration(self) -> Calibration:
         return self._choices.calibration
-
-    def create_folder(self, session_id: str, recipe: AnyRecipe) -> None:
-        """Creates the session's folder, complete without the database: recipe, cell file and calibration."""
-        folder = self._store.folder(session_id)
-        write_value(folder / "recipe.json", recipe)
-        write_value(folder / "cell.json", self._rig.cell)
-        write_value(folder / "calibration.json", self._calibration)
 
     def write_session_manifest(self, session_id: str) -> None:
         """Writes the session's manifest: every file with its SHA-256, the shots with their measurements, and the

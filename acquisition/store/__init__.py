@@ -5,6 +5,7 @@ announcement. So whatever was announced is on the disk, and a crash between the 
 entry.
 """
 
+import errno
 import fcntl
 import os
 import shutil
@@ -12,10 +13,11 @@ import stat
 from pathlib import Path
 
 from acquisition.formats.frames import FolderFrames
-from acquisition.models import cell_config
+from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import SessionRecord
 from acquisition.store.calibration_sets import CalibrationSets
+from acquisition.store.folder import read_value
 from acquisition.store.journal import Journal
 from acquisition.store.rows import Action, Artifact, Event, SessionFilter, SessionRow
 
@@ -30,21 +32,35 @@ class Store:
     """One data folder: `rig.lock`, `rig.db`, `sessions/<id>/`, `calibrations/<id>/`, `cache/`; of one service."""
 
     def __init__(self, data: Path) -> None:
-        """Opens or makes the folder. Raises RigError store.locked when another service has it."""
+        """Opens or makes the folder. Raises RigError store.locked when another service has it; store.unwritable,
+        store.disk_full, store.corrupt when it cannot be used."""
         self.data = data.resolve()
-        self.data.mkdir(parents=True, exist_ok=True, mode=FOLDER_MODE)
-        _keep_others_out(self.data)
-        (self.data / "sessions").mkdir(exist_ok=True)
-        (self.data / "cache").mkdir(exist_ok=True)
-        self._lock_file = os.open(self.data / "rig.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            self._lock_file = self._make_folders()
+        except OSError as error:
+            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+            code = ErrorCode.STORE_DISK_FULL if full else ErrorCode.STORE_UNWRITABLE
+            raise RigError(code, f"The data folder {self.data} cannot be used: {error}") from error
         try:
             fcntl.flock(self._lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             os.close(self._lock_file)
             raise RigError(ErrorCode.STORE_LOCKED, f"{self.data} is in use by another service") from error
-        self.journal = Journal(self.data / "rig.db")
-        self._discard_partial()
+        try:
+            self.journal = Journal(self.data / "rig.db")
+            self._discard_partial()
+        except BaseException:
+            os.close(self._lock_file)
+            raise
         self.calibrations = CalibrationSets(self.data / "calibrations")
+
+    def _make_folders(self) -> int:
+        """Makes what is not there yet; the descriptor of the lock's file. Raises OSError."""
+        self.data.mkdir(parents=True, exist_ok=True, mode=FOLDER_MODE)
+        _keep_others_out(self.data)
+        (self.data / "sessions").mkdir(exist_ok=True)
+        (self.data / "cache").mkdir(exist_ok=True)
+        return os.open(self.data / "rig.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
     def folder(self, session_id: str) -> Path:
         """The folder of a session that the journal knows."""
@@ -55,9 +71,12 @@ class Store:
         return self.data / "cache" / name
 
     def calibration_of(self, session_id: str) -> str | None:
-        """SHA-256 of the calibration's values that a session was created with; None: its folder is not there."""
-        file = self.folder(session_id) / "calibration.json"
-        return cell_config.load_calibration(file).fingerprint if file.is_file() else None
+        """SHA-256 of the calibration's values that a session was created with; None: its folder is not there.
+
+        Raises RigError session.not_found, store.corrupt.
+        """
+        folder, name = self.folder(session_id), "calibration.json"
+        return read_value(Calibration, folder, name).fingerprint if (folder / name).is_file() else None
 
     @property
     def free(self) -> int:

@@ -35,16 +35,16 @@ class Database:
     """Connection, transactions and events; any thread may call any method."""
 
     def __init__(self, path: Path) -> None:
+        """Opens or makes the file. Raises RigError store.corrupt, store.disk_full, store.unwritable."""
         self._lock = threading.RLock()
         self._event_added = threading.Condition()
-        self._connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=10)
-        self._connection.row_factory = sqlite3.Row
-        # SQLite's own lower() knows ASCII only, and labels are in any language.
-        self._connection.create_function("casefold", 1, str.casefold, deterministic=True)
-        self._connection.execute("PRAGMA journal_mode = WAL")
-        self._connection.execute("PRAGMA synchronous = FULL")
-        self._connection.execute("PRAGMA foreign_keys = ON")
-        self._migrate()
+        with _refusals():
+            self._connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=10)
+            try:
+                self._prepare()
+            except BaseException:
+                self._connection.close()
+                raise
 
     def close(self) -> None:
         """Closes the file."""
@@ -102,6 +102,15 @@ class Database:
 
     # ------------------------------------------------------------------------------------------------------ internals
 
+    def _prepare(self) -> None:
+        self._connection.row_factory = sqlite3.Row
+        # SQLite's own lower() knows ASCII only, and labels are in any language.
+        self._connection.create_function("casefold", 1, str.casefold, deterministic=True)
+        self._connection.execute("PRAGMA journal_mode = WAL")
+        self._connection.execute("PRAGMA synchronous = FULL")
+        self._connection.execute("PRAGMA foreign_keys = ON")
+        self._migrate()
+
     def _migrate(self) -> None:
         (version,) = self._connection.execute("PRAGMA user_version").fetchone()
         if version > len(MIGRATIONS):
@@ -155,12 +164,17 @@ class Database:
 
 @contextmanager
 def _refusals() -> Generator[None]:
-    """Gives what SQLite cannot do at the moment a code: its disk is full, or another program or the disk refuses."""
+    """Gives what SQLite cannot do a code: the disk is full or refuses, the file is damaged, a program holds it."""
     try:
         yield
-    except sqlite3.OperationalError as error:
-        if error.sqlite_errorcode == sqlite3.SQLITE_FULL:
+    except sqlite3.DatabaseError as error:
+        kind = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        if kind == sqlite3.SQLITE_FULL:
             raise RigError(ErrorCode.STORE_DISK_FULL, "No space left for the journal", file="rig.db") from error
+        if kind in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+            raise RigError(ErrorCode.STORE_CORRUPT, f"The journal rig.db: {error}", file="rig.db") from error
+        if not isinstance(error, sqlite3.OperationalError):
+            raise
         detail = f"The journal cannot be written: {error}"
         raise RigError(ErrorCode.STORE_UNWRITABLE, detail, file="rig.db") from error
 

@@ -13,14 +13,18 @@ import shutil
 import threading
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 import tifffile
+from pydantic import ValidationError
 
 from acquisition.models.base import Value
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.shot import FrameRef
+
+Stored = TypeVar("Stored", bound=Value)
 
 RESERVED_BYTES = 32 << 20
 """Bytes of the disk that images and results never use: the journal needs them to record that the disk is full."""
@@ -61,6 +65,20 @@ def write_bytes(path: Path, content: bytes) -> str:
 def write_value(path: Path, value: Value) -> str:
     """Writes a value as indented JSON and returns the file's SHA-256."""
     return write_bytes(path, value.model_dump_json(indent=2).encode())
+
+
+def read_value(kind: type[Stored], folder: Path, name: str) -> Stored:
+    """Reads a value from a file of a session's folder. Raises RigError store.corrupt naming session and file."""
+    try:
+        return kind.model_validate_json((folder / name).read_bytes())
+    except (OSError, ValidationError) as error:
+        raise damaged(folder, name, error) from error
+
+
+def damaged(folder: Path, name: str, error: Exception) -> RigError:
+    """The store.corrupt of a file of a session's folder that cannot be read, or has not what was written into it."""
+    why = error.strerror if isinstance(error, OSError) else "its content is not what was written"
+    return RigError(ErrorCode.STORE_CORRUPT, f"sessions/{folder.name}/{name}: {why}", session_id=folder.name, file=name)
 
 
 def write_frame(folder: Path, name: str, pixels: npt.NDArray[np.uint16]) -> FrameRef:

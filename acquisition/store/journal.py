@@ -6,7 +6,6 @@ Moves are journalled before they are made (write-ahead), files are written befor
 """
 
 import json
-import secrets
 import sqlite3
 import time
 from pathlib import Path
@@ -28,8 +27,10 @@ from acquisition.session import (
     allowed_actions,
     next_state,
 )
+from acquisition.store.folder import read_value
 from acquisition.store.outbox_table import OutboxTable
-from acquisition.store.rows import Action, Artifact, SessionRow, session_from_row
+from acquisition.store.rows import Action, Artifact, SessionRow
+from acquisition.store.session_table import new_session_id
 
 PLAN_REVIEWED, MOVE_SENT = "plan.reviewed", "arm.sent"
 """Types of events that a resumed session reads: approved plans, and the path of the last move."""
@@ -41,26 +42,21 @@ class Journal(OutboxTable):
     # ------------------------------------------------------------------------------------------------------- sessions
 
     def create_session(
-        self, recipe: AnyRecipe, cell: str, fingerprint: str, idempotency_key: str | None = None
-    ) -> tuple[SessionRow, bool]:
-        """Creates a session and returns it and True; for an idempotency key used before, that session and False."""
+        self, recipe: AnyRecipe, cell: str, fingerprint: str, idempotency_key: str | None = None,
+        identity: str | None = None,
+    ) -> tuple[SessionRow, bool]:  # fmt: skip
+        """Creates a session and returns it and True; for an idempotency key used before, that session and False.
+
+        `identity` is one of `new_session_id`, under which its folder has been made. Raises RigError request.invalid
+        for a key that was used for another recipe.
+        """
         with self._transaction() as connection:
-            if idempotency_key is not None:
-                known = connection.execute(
-                    "SELECT * FROM session WHERE idempotency_key = ?", (idempotency_key,)
-                ).fetchone()
-                if known is not None:
-                    row = session_from_row(known)
-                    if row.recipe != recipe:
-                        raise RigError(
-                            ErrorCode.REQUEST_INVALID,
-                            "This Idempotency-Key was used for another recipe; choose a new key",
-                            session_id=row.id,
-                        )
-                    return row, False
+            known = self.session_of_key(idempotency_key, recipe)
+            if known is not None:
+                return known, False
             (number,) = connection.execute("SELECT coalesce(max(number), 0) + 1 FROM session").fetchone()
             now = round(time.time(), 6)  # as HTTP states it, so that a session is among those since its own time
-            identity = time.strftime("%Y%m%d-%H%M%S-", time.gmtime(now)) + secrets.token_hex(3)
+            identity = identity or new_session_id(now)
             connection.execute(
                 "INSERT INTO session (id, number, state, recipe, cell, fingerprint, idempotency_key, created_at)"
                 " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
@@ -134,7 +130,7 @@ class Journal(OutboxTable):
                     allowed=[str(action) for action in allowed_actions(row.state)],
                 )
             connection.execute("DELETE FROM session WHERE id = ?", (session_id,))
-            self._event(connection, None, "session.deleted", {"session_id": session_id})
+            self._event(connection, session_id, "session.deleted", {"session_id": session_id})
 
     # ------------------------------------------------------------------------------------------------------- the work
 
@@ -258,7 +254,10 @@ class Journal(OutboxTable):
         return [Shot.model_validate_json(row["body"]) for row in rows]
 
     def record(self, session_id: str, folder: Path) -> SessionRecord:
-        """What `session.next_step` reads; plans and routes come from the files that the journal names."""
+        """What `session.next_step` reads; plans and routes come from the files that the journal names.
+
+        Raises RigError session.not_found, store.corrupt naming the file that is missing or damaged.
+        """
         with self._lock:
             row = self.session(session_id)
             plans = {item.number: item for item in self.artifacts(session_id, "plan")}
@@ -275,8 +274,8 @@ class Journal(OutboxTable):
             unverified = self._unverified(session_id)
         passes = tuple(
             PassRecord(
-                plan=LightPlan.model_validate_json((folder / plans[number].path).read_bytes()),
-                route=Route.model_validate_json((folder / routes[number]).read_bytes()) if number in routes else None,
+                plan=read_value(LightPlan, folder, plans[number].path),
+                route=read_value(Route, folder, routes[number]) if number in routes else None,
                 shots={
                     shot.light_number: shot
                     for shot in shots

@@ -4,14 +4,22 @@ A recipe is kept as it was ordered, in the journal and in the session's folder, 
 person corrects later, label and notes, has columns of its own.
 """
 
+import secrets
+import time
 from typing import Any
 
+from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import RIG_HOLDING
 from acquisition.store.database import Database, placeholders
 from acquisition.store.rows import SessionFilter, SessionRow, session_from_row
 
 _EVERY_SESSION = SessionFilter()
+
+
+def new_session_id(now: float) -> str:
+    """A new session's identifier: date and time (s since 1970), and six digits by chance."""
+    return time.strftime("%Y%m%d-%H%M%S-", time.gmtime(now)) + secrets.token_hex(3)
 
 
 class SessionTable(Database):
@@ -23,6 +31,21 @@ class SessionTable(Database):
         if row is None:
             raise RigError(ErrorCode.SESSION_NOT_FOUND, f"No session {session_id[:80]!r}", session_id=session_id[:80])
         return session_from_row(row)
+
+    def session_of_key(self, idempotency_key: str | None, recipe: AnyRecipe) -> SessionRow | None:
+        """The session that was made with an idempotency key; None: none was, or there is no key.
+
+        Raises RigError request.invalid when it was made of another recipe.
+        """
+        known = self._one("SELECT * FROM session WHERE idempotency_key = ?", idempotency_key)
+        if known is None:
+            return None
+        row = session_from_row(known)
+        if row.recipe != recipe:
+            message = "This Idempotency-Key was used for another recipe; choose a new key"
+            errors = [{"field": "Idempotency-Key", "message": message}]
+            raise RigError(ErrorCode.REQUEST_INVALID, message, session_id=row.id, errors=errors)
+        return row
 
     def sessions(
         self, limit: int, before: int | None = None, wanted: SessionFilter = _EVERY_SESSION

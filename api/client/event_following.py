@@ -59,7 +59,8 @@ class EventCursor:
 
 def ends_or_suspends(event: EventResource) -> bool:
     """Whether with this event a session has, or may have, ended, or is suspended until a person acts."""
-    if event.type == STREAM_RESET:  # its events are not all in this journal: the session itself must be asked
+    # Its events are not all in this journal, or it was deleted: the session itself must be asked.
+    if event.type in (STREAM_RESET, "session.deleted"):
         return True
     if event.type != "session.state":
         return False

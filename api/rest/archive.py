@@ -6,6 +6,7 @@ that the folder can be understood without the database.
 """
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,9 @@ from api.rest.wiring import Service
 router = APIRouter(tags=["sessions"])
 
 EVENTS_PER_QUERY = 500
+
+_PLAIN = re.compile(r"[\w.:/@+-]+")
+"""Text that stands in the log as it is; any other is quoted."""
 
 
 @router.get(
@@ -87,10 +91,16 @@ def _events(service: Service, session_id: str) -> Iterator[Event]:
 
 def _facts(entry: dict[str, Any]) -> str:
     return " ".join(
-        f"{name}={json.dumps(value, ensure_ascii=False) if isinstance(value, dict | list) else value}"
-        for name, value in entry.items()
-        if name not in ("at", "what") and value is not None
+        f"{name}={_fact(value)}" for name, value in entry.items() if name not in ("at", "what") and value is not None
     )
+
+
+def _fact(value: Any) -> str:
+    """A value that forges neither a line nor another fact; what people wrote in any language stays readable."""
+    if isinstance(value, str) and _PLAIN.fullmatch(value):
+        return value
+    text = json.dumps(value, ensure_ascii=False)
+    return "".join(one if one.isprintable() else json.dumps(one)[1:-1] for one in text)
 
 
 def _is_exportable(path: Path, folder: Path) -> bool:

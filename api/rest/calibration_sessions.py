@@ -87,14 +87,14 @@ def estimate_file(
     entry = stored_files.newest(service, session_id, "estimate", number)
     if entry is None:
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Session {session_id} has no estimate {number}")
-    manifest = service.store.folder(session_id) / entry.path
-    known = stored_files.manifest_entries(manifest)
+    folder = service.store.folder(session_id)
+    known = stored_files.manifest_entries(folder, entry.path)
     if artefact not in known:  # only names in the manifest reach the file system
         raise RigError(
             ErrorCode.REQUEST_NOT_FOUND, f"Estimate {number} has no file of this name", artefacts=sorted(known)
         )
     name = f"{session_id}-{number}-{artefact}"
-    return stored_files.file_response(manifest.parent / artefact, name, str(known[artefact]["sha256"]))
+    return stored_files.file_response((folder / entry.path).parent / artefact, name, known[artefact].sha256)
 
 
 def _recipes() -> list[type[CalibrationRecipe]]:
@@ -106,7 +106,7 @@ def _recipes() -> list[type[CalibrationRecipe]]:
 
 def _resource(service: Service, session_id: str, entry: Artifact) -> EstimateResource:
     address = f"/v1/sessions/{session_id}/estimates/{entry.number}"
-    files = stored_files.manifest_entries(service.store.folder(session_id) / entry.path)
+    files = stored_files.manifest_entries(service.store.folder(session_id), entry.path)
     return EstimateResource(
         number=entry.number,
         created=as_datetime(entry.created_at),
@@ -115,7 +115,7 @@ def _resource(service: Service, session_id: str, entry: Artifact) -> EstimateRes
             {name: entry.body[name] for name in CalibrationSummary.model_fields if name in entry.body}
         ),
         artefacts=[
-            ArtefactResource(name=name, bytes=facts["bytes"], sha256=facts["sha256"], href=f"{address}/{name}")
+            ArtefactResource(name=name, bytes=facts.bytes, sha256=facts.sha256, href=f"{address}/{name}")
             for name, facts in files.items()
         ],
         links={"session": f"/v1/sessions/{session_id}"},

@@ -19,6 +19,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.route import Route
 from acquisition.runner.memo import Memo
+from acquisition.store.folder import read_value
 from api.rest import problems, stored_files
 from api.rest.conditional import is_current
 from api.rest.dependencies import Number, ServiceOf, SessionId
@@ -83,9 +84,9 @@ def _stored_route(service: Service, session_id: str, number: int) -> tuple[Route
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Pass {number} of session {session_id} has no route (yet)")
     folder = service.store.folder(session_id)
     return (
-        Route.model_validate_json(stored_files.read_bytes(folder / entry.path)),
-        CellConfig.model_validate_json(stored_files.read_bytes(folder / "cell.json")),
-        Calibration.model_validate_json(stored_files.read_bytes(folder / "calibration.json")),
+        read_value(Route, folder, entry.path),
+        read_value(CellConfig, folder, "cell.json"),
+        read_value(Calibration, folder, "calibration.json"),
     )
 
 

@@ -14,13 +14,13 @@ from datetime import UTC, datetime
 from typing import Annotated
 
 import anyio.to_thread
-from fastapi import APIRouter, Header, Query, Request
+from fastapi import APIRouter, Depends, Header, Query, Request
 from fastapi.responses import StreamingResponse
 
 from acquisition.models.errors import ErrorCode
 from acquisition.store import Event, Journal
 from api.rest import joint_readings, open_streams, problems
-from api.rest.dependencies import CallerOf
+from api.rest.dependencies import CallerOf, refuse_unknown_query
 from api.rest.joint_readings import JointReadings
 from api.rest.open_streams import OpenStreams
 from api.rest.schemas import EventResource, as_datetime
@@ -166,6 +166,7 @@ router = APIRouter(tags=["events"])
             ErrorCode.REQUEST_INVALID, ErrorCode.REQUEST_TOO_MANY_STREAMS, ErrorCode.SERVICE_OVERLOADED
         ),
     },
+    dependencies=[Depends(refuse_unknown_query)],
 )
 async def events(
     request: Request,

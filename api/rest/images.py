@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import anyio.to_thread
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Depends, Query
 from fastapi.responses import FileResponse, Response
 
 from acquisition.models.calibration import SensorModel
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.shot import Shot
 from api.rest import image_encoding, problems, stored_files
-from api.rest.dependencies import Number, ServiceOf, SessionId
+from api.rest.dependencies import Number, ServiceOf, SessionId, refuse_unknown_query
 from api.rest.wiring import Service
 
 router = APIRouter(tags=["sessions"])
@@ -56,8 +56,9 @@ def links(pass_path: str, shot: Shot) -> dict[str, str]:
         **stored_files.binary("image/png", "image/tiff", description="The image, in the form that was asked for"),
         **stored_files.NOT_MODIFIED,
         **problems.NOT_FOUND,
-        **problems.responses_of(ErrorCode.STORE_CORRUPT),
+        **problems.responses_of(ErrorCode.STORE_CORRUPT, ErrorCode.REQUEST_INVALID),
     },
+    dependencies=[Depends(refuse_unknown_query)],
 )
 async def image(
     service: ServiceOf,
@@ -87,8 +88,9 @@ async def image(
         **stored_files.binary("image/jpeg", description="The small image"),
         **stored_files.NOT_MODIFIED,
         **problems.NOT_FOUND,
-        **problems.responses_of(ErrorCode.STORE_CORRUPT),
+        **problems.responses_of(ErrorCode.STORE_CORRUPT, ErrorCode.REQUEST_INVALID),
     },
+    dependencies=[Depends(refuse_unknown_query)],
 )
 async def thumbnail(
     service: ServiceOf,

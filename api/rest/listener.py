@@ -177,7 +177,7 @@ class Listener:
         try:
             block = held.recv(_READ_BYTES)
             arrived = len(block)
-            if connection.tls is not None and block:
+            if connection.tls is not None and block and not connection.answered:  # after that: the body of a stop
                 block = self._decrypted(held, connection.tls, block)
         except BlockingIOError:
             return

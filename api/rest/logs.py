@@ -21,6 +21,7 @@ from structlog.contextvars import bound_contextvars, merge_contextvars
 from structlog.typing import Processor
 
 from acquisition.models.errors import ErrorCode, RigError
+from api.rest.log_queue import QueuedHandler
 
 LogFormat = Literal["text", "json"]
 
@@ -45,7 +46,7 @@ class RateLimit(logging.Filter):
 
     def __init__(self) -> None:
         super().__init__()
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # a signal handler may log while its own thread is in here
         self._buckets = {False: [float(BURST), time.monotonic(), 0.0], True: [float(BURST), time.monotonic(), 0.0]}
 
     def filter(self, record: logging.LogRecord) -> bool:
@@ -63,6 +64,11 @@ class RateLimit(logging.Filter):
                 record.left_out = int(left_out)
             return True
 
+    def count_left_out(self, record: logging.LogRecord) -> None:
+        """Counts an entry that passed and could not be kept, and those that it would have told of."""
+        with self._lock:
+            self._buckets[record.levelno > logging.INFO][2] += 1 + getattr(record, "left_out", 0)
+
 
 FILE_BYTES = 10_000_000
 """Size at which a log file is put aside and another begun, bytes."""
@@ -73,6 +79,8 @@ OLD_FILES = 5
 
 def configure(log_format: LogFormat, file: Path | None = None) -> None:
     """Configures this process to log in a format, from INFO upwards: to its standard error, or to a file that rotates.
+
+    Whoever logs never waits for either. A traceback has no values of variables: they hold keys of callers.
 
     Raises RigError config.invalid when the file cannot be written.
     """
@@ -87,10 +95,17 @@ def configure(log_format: LogFormat, file: Path | None = None) -> None:
     last: list[Processor] = (
         [structlog.processors.format_exc_info, structlog.processors.JSONRenderer(ensure_ascii=False)]
         if log_format == "json"
-        else [structlog.dev.ConsoleRenderer(colors=False, pad_event_to=0)]
+        else [
+            structlog.dev.ConsoleRenderer(
+                colors=False, pad_event_to=0, exception_formatter=structlog.dev.plain_traceback
+            )
+        ]
     )
-    handler = logging.StreamHandler(sys.stderr) if file is None else _rotating(file)
-    handler.addFilter(RateLimit())
+    limit = RateLimit()
+    handler = QueuedHandler(
+        logging.StreamHandler(sys.stderr) if file is None else _rotating(file), limit.count_left_out
+    )
+    handler.addFilter(limit)
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(
             foreign_pre_chain=common, processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *last]

@@ -91,7 +91,7 @@ class QueueResource(Resource):
     )
     reason: Problem | None = Field(description="Why it stopped by itself; null: a person paused it, or it became empty")
     changed_by: str = Field(description="Who resumed or stopped it last; `service`: itself")
-    changed: datetime = Field(description="When, UTC")
+    changed: datetime | None = Field(description="When, UTC; null: nobody has resumed or stopped it yet")
     next_object: str | None = Field(description="Object of the next session; null: no entry waits")
     entries: list[QueueEntryResource] = Field(
         description="The last 20 entries that have ended, oldest first; the one that runs; those that wait, in order"
@@ -190,7 +190,7 @@ def _queue(service: Service) -> QueueResource:
         state=status.state,
         reason=None if status.reason is None else _problem(status.reason),
         changed_by=status.changed_by,
-        changed=as_datetime(status.changed_at),
+        changed=as_datetime(status.changed_at) if status.changed_at > 0 else None,
         next_object=waiting[0].object_name if waiting else None,
         entries=[_entry(entry) for entry in entries],
         links={

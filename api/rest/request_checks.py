@@ -92,9 +92,12 @@ class RequestChecks:
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
+        if scope["path"] == STOP_PATH + "/":
+            scope["path"] = STOP_PATH  # whoever types the stop by hand is not sent away for a slash
+        stops = scope["path"] == STOP_PATH and scope["method"] == "POST"
         try:
             self._pages.refuse_foreign(scope, headers)
-            if self._in_progress > self._most_requests and scope["path"] != STOP_PATH:
+            if self._in_progress > self._most_requests and not stops:
                 raise RigError(
                     ErrorCode.SERVICE_OVERLOADED,
                     f"{self._most_requests} requests are in progress",
@@ -103,8 +106,8 @@ class RequestChecks:
                 )
             scope.setdefault("state", {})["caller"] = self._authentication.caller(scope, headers)
             try:
-                async with asyncio.timeout(BODY_TIMEOUT_S):
-                    body = await _read_body(headers, receive)
+                async with asyncio.timeout(BODY_TIMEOUT_S):  # nobody waits for a stop's body, reads it or refuses it
+                    body = b"" if stops else await _read_body(headers, receive)
             except TimeoutError as error:
                 detail = f"The body was not complete within {BODY_TIMEOUT_S:g} s"
                 raise RigError(ErrorCode.REQUEST_TIMEOUT, detail) from error
@@ -117,7 +120,7 @@ class RequestChecks:
                 answer.headers["WWW-Authenticate"] = "Bearer"
             await answer(scope, receive, send)
             return
-        await self._app(scope, _replay(body, receive), send)
+        await self._app(scope, receive if stops else _replay(body, receive), send)
 
 
 async def _read_body(headers: Headers, receive: Receive) -> bytes:

@@ -169,8 +169,8 @@ def resource(service: Service, session_id: str, entry: Artifact) -> ResultResour
         seconds=entry.body["seconds"],
         summary=ResultSummary.model_validate(summary),
         artefacts=[
-            ArtefactResource(name=name, bytes=facts["bytes"], sha256=facts["sha256"], href=f"{result_path}/{name}")
-            for name, facts in stored_files.manifest_entries(service.store.folder(session_id) / entry.path).items()
+            ArtefactResource(name=name, bytes=facts.bytes, sha256=facts.sha256, href=f"{result_path}/{name}")
+            for name, facts in stored_files.manifest_entries(service.store.folder(session_id), entry.path).items()
         ],
         exports={name: f"{result_path}/{name}" for name in EXPORTS},
         links={
@@ -187,8 +187,9 @@ def _artefact(service: Service, session_id: str, number: int, artefact: str) -> 
     if artefact in EXPORTS:
         path = service.resolving.make_export(session_id, number, artefact)
         return stored_files.file_response(path, name, f"{entry.sha256}-{artefact}")
-    manifest = service.store.folder(session_id) / entry.path
-    known = {name: str(facts["sha256"]) for name, facts in stored_files.manifest_entries(manifest).items()}
+    folder = service.store.folder(session_id)
+    manifest = folder / entry.path
+    known = {name: facts.sha256 for name, facts in stored_files.manifest_entries(folder, entry.path).items()}
     known[manifest.name] = entry.sha256
     if artefact not in known:  # only names in the manifest reach the file system
         raise RigError(

@@ -264,6 +264,11 @@ class SessionResource(Resource):
     answer: ResultResource | None = Field(
         description="The result that a person chose; else the newest that the session itself made"
     )
+    damage: Problem | None = Field(
+        default=None,
+        description="In a list: the file that is missing or damaged; `progress` is then as last announced, `answer` "
+        "and `calibration` are null. The session's own address answers this problem",
+    )
     links: Links
 
 

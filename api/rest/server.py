@@ -9,8 +9,8 @@ import logging
 import ssl
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from socket import socket
 from types import FrameType
@@ -82,6 +82,14 @@ class Server(uvicorn.Server):
         # The rest takes locks that the interrupted code may hold, so it must not wait for them in here.
         threading.Thread(target=self.service.runner.begin_shutdown, name="shut").start()
         super().handle_exit(sig, frame)
+
+    @contextmanager
+    def capture_signals(self) -> Generator[None]:
+        """As uvicorn's, which ends the process by the signal once more: no entry of the log is lost with it."""
+        with super().capture_signals():
+            yield
+            for handler in logging.getLogger().handlers:
+                handler.flush()
 
     async def startup(self, sockets: list[socket] | None = None) -> None:
         """Starts the service, binds the sockets, starts the listener and reports the address.

@@ -23,6 +23,7 @@ from acquisition.models.route import Route
 from acquisition.runner import estimates
 from acquisition.session import State, Trigger
 from acquisition.store import Action, SessionFilter, SessionRow
+from acquisition.store.folder import read_value
 from api.rest import images, problems, results, stored_files
 from api.rest.dependencies import (
     IDEMPOTENCY_KEY,
@@ -111,7 +112,10 @@ def sessions(
         int | None, Query(ge=1, le=2**62, description="Number of the last session of the page before")
     ] = None,
 ) -> Page[SessionResource]:
-    """Sessions, newest first, by state, part of the label, and time of creation; an unknown parameter is refused."""
+    """Sessions, newest first, by state, part of the label, and time of creation; an unknown parameter is refused.
+
+    One whose files are missing or damaged is listed with that problem in `damage`.
+    """
     wanted = SessionFilter(
         states=tuple(state),
         label=label,
@@ -123,10 +127,13 @@ def sessions(
     if len(rows) > limit:
         given = [pair for pair in request.query_params.multi_items() if pair[0] not in ("after", "limit", "ticket")]
         more = f"/v1/sessions?{urlencode([*given, ('limit', limit), ('after', rows[limit - 1].number)])}"
-    return Page[SessionResource](items=[_resource(service, row, caller) for row in rows[:limit]], next=more)
+    listed = (_listed(service, row, caller) for row in rows[:limit])
+    return Page[SessionResource](items=[one for one in listed if one is not None], next=more)
 
 
-@router.get("/v1/sessions/{session_id}", responses=problems.NOT_FOUND)
+@router.get(
+    "/v1/sessions/{session_id}", responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.STORE_CORRUPT)}
+)
 def read(service: ServiceOf, session_id: SessionId, caller: CallerOf) -> SessionResource:
     """One session: state, progress, allowed actions, answer."""
     return _resource(service, service.store.journal.session(session_id), caller)
@@ -166,9 +173,10 @@ def edit(
     responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.SESSION_ACTION_NOT_ALLOWED)},
 )
 def delete(service: ServiceOf, session_id: SessionId) -> None:
-    """Deletes a session that does not hold the rig, with all its files."""
+    """Deletes a session that does not hold the rig, with all its files; a solve of it that runs is ended first."""
     folder = service.store.folder(session_id)
     service.store.journal.delete_session(session_id)
+    service.resolving.end_of(session_id)
     if folder.exists():
         shutil.rmtree(folder)
 
@@ -259,8 +267,8 @@ def one_pass(service: ServiceOf, session_id: SessionId, number: Number) -> PassR
     pass_path = f"/v1/sessions/{session_id}/passes/{number}"
     return PassResource(
         number=number,
-        plan=LightPlan.model_validate_json(stored_files.read_bytes(folder / plan.path)),
-        route=None if route is None else Route.model_validate_json(stored_files.read_bytes(folder / route.path)),
+        plan=read_value(LightPlan, folder, plan.path),
+        route=None if route is None else read_value(Route, folder, route.path),
         shots=[
             ShotResource(shot=shot, links=images.links(pass_path, shot))
             for shot in service.store.journal.shots(session_id)
@@ -274,8 +282,25 @@ def one_pass(service: ServiceOf, session_id: SessionId, number: Number) -> PassR
 # ----------------------------------------------------------------------------------------------------------- resources
 
 
-def _resource(service: Service, row: SessionRow, caller: Caller) -> SessionResource:
-    progress = service.runner.progress(row.id)
+def _listed(service: Service, row: SessionRow, caller: Caller) -> SessionResource | None:
+    """A session for a list, which one with damaged files must not keep from the others; None: deleted meanwhile."""
+    try:
+        try:
+            return _resource(service, row, caller)
+        except RigError as error:
+            if error.code is not ErrorCode.STORE_CORRUPT:
+                raise
+            return _resource(service, row, caller, damage=error)
+    except RigError as error:
+        if error.code is not ErrorCode.SESSION_NOT_FOUND:
+            raise
+        return None
+
+
+def _resource(service: Service, row: SessionRow, caller: Caller, damage: RigError | None = None) -> SessionResource:
+    """The resource of a session; with `damage` what is known without its files. Raises RigError store.corrupt."""
+    whole = damage is None
+    progress = service.runner.progress(row.id) if whole else service.runner.told_progress(row)
     plans = service.store.journal.artifacts(row.id, "plan")
     session_path, estimate = f"/v1/sessions/{row.id}", estimates.newest(service.store, row.id)
     return SessionResource(
@@ -300,9 +325,10 @@ def _resource(service: Service, row: SessionRow, caller: Caller) -> SessionResou
         created=as_datetime(row.created_at),
         started=None if row.started_at is None else as_datetime(row.started_at),
         ended=None if row.ended_at is None else as_datetime(row.ended_at),
-        calibration=service.store.calibration_of(row.id),
+        calibration=service.store.calibration_of(row.id) if whole else None,
         estimate=None if estimate is None else estimates.summary_of(estimate),
-        answer=results.answer(service, row.id),
+        answer=results.answer(service, row.id) if whole else None,
+        damage=None if damage is None else Problem.of(damage.code, damage.detail, damage.context, session_path),
         links={
             "self": session_path,
             "actions": f"{session_path}/actions",

@@ -15,6 +15,8 @@ import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 
+from api.rest.log_queue import QueuedHandler
+
 MAX_LINE_BYTES = 2000
 """Bytes of one line that are logged."""
 
@@ -35,10 +37,11 @@ def as_entries() -> Generator[None]:
     sys.stderr.flush()
     before = os.dup(2)
     stream = os.fdopen(os.dup(before), "w", buffering=1, encoding="utf-8", errors="backslashreplace")
+    queued = [handler for handler in logging.getLogger().handlers if isinstance(handler, QueuedHandler)]
     moved = [
-        handler
-        for handler in logging.getLogger().handlers
-        if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr
+        handler.target
+        for handler in queued
+        if isinstance(handler.target, logging.StreamHandler) and handler.target.stream is sys.stderr
     ]
     for handler in moved:
         handler.setStream(stream)
@@ -58,6 +61,8 @@ def as_entries() -> Generator[None]:
         faulthandler.disable()
         if crash_to:
             faulthandler.enable()
+        for handler in queued:
+            handler.flush()
         for handler in moved:
             handler.setStream(sys.stderr)
         if not reader.is_alive():

@@ -1,7 +1,8 @@
 """The stop of the cell as the listener's thread carries it out: without event loop, routes, or threads of a pool.
 
-It makes the same checks as the application (host, origin, key), but answers only a request that passes them all and has
-no body. Any other it leaves to the application, which refuses it with a reason.
+It makes the same checks as the application (host, origin, key), but answers only a request that passes them all. Any
+other it leaves to the application, which refuses it with a reason. A body, of whatever type, says nothing more than the
+address does: nobody waits for it.
 """
 
 import time
@@ -38,7 +39,7 @@ class StopRequests:
         """Stops the cell where `head` asks for that and may; the answer's bytes and the log entry, else None."""
         begun = time.monotonic()
         headers = _headers(head)
-        if headers is None or _has_body(headers):
+        if headers is None:
             return None
         peer, scheme = self._proxies.caller(peer, headers, self._scheme)
         scope = {
@@ -72,7 +73,3 @@ def _headers(head: bytes) -> Headers | None:
     if not isinstance(event, h11.Request) or event.method + b" " + event.target + b" " != STOP_LINE:
         return None
     return Headers(raw=[(name.lower(), value) for name, value in event.headers])
-
-
-def _has_body(headers: Headers) -> bool:
-    return headers.get("content-length", "0") != "0" or "transfer-encoding" in headers or "expect" in headers

@@ -5,6 +5,7 @@ are images under an address that may be given another content, which a browser h
 """
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from starlette.convertors import Convertor, register_url_convertor
 
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store import Artifact
+from acquisition.store.folder import damaged
 from api.rest.wiring import Service
 
 
@@ -81,9 +83,24 @@ def read_bytes(path: Path) -> bytes:
         raise RigError(ErrorCode.STORE_CORRUPT, f"{path.name}: {error.strerror}", file=path.name) from error
 
 
-def manifest_entries(manifest: Path) -> dict[str, dict[str, Any]]:
-    """Reads a manifest's entries (size, digest, …) by file name. Raises RigError store.corrupt when it is missing."""
-    return json.loads(read_bytes(manifest))["files"]
+@dataclass(frozen=True)
+class ManifestEntry:
+    """A file as a manifest states it."""
+
+    bytes: int
+    sha256: str
+
+
+def manifest_entries(folder: Path, manifest: str) -> dict[str, ManifestEntry]:
+    """Reads the entries of a manifest in a session's folder, by file name.
+
+    Raises RigError store.corrupt, naming session and file, when it is missing or is no manifest.
+    """
+    try:
+        files = json.loads((folder / manifest).read_bytes())["files"]
+        return {str(name): ManifestEntry(int(facts["bytes"]), str(facts["sha256"])) for name, facts in files.items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+        raise damaged(folder, manifest, error) from error
 
 
 def file_response(path: Path, name: str, digest: str) -> FileResponse:

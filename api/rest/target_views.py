@@ -15,6 +15,7 @@ from acquisition.models.calibration_recipe import BoardRecipe
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
+from acquisition.store.folder import read_value
 from acquisition.waypoints import mounted_tool
 from api.rest import camera_preview, problems, stored_files
 from api.rest.camera_preview import CameraPreview
@@ -102,13 +103,13 @@ def planned_views(service: ServiceOf, session_id: SessionId, number: Number) -> 
     service.store.journal.session(session_id)
     entry = stored_files.newest(service, session_id, "plan", number)
     folder = service.store.folder(session_id)
-    plan = None if entry is None else LightPlan.model_validate_json(stored_files.read_bytes(folder / entry.path))
+    plan = None if entry is None else read_value(LightPlan, folder, entry.path)
     if plan is None or (plan.joints is None and plan.method != "views"):
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Pass {number} of session {session_id} has no views of a board")
     estimate = next((one for one in range(number - 1, -1, -1) if _calibrates(service, session_id, one)), None)
     known = folder if estimate is None else folder / f"estimates/{estimate}"
     calibration = cell_config.load_calibration(known / "calibration.json")
-    cell = CellConfig.model_validate_json(stored_files.read_bytes(folder / "cell.json"))
+    cell = read_value(CellConfig, folder, "cell.json")
     shots = [shot for shot in service.store.journal.shots(session_id) if shot.key.pass_number == number]
     taken = {shot.light_number for shot in shots if shot.kind == "light"}
     route = stored_files.newest(service, session_id, "route", number)

@@ -162,6 +162,49 @@ def test_database_of_newer_schema_is_refused(tmp_path: Path) -> None:
         Store(tmp_path)
 
 
+def test_store_unusable_folder_or_database_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for name in ("noise", "pages"):
+        Store(tmp_path / name).close()
+    (tmp_path / "noise" / "rig.db").write_bytes(np.random.default_rng(1).bytes(20_000))
+    database = tmp_path / "pages" / "rig.db"
+    content = bytearray(database.read_bytes())
+    content[4096:] = bytes(len(content) - 4096)
+    database.write_bytes(content)
+
+    for data, code in {
+        tmp_path / "file" / "data": ErrorCode.STORE_UNWRITABLE,
+        tmp_path / "noise": ErrorCode.STORE_CORRUPT,
+        tmp_path / "pages": ErrorCode.STORE_CORRUPT,
+    }.items():
+        for _ in range(2):  # the folder is free again afterwards
+            with pytest.raises(RigError) as refused:
+                Store(data)
+            assert refused.value.code is code, data
+
+
+def test_store_full_or_forbidden_disk_is_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for number, code in ((errno.ENOSPC, ErrorCode.STORE_DISK_FULL), (errno.EROFS, ErrorCode.STORE_UNWRITABLE)):
+
+        def refuse(*_: object, number: int = number, **__: object) -> None:
+            raise OSError(number, os.strerror(number))
+
+        with monkeypatch.context() as disk:
+            disk.setattr(Path, "mkdir", refuse)
+            with pytest.raises(RigError) as refused:
+                Store(tmp_path / "data")
+        assert refused.value.code is code
+
+
+def test_delete_session_is_told_to_whoever_follows_it(store: Store) -> None:
+    session_id, other = new(store), new(store)
+    store.journal.delete_session(session_id)
+
+    told = store.journal.events(0, session_id=session_id)[-1]
+    assert (told.type, told.body) == ("session.deleted", {"session_id": session_id})
+    assert store.journal.events(0, session_id=other)[-1].type == "session.created"
+
+
 def test_write_bytes_full_disk_leaves_no_partial_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -9,7 +9,7 @@ import pytest
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.calibration_set import CalibrationSet
-from acquisition.models.errors import ErrorCode
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.store.folder import write_value
 from api import ProblemError
@@ -48,6 +48,22 @@ def test_chosen_calibration_is_used_and_survives_restart(start: Callable[..., An
         assert again.client.calibration().values == values
         assert again.http.get(f"/v1/rig/calibrations/{ID}/calibration.json").json()["lobe_exponent"] == 1.25
         assert again.client.activate_calibration("cell").fingerprint == before.fingerprint
+
+
+def test_chosen_calibration_whose_folder_is_missing_is_named_at_start(
+    start: Callable[..., Any], tmp_path: Path
+) -> None:
+    with start() as service:
+        keep(service, tmp_path / "made")
+        service.client.activate_calibration(ID)
+        folder = service.service.store.data / "calibrations" / ID
+    folder.rename(tmp_path / "elsewhere")
+
+    with pytest.raises(RigError) as refused, start():
+        pass
+
+    assert refused.value.code is ErrorCode.STORE_CORRUPT  # its remedy: restore it from a backup
+    assert str(folder) in refused.value.detail
 
 
 def test_calibration_of_another_camera_is_refused_by_name(own: Running, tmp_path: Path) -> None:

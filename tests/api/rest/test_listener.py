@@ -181,15 +181,49 @@ def test_stop_that_arrives_in_pieces_is_carried_out_once(shared: Any) -> None:
     [
         ("Origin: http://evil.example\r\n", b"403"),
         ("Host: evil.example\r\n", b"400"),  # a second one
-        ("Content-Type: application/json\r\nContent-Length: 2\r\n", b"202"),  # the body follows: the application's
-        ("Content-Type: text/plain\r\nContent-Length: 2\r\n", b"415"),
         ("Broken\r\n", b"400"),
     ],
 )
 def test_stop_that_the_listener_leaves_is_answered(shared: Any, headers: str, status: bytes) -> None:
-    body = [b"{}"] if "Content-Length" in headers else []  # after an answer it would reset the connection
-    answer = raw(shared, STOP.format(headers=f"Connection: close\r\n{headers}").encode(), *body)
+    answer = raw(shared, STOP.format(headers=f"Connection: close\r\n{headers}").encode())
     assert answer.split()[1] == status
+
+
+@pytest.mark.parametrize(
+    ("kind", "body"),
+    [
+        ("application/json", b"{}"),
+        ("application/x-www-form-urlencoded", b"{}"),  # curl -d '{}'
+        ("", b"garbage"),
+        ("application/json", b"{"),
+        ("text/plain", 300_000 * b"x"),
+    ],
+)
+@pytest.mark.parametrize("path", ["/v1/rig/stop", "/v1/rig/stop/"])
+@pytest.mark.parametrize("opened_before", [False, True], ids=["new", "open"])
+def test_stop_with_any_body_is_carried_out(shared: Any, path: str, kind: str, body: bytes, opened_before: bool) -> None:
+    before = shared.service.runner.halts
+    with httpx.Client(base_url=shared.url, timeout=WITHIN_S, trust_env=False) as http:
+        if opened_before:
+            assert http.get("/health/live").status_code == 200
+        stopped = http.post(path, content=body, headers={"Content-Type": kind} if kind else {})
+        halts = shared.service.runner.halts
+        foreign = http.post(path, content=body, headers={"Origin": "http://evil.example"})
+
+    assert (stopped.status_code, halts) == (202, before + 1)
+    assert foreign.status_code == 403
+    assert shared.service.runner.halts == halts
+
+
+def test_stop_whose_body_never_comes_is_carried_out(shared: Any) -> None:
+    before = shared.service.runner.halts
+    host, port = shared.url.removeprefix("http://").split(":")
+    for path in ("/v1/rig/stop", "/v1/rig/stop/"):
+        with connect(int(port), host=host) as opened:
+            head = STOP.format(headers="Content-Length: 2\r\n").replace("/v1/rig/stop", path)
+            opened.sendall(head.encode())
+            assert opened.recv(4096).startswith(b"HTTP/1.1 202 ")
+    assert shared.service.runner.halts == before + 2
 
 
 def test_connections_beyond_the_limit_are_refused_but_no_stop(

@@ -4,6 +4,7 @@ import json
 import logging
 import os
 import subprocess
+import sys
 import threading
 import time
 import warnings
@@ -16,9 +17,16 @@ import pytest
 from structlog.contextvars import bound_contextvars
 
 from acquisition.models.errors import RigError
-from api.rest import logs, settings, standard_error
+from api.rest import log_queue, logs, settings, standard_error
 
 JSON_KEYS = {"event", "level", "logger", "timestamp"}
+
+
+def written(captured: pytest.CaptureFixture[str]) -> str:
+    """What standard error has received, once the log's thread has written all."""
+    for handler in logging.getLogger().handlers:
+        handler.flush()
+    return captured.readouterr().err
 
 
 def entries(captured: str) -> list[dict[str, Any]]:
@@ -38,7 +46,7 @@ def test_log_entry_of_session_work_names_the_session(capsys: pytest.CaptureFixtu
     except ValueError:
         logging.getLogger("some.module").exception("failed")
 
-    first, meanwhile, afterwards, failed = entries(capsys.readouterr().err)
+    first, meanwhile, afterwards, failed = entries(written(capsys))
     assert first.keys() == JSON_KEYS | {"session_id"}
     assert (first["event"], first["level"], first["logger"]) == ("the frame is dark", "warning", "some.module")
     assert first["session_id"] == "20261121-101500-3f9c2a"
@@ -52,10 +60,62 @@ def test_log_text_format_is_one_line(capsys: pytest.CaptureFixture[str]) -> None
     with bound_contextvars(session_id="20261121-101500-3f9c2a"):
         logging.getLogger("some.module").warning("dark")
 
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = written(capsys).splitlines()
     assert "dark" in line
     assert "session_id=20261121-101500-3f9c2a" in line
     assert "\x1b" not in line
+
+
+def test_log_traceback_has_no_values_of_variables(capsys: pytest.CaptureFixture[str]) -> None:
+    def fail(scope: dict[str, list[tuple[bytes, bytes]]]) -> None:
+        raise ValueError(f"deep, beside {len(scope['headers'])} header")
+
+    logs.configure("text")
+    scope = {"headers": [(b"authorization", b"Bearer lp_" + b"secret")]}
+    try:
+        fail(scope)
+    except ValueError:
+        logging.getLogger("some.module").exception("failed")
+
+    text = written(capsys)
+    assert "ValueError: deep" in text
+    assert "lp_secret" not in text
+    assert len(text.splitlines()) < 15
+
+
+def test_log_entry_waits_for_no_output_that_is_stuck(monkeypatch: pytest.MonkeyPatch) -> None:
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    filled = 0
+    try:
+        while True:
+            filled += os.write(write_end, 4096 * b"x")
+    except BlockingIOError:
+        os.set_blocking(write_end, True)
+    with os.fdopen(read_end, "rb", buffering=0) as reader, os.fdopen(write_end, "w", buffering=1) as full:
+        monkeypatch.setattr(sys, "stderr", full)
+        monkeypatch.setattr(log_queue, "MOST_WAITING", 3)
+        logs.configure("json")
+        handler = logging.getLogger().handlers[0]
+        caller = threading.Thread(
+            target=lambda: [logging.getLogger("some.module").info("entry %d", number) for number in range(50)]
+        )
+        caller.start()
+        caller.join(10)
+        assert not caller.is_alive()
+
+        received = b""
+        while len(received) < filled or not received.endswith(b"\n"):
+            received += reader.read(1 << 16)
+        handler.flush()  # what waited fits into the pipe now
+        logging.getLogger("some.module").info("afterwards")
+        handler.close()
+        received += reader.read(1 << 16)
+
+    heard = entries(received[filled:].decode())
+    assert heard[-1]["event"] == "afterwards"
+    assert len(heard) <= 3 + 2
+    assert heard[-1]["left_out"] == 51 - len(heard)
 
 
 def test_request_log_names_caller_and_status(shared: Any, capsys: pytest.CaptureFixture[str]) -> None:
@@ -69,7 +129,7 @@ def test_request_log_names_caller_and_status(shared: Any, capsys: pytest.Capture
     heard: list[dict[str, Any]] = []
     deadline = time.monotonic() + 60
     while len(heard) < 4 and time.monotonic() < deadline:  # an entry is written after its answer is sent
-        heard += [entry for entry in entries(capsys.readouterr().err) if entry["event"] == "request"]
+        heard += [entry for entry in entries(written(capsys)) if entry["event"] == "request"]
         time.sleep(0.01)
     assert [(entry["method"], entry["status"]) for entry in heard] == [
         ("POST", 201), ("POST", 409), ("GET", 404), ("POST", 403),
@@ -115,12 +175,12 @@ def test_logs_json_holds_warnings_and_no_colour_codes(capsys: pytest.CaptureFixt
         logging.getLogger("uvicorn.error").info(
             "started [%d]", 7, extra={"color_message": "started [\x1b[36m%d\x1b[0m]"}
         )
-        written = capsys.readouterr().err
+        text = written(capsys)
     finally:
         logging.captureWarnings(False)
 
-    assert [entry["logger"] for entry in entries(written)] == ["py.warnings", "uvicorn.error"]
-    assert "color_message" not in written
+    assert [entry["logger"] for entry in entries(text)] == ["py.warnings", "uvicorn.error"]
+    assert "color_message" not in text
 
 
 def damaged_pngs(size: int, count: int) -> list[bytes]:
@@ -145,11 +205,11 @@ def test_logs_json_holds_what_c_libraries_print(shared: Any, capfd: pytest.Captu
         subprocess.run(["sh", "-c", "echo from a child >&2; printf 'no end' >&2"], check=True)
         logging.getLogger("some.module").info("meanwhile")
 
-    written = entries(capfd.readouterr().err)
-    foreign = [entry["event"] for entry in written if entry["logger"] == "stderr"]
+    logged = entries(written(capfd))
+    foreign = [entry["event"] for entry in logged if entry["logger"] == "stderr"]
     assert any(line.startswith("libpng") for line in foreign)
     assert foreign[-2:] == ["from a child", "no end"]
-    assert "meanwhile" in {entry["event"] for entry in written}
+    assert "meanwhile" in {entry["event"] for entry in logged}
 
 
 def test_standard_error_flood_holds_up_nobody(capfd: pytest.CaptureFixture[str]) -> None:
@@ -159,7 +219,7 @@ def test_standard_error_flood_holds_up_nobody(capfd: pytest.CaptureFixture[str])
         subprocess.run(["sh", "-c", "yes | head -c 300000 >&2"], check=False, timeout=60)
     os.write(2, b"as before\n")
 
-    *logged, last = capfd.readouterr().err.splitlines()
+    *logged, last = written(capfd).splitlines()
     assert last == "as before"
     assert 0 < len(entries("\n".join(logged))) < 2000
 
@@ -171,10 +231,11 @@ def test_logs_file_rotates_and_is_bounded(tmp_path: Path, monkeypatch: pytest.Mo
 
     for number in range(100):
         logging.getLogger("some.module").info("entry %d", number)
+    logging.getLogger().handlers[0].flush()
 
-    written = sorted(file.name for file in tmp_path.iterdir())
-    assert written == ["lightpose.log", "lightpose.log.1", "lightpose.log.2"]
-    assert all((tmp_path / name).stat().st_size <= 1_000 for name in written)
+    names = sorted(file.name for file in tmp_path.iterdir())
+    assert names == ["lightpose.log", "lightpose.log.1", "lightpose.log.2"]
+    assert all((tmp_path / name).stat().st_size <= 1_000 for name in names)
     newest = entries((tmp_path / "lightpose.log").read_text(encoding="utf-8"))
     assert newest[-1]["event"] == "entry 99"
 

@@ -15,6 +15,7 @@ import pytest
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State, Trigger
+from acquisition.store import folder
 from acquisition.store.queue_table import EntryState, QueueState
 from api import Client, ProblemError
 from api.rest.keys import Role
@@ -237,6 +238,22 @@ def test_queue_held_rig_stops_queue_and_keeps_entry(bench: Bench) -> None:
     assert states(bench.stopped()) == [EntryState.DONE]
 
 
+def test_queue_full_disk_stops_queue_and_leaves_no_session(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.client.enqueue("coin", QUICK)
+    with monkeypatch.context() as full:
+        full.setattr(folder, "RESERVED_BYTES", 1 << 60)
+        bench.client.act_on_queue("resume")
+        stopped = bench.until(lambda queue: queue.reason is not None)
+    assert reason_of(stopped) is ErrorCode.STORE_DISK_FULL
+    assert states(stopped) == [EntryState.WAITING]
+    assert list(bench.client.sessions()) == []
+
+    bench.client.act_on_queue("resume")
+
+    assert states(bench.until(lambda queue: states(queue) != [EntryState.WAITING]))[0] is not EntryState.FAILED
+    assert states(bench.stopped()) == [EntryState.DONE]
+
+
 def test_queue_paused_begins_no_further_session(bench: Bench) -> None:
     for _ in range(2):
         bench.client.enqueue("coin", REVIEWED)
@@ -373,6 +390,10 @@ def test_queue_empty_is_not_resumed(bench: Bench) -> None:
     with pytest.raises(ProblemError) as refused:
         bench.client.act_on_queue("resume")
     assert refused.value.code is ErrorCode.REQUEST_INVALID
+    assert "detail" in refused.value.problem.remedy  # there is no field to correct
+    assert bench.client.queue().changed is None
+    bench.client.enqueue("coin", QUICK)
+    assert bench.client.act_on_queue("resume").changed is not None
 
 
 def test_queue_roles_operator_changes_viewer_looks(tmp_path: Path) -> None:

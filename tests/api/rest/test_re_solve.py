@@ -24,7 +24,8 @@ from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.models.shot import Observations, Shot
-from acquisition.runner.re_solve import ACCEPTED, EXPORTS, FAILED, READY
+from acquisition.runner.re_solve import EXPORTS
+from acquisition.runner.solve_requests import ACCEPTED, FAILED, READY
 from acquisition.session import State
 from acquisition.store.folder import write_frame, write_value
 from api import ProblemError
@@ -331,6 +332,43 @@ def test_re_solve_failure_is_announced_and_kept(service: Any) -> None:
     assert service.client.resolve(identity) == number + 1
 
 
+def test_sessions_one_with_damaged_files_is_listed_and_named(service: Any) -> None:
+    identity = capture(service)
+    service.client.stop(identity)
+    number = service.client.resolve(identity)
+    assert outcome(service, identity, number).type == READY
+    assert service.http.patch(f"/v1/sessions/{identity}", json={"answer": number}).status_code == 200
+    folder = service.service.store.folder(identity)
+
+    def damage_of(path: Path, change: Callable[[Path], object]) -> tuple[Any, Any]:
+        kept = path.rename(path.with_name("kept"))
+        change(path)
+        try:
+            return listed(), service.http.get(f"/v1/sessions/{identity}")
+        finally:
+            path.unlink(missing_ok=True)
+            kept.rename(path)
+
+    def listed() -> Any:
+        return next(one for one in service.client.sessions() if one.id == identity)
+
+    whole = listed()
+    assert whole.damage is None
+    for name in ("passes/0/plan.json", f"results/{number}/manifest.json", "calibration.json"):
+        for change in (Path.touch, lambda path: path.write_text("{}"), lambda path: None):
+            if name == "calibration.json" and change is not Path.touch:
+                continue
+            one, answer = damage_of(folder / name, change)
+            assert one.damage.code is ErrorCode.STORE_CORRUPT
+            assert (one.stage, one.label, one.answer) == ("pilot", whole.label, None)
+            assert (answer.status_code, answer.json()["code"]) == (500, ErrorCode.STORE_CORRUPT)
+            assert f"sessions/{identity}/{name}" in answer.json()["detail"]
+    one, _ = damage_of(folder, lambda path: None)  # moved away, as the manual says when the disk is full
+    assert "plan.json" in one.damage.detail
+    assert listed() == whole
+    service.client.delete(identity)
+
+
 @pytest.mark.long
 def test_re_solve_requested_before_restart_is_done_after_it(
     serving: Any, service_settings: Any, tmp_path: Path
@@ -345,6 +383,38 @@ def test_re_solve_requested_before_restart_is_done_after_it(
     with serving(chosen) as after:
         assert outcome(after, identity, 2).type == READY
         assert after.client.result(identity, 2).origin == "resolve"
+
+
+def test_delete_during_a_solve_ends_it_and_its_folder_for_good(service: Any) -> None:
+    identity = capture(service)
+    service.client.stop(identity)
+    resolving, folder = service.service.resolving, service.service.store.folder(identity)
+    service.client.resolve(identity, SolveSettings(depth_rounds=10))
+    until(lambda: resolving._running is not None and (folder / "results").exists())
+
+    service.client.delete(identity)
+
+    assert resolving._running is None
+    assert not folder.exists()
+    time.sleep(1)
+    assert not folder.exists()
+    again = capture(service)
+    service.client.stop(again)
+    assert outcome(service, again, service.client.resolve(again)).type == READY
+
+
+def test_solve_of_session_pruned_meanwhile_leaves_no_folder(service: Any) -> None:
+    identity = capture(service)
+    service.client.stop(identity)
+    store, resolving = service.service.store, service.service.resolving
+    folder = store.folder(identity)
+    service.client.resolve(identity)
+    until(lambda: resolving._running is not None and (folder / "results").exists())
+
+    store.journal.delete_session(identity)  # as `lightpose prune` does in a process of its own
+    until(lambda: resolving._running is None)
+
+    until(lambda: not folder.exists())
 
 
 @pytest.mark.long

@@ -97,6 +97,19 @@ def test_create_data_folder_in_use_is_refused(own: Any) -> None:
     assert refused.value.code is ErrorCode.STORE_LOCKED
 
 
+def test_serve_damaged_database_ends_with_a_remedy(cell_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "rig.db").write_bytes(b"no database" * 1000)
+    command = [sys.executable, "-m", "api.cli", "serve", "--cell", str(cell_file), "--data", str(tmp_path / "data")]
+
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+    assert ended.returncode == 2
+    assert f"{ErrorCode.STORE_CORRUPT}: The journal rig.db: file is not a database" in ended.stderr
+    assert "What to do: Restore" in ended.stderr
+    assert "Traceback" not in ended.stderr
+
+
 def test_serve_port_in_use_is_refused(cell_file: Path, tmp_path: Path) -> None:
     with socket.create_server(("127.0.4.5", 0)) as listener:
         port = listener.getsockname()[1]
@@ -132,6 +145,7 @@ def test_shutdown_with_open_event_stream_is_orderly(cell_file: Path, tmp_path: P
 
     assert started.returncode == (-signal.SIGTERM if number == signal.SIGTERM else 0)
     assert "Traceback" not in errors
+    assert "Finished server process" in errors  # the last entry is not lost with the process
 
 
 def test_service_import_loads_no_kernel_and_no_ray_tracer() -> None:

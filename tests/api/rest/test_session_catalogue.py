@@ -10,6 +10,8 @@ from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from api import ProblemError
+from api.rest import sessions
+from api.rest.keys import Caller, Role
 
 
 def ids(service: Any, **wanted: Any) -> list[str]:
@@ -51,6 +53,15 @@ def test_sessions_filtered_list_keeps_filter_over_pages(own: Any) -> None:
     assert second["next"] is None
 
 
+def test_sessions_one_deleted_while_they_are_listed_is_left_out(administered: Any) -> None:
+    made = administered.client.create()
+    row, caller = administered.service.store.journal.session(made.id), Caller("an-admin", Role.ADMIN, "")
+    assert sessions._listed(administered.service, row, caller) is not None
+    administered.client.delete(made.id)
+
+    assert sessions._listed(administered.service, row, caller) is None
+
+
 def test_sessions_unknown_parameter_is_refused_by_name(own: Any) -> None:
     answer = own.http.get("/v1/sessions?stat=running&lable=x")
 
@@ -59,6 +70,30 @@ def test_sessions_unknown_parameter_is_refused_by_name(own: Any) -> None:
     assert {item["field"] for item in answer.json()["errors"]} == {"stat", "lable"}
     assert "state" in answer.json()["detail"]
     assert own.http.get("/v1/sessions?ticket=any").status_code == 200
+
+
+def test_unknown_parameter_of_events_and_images_is_refused_by_name(own: Any) -> None:
+    made = own.client.create()
+    shot = f"/v1/sessions/{made.id}/passes/0/shots/0"
+    for path in ("/v1/events?sesion_id=x", f"{shot}/image?fromat=tiff", f"{shot}/thumbnail.jpg?widht=20"):
+        answer = own.http.get(path)
+        assert answer.status_code == 422, path
+        assert [item["field"] for item in answer.json()["errors"]] == [path.partition("?")[2].partition("=")[0]]
+    assert own.http.get("/v1/events?follow=false&after=0&ticket=any").status_code == 200
+
+
+def test_log_of_session_cannot_be_forged(own: Any) -> None:
+    forged = "coin\n2026-11-29T00:00:00  action  action=stop by=root\0 Münze"
+    made = own.client.create(Recipe(label="coin"))
+    before = own.http.get(f"/v1/sessions/{made.id}/log").text
+    own.client.edit(made.id, label=forged)
+
+    lines = own.http.get(f"/v1/sessions/{made.id}/log").text.splitlines()
+    assert len(lines) == len(before.splitlines()) + 2
+    assert all(char.isprintable() for line in lines for char in line)
+    (described,) = [line for line in lines if " session.described " in line]
+    assert 'label="coin\\n2026' in described
+    assert "Münze" in described
 
 
 def test_edit_changes_label_and_notes_and_keeps_recipe(own: Any) -> None:

@@ -15,6 +15,7 @@ from acquisition.devices.ur import tcp
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State, Trigger
+from acquisition.store import folder as stored_folder
 from api import ProblemError
 
 
@@ -58,7 +59,30 @@ def test_create_same_idempotency_key_creates_one_session(own: Any) -> None:
         own.client.create(Recipe(seed=1), "key-1")
     assert refused.value.code is ErrorCode.REQUEST_INVALID
     assert refused.value.context["session_id"] == made[0].id
+    assert refused.value.context["errors"][0]["field"] == "Idempotency-Key"
     assert len(list(own.client.sessions())) == 1
+
+
+def test_create_on_a_full_disk_leaves_nothing_and_the_key_unused(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as full:
+        full.setattr(stored_folder, "RESERVED_BYTES", 1 << 60)
+        refused = own.http.post("/v1/sessions", headers={"Idempotency-Key": "key-1"})
+
+    assert (refused.status_code, refused.json()["code"]) == (507, ErrorCode.STORE_DISK_FULL)
+    assert list(own.client.sessions()) == []
+    assert list((own.service.store.data / "sessions").iterdir()) == []
+    made = own.client.create(Recipe(), "key-1")
+    assert (own.service.store.folder(made.id) / "recipe.json").is_file()
+    assert own.client.create(Recipe(), "key-1").id == made.id
+
+
+def test_create_unknown_kind_names_all_there_are(shared: Any) -> None:
+    refused = shared.http.post("/v1/sessions", json={"kind": "foo"})
+
+    assert refused.status_code == 422
+    for kind in ("capture", "camera", "hand-eye", "lamp", "response", "check"):
+        assert kind in refused.json()["detail"]
+    assert shared.http.post("/v1/sessions", json={"kind": "capture"}).status_code == 201
 
 
 def test_rig_states_version_of_software(shared: Any) -> None:
@@ -191,6 +215,24 @@ def test_delete_removes_session_files(administered: Any) -> None:
     with pytest.raises(ProblemError) as gone:
         administered.client.session(made.id)
     assert gone.value.code is ErrorCode.SESSION_NOT_FOUND
+
+
+def test_delete_ends_the_wait_for_a_session(administered: Any) -> None:
+    made = administered.client.create()
+    heard, gone = threading.Event(), threading.Event()
+
+    def wait() -> None:
+        with pytest.raises(ProblemError) as raised:
+            administered.client.wait(made.id, lambda _: heard.set())
+        assert raised.value.code is ErrorCode.SESSION_NOT_FOUND
+        gone.set()
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    assert heard.wait(60)
+    administered.http.delete(f"/v1/sessions/{made.id}")
+    waiting.join(60)
+    assert gone.is_set()
 
 
 def test_delete_session_with_missing_folder_succeeds(administered: Any) -> None:

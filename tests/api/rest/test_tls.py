@@ -86,7 +86,9 @@ def test_tls_stop_with_blocked_event_loop_is_answered(encrypted: Any, trusting: 
     assert blocked.wait(WITHIN_S)
     try:
         headers = {"Origin": encrypted.url}
-        answer = httpx.post(f"{encrypted.url}/v1/rig/stop", verify=trusting, timeout=WITHIN_S, headers=headers)
+        answer = httpx.post(
+            f"{encrypted.url}/v1/rig/stop", content=b"now", verify=trusting, timeout=WITHIN_S, headers=headers
+        )
         halts = encrypted.service.runner.halts
     finally:
         done.set()

@@ -1,0 +1,40 @@
+"""A new session: its folder first, then its row, so that there is none that could never start."""
+
+import shutil
+import time
+
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import AnyRecipe
+from acquisition.models.cell_config import CellConfig
+from acquisition.runner import preconditions
+from acquisition.store import SessionRow, Store
+from acquisition.store.folder import write_value
+from acquisition.store.session_table import new_session_id
+
+
+def create(
+    store: Store, cell: CellConfig, calibration: Calibration, recipe: AnyRecipe, idempotency_key: str | None
+) -> tuple[SessionRow, bool]:
+    """Creates a session and its folder: recipe, cell file and calibration, complete without the database. The flag is
+    False when the idempotency key names an existing session.
+
+    Raises RigError request.invalid for exposures that the camera cannot make and for a key that was used for another
+    recipe; store.disk_full and store.unwritable, which leave nothing behind.
+    """
+    preconditions.require_exposures(recipe, cell)
+    known = store.journal.session_of_key(idempotency_key, recipe)
+    if known is not None:
+        return known, False
+    identity, new = new_session_id(time.time()), False
+    folder = store.data / "sessions" / identity
+    try:
+        write_value(folder / "recipe.json", recipe)
+        write_value(folder / "cell.json", cell)
+        write_value(folder / "calibration.json", calibration)
+        row, new = store.journal.create_session(
+            recipe, cell.model_dump_json(), cell.fingerprint, idempotency_key, identity
+        )
+    finally:
+        if not new:  # the disk is full, or another request with the same key was first
+            shutil.rmtree(folder, ignore_errors=True)
+    return row, new

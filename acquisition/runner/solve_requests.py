@@ -1,0 +1,52 @@
+"""Requests of further solves as the journal has them: events of acceptance, until one of success or failure follows."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from acquisition.models.result import SolveSettings
+from acquisition.store import Journal
+
+ACCEPTED, FAILED, READY = "resolve.accepted", "resolve.failed", "normals.ready"
+
+
+@dataclass(frozen=True)
+class SolveRequest:
+    """A requested solve: its number among the session's results, and the last pass whose images it uses."""
+
+    session_id: str
+    number: int
+    settings: SolveSettings
+    last_pass: int
+    idempotency_key: str | None = None
+    software: str = ""
+    calibration: str | None = None
+
+
+def submitted(journal: Journal, session_id: str | None, *, with_finished: bool = False) -> list[SolveRequest]:
+    """The solves that were asked for, of one session or of all: those without an outcome, or all of them."""
+    asked: dict[tuple[str, int], SolveRequest] = {}
+    last = 0
+    while events := journal.events(last, 500, session_id, (ACCEPTED, FAILED, READY)):
+        last = events[-1].id
+        for event in events:
+            key = (event.session_id or "", event.body["number"])
+            if event.type == ACCEPTED:
+                settings = SolveSettings.model_validate_json(json.dumps(event.body["settings"]))
+                asked[key] = SolveRequest(
+                    *key,
+                    settings,
+                    event.body["last_pass"],
+                    event.body.get("idempotency_key"),
+                    event.body.get("software", ""),
+                    event.body.get("calibration"),
+                )
+            elif not with_finished:
+                asked.pop(key, None)
+    return list(asked.values())
+
+
+def failures(journal: Journal, session_id: str) -> dict[int, dict[str, Any]]:
+    """The problems of a session's solves that failed, by number."""
+    events = journal.events(0, 10_000, session_id, (FAILED,))
+    return {event.body["number"]: event.body["problem"] for event in events}
