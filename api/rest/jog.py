@@ -5,9 +5,10 @@ The page sends a request when the button is pressed and again every 0.1 s or so 
 """
 
 from functools import partial
+from typing import Annotated
 
 import anyio.to_thread
-from fastapi import APIRouter
+from fastapi import APIRouter, Body
 from pydantic import Field
 
 from acquisition.models.base import Value
@@ -101,7 +102,10 @@ async def jog(service: ServiceOf, actor: Actor, request: JogRequest) -> JogResou
     status_code=202,
     responses=problems.responses_of(*problems.BODY_CODES, ErrorCode.RIG_BUSY),
 )
-async def release_jog(service: ServiceOf, released: JogRelease | None = None) -> JogResource:
+async def release_jog(
+    service: ServiceOf,
+    released: Annotated[JogRelease | None, Body(description="The press; without it, whatever press there is")] = None,
+) -> JogResource:
     """Ends a jog at once, as when the button is let go; answers when the arm is at rest. Harmless without one."""
     hold = None if released is None else released.hold
     await anyio.to_thread.run_sync(service.runner.moves.release, hold, limiter=service.limits.stop)
