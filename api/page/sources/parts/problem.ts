@@ -4,14 +4,18 @@ import { Refusal, Unreachable } from "../connection/requests";
 import { t } from "../words/language";
 import { problemTitle, remedyOf } from "../words/problems";
 
-export function saidOf(error: unknown): TemplateResult {
+/** `what` failed: an action, which somebody has to ask for again, or a reading, which the page repeats by itself. */
+export function saidOf(error: unknown, what: "action" | "reading" = "action", name = ""): TemplateResult {
+  const whose = name ? `${name}: ` : "";
   if (error instanceof Refusal) {
     const { code, title, detail, remedy } = error.problem;
     return html`<div class="notice warning" role="alert">
-      <b>${problemTitle(code, title)}</b>
+      <b>${whose}${problemTitle(code, title)}</b>
       <p>${detail}${detail.endsWith(".") ? "" : "."} ${remedyOf(code, remedy)}</p>
     </div>`;
   }
-  const words = error instanceof Unreachable ? t("problem.unreachable") : String(error);
-  return html`<div class="notice warning" role="alert">${words}</div>`;
+  const unreached = t(what === "action" ? "problem.unreachable" : "problem.unread");
+  return html`<div class="notice warning" role="alert">
+    ${whose}${error instanceof Unreachable ? unreached : String(error)}
+  </div>`;
 }

@@ -1,6 +1,7 @@
 /** The cell in three dimensions, as it stands now, with the lights and the route of the session that holds the rig. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
+import { attempt } from "../connection/actions";
 import { JournalController, live, LiveController } from "../connection/live";
 import { fetchBlob } from "../connection/pictures";
 import { all, get, UNLIMITED } from "../connection/requests";
@@ -108,7 +109,7 @@ export class CellScreen extends PageElement {
 
   override render() {
     return html`<h1>${t("screen.cell")}</h1>
-      ${this.failed ? saidOf(this.failed) : nothing}
+      ${this.failed ? saidOf(this.failed, "reading") : nothing}
       <figure class="card">
         <div
           id="cell"
@@ -172,12 +173,10 @@ export class CellScreen extends PageElement {
 
   private async reach(): Promise<void> {
     this.computing = true;
-    try {
+    await attempt(t("cell.compute"), async () => {
       await get("/v1/rig/reach", { timeoutMs: UNLIMITED });
       await this.build();
-    } catch (error) {
-      live.fail(error);
-    }
+    });
     this.computing = false;
   }
 
