@@ -67,7 +67,7 @@ export class SessionsScreen extends PageElement {
       this.columns,
       items.map((session) => this.row(session)),
     )}
-    ${items.length === 0 ? html`<p role="status">${t(searched ? "sessions.no_match" : "sessions.none")}</p>` : nothing}
+    ${items.length === 0 && this.reading.failed === null ? html`<p role="status">${t(searched ? "sessions.no_match" : "sessions.none")}</p>` : nothing}
     ${next ? html`<button type="button" @click=${() => void this.more()}>${t("sessions.more")}</button>` : nothing}`;
   }
 
