@@ -4,8 +4,14 @@ import { Refusal, Unreachable } from "../connection/requests";
 import { t } from "../words/language";
 import { problemTitle, remedyOf } from "../words/problems";
 
-/** `what` failed: an action, which somebody has to ask for again, or a reading, which the page repeats by itself. */
-export function saidOf(error: unknown, what: "action" | "reading" = "action", name = ""): TemplateResult {
+/** What failed: an action, a reading that the page repeats by itself, or one that somebody has to choose again. */
+const UNREACHED = {
+  action: "problem.unreachable",
+  reading: "problem.unread",
+  choice: "problem.unread_choice",
+} as const;
+
+export function saidOf(error: unknown, what: keyof typeof UNREACHED = "action", name = ""): TemplateResult {
   const whose = name ? `${name}: ` : "";
   if (error instanceof Refusal) {
     const { code, title, detail, remedy } = error.problem;
@@ -14,8 +20,7 @@ export function saidOf(error: unknown, what: "action" | "reading" = "action", na
       <p>${detail}${detail.endsWith(".") ? "" : "."} ${remedyOf(code, remedy)}</p>
     </div>`;
   }
-  const unreached = t(what === "action" ? "problem.unreachable" : "problem.unread");
   return html`<div class="notice warning" role="alert">
-    ${whose}${error instanceof Unreachable ? unreached : String(error)}
+    ${whose}${error instanceof Unreachable ? t(UNREACHED[what]) : String(error)}
   </div>`;
 }

@@ -4,7 +4,7 @@ import { customElement, state } from "lit/decorators.js";
 import { attempt } from "../connection/actions";
 import { JournalController, live, LiveController } from "../connection/live";
 import { fetchBlob } from "../connection/pictures";
-import { all, get, UNLIMITED } from "../connection/requests";
+import { all, get, Unreachable, UNLIMITED } from "../connection/requests";
 import { scene, type Scene } from "../connection/scene";
 import type { Page, Pass, PassSummary, Session } from "../connection/schemas";
 import type { CellView, Layer, MarkedLight, Palette } from "../drawing/cell-view";
@@ -18,6 +18,9 @@ const TURN_RAD = 0.12;
 
 /** The view of the cell is kept for the next visit, until scene or colours change. */
 let kept: { view: CellView; scene: Scene; colours: Palette } | null = null;
+
+/** Pause before a scene that could not be read is asked for again, ms. */
+const RETRY_MS = 2_000;
 
 @customElement("cell-screen")
 export class CellScreen extends PageElement {
@@ -78,6 +81,7 @@ export class CellScreen extends PageElement {
       await this.mark();
     } catch (error) {
       this.failed = error;
+      if (error instanceof Unreachable) setTimeout(() => this.isConnected && void this.build(), RETRY_MS);
     }
   }
 

@@ -105,7 +105,7 @@ export class MapViewer extends PageElement {
             </button>`,
         )}
       </div>
-      ${this.failed ? saidOf(this.failed, "reading") : nothing}
+      ${this.failed ? saidOf(this.failed, "choice") : nothing}
       <div class="split wide-left">
         <figure aria-busy=${String(this.loading)} class="over">
           ${this.loading ? html`<p role="status">${t("loading")}</p>` : nothing}

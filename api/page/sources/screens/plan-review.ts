@@ -210,7 +210,7 @@ export class PlanReview extends PageElement {
     if (plan.two_rings_efficiency != null && !this.changed)
       facts.push(["two-rings", t("plan.two_rings"), percent(plan.two_rings_efficiency)]);
     return html`<h2>${t("plan.forecast")}</h2>
-      ${this.forecastFailed ? saidOf(this.forecastFailed, "reading") : nothing}
+      ${this.forecastFailed ? saidOf(this.forecastFailed, "choice") : nothing}
       ${
         facts.length
           ? html`<dl class="figures">

@@ -154,8 +154,7 @@ export class PreviewScreen extends PageElement {
       <p>${t("region.why")}</p>
       ${
         this.sessions.length === 0
-          ? html`${readingState(this.reading)}
-              <p class="notice">${t("region.no_session")} <a href="#/start">${t("screen.start")}</a></p>`
+          ? html`${readingState(this.reading)} ${this.reading.found ? this.noSession() : nothing}`
           : html`<label class="field"
                 >${t("session")}
                 <select
@@ -198,6 +197,10 @@ export class PreviewScreen extends PageElement {
               ${this.saved ? html`<p class="notice good" role="status">${this.saved}</p>` : nothing}`
       }
     </section>`;
+  }
+
+  private noSession() {
+    return html`<p class="notice">${t("region.no_session")} <a href="#/start">${t("screen.start")}</a></p>`;
   }
 
   private choose(tool: Tool): void {

@@ -76,7 +76,7 @@ export class ResultComparison extends PageElement {
   }
 
   private failure(error: unknown) {
-    if (!(error instanceof SizesDiffer)) return saidOf(error, "reading");
+    if (!(error instanceof SizesDiffer)) return saidOf(error, "choice");
     return html`<p class="notice warning" role="alert">
       ${t("compare.sizes", { one: error.one, other: error.other })}
     </p>`;

@@ -137,7 +137,7 @@ export class StartScreen extends PageElement {
     if (this.computing)
       return html`<p role="status">${t("start.computing")}</p>
         <progress aria-label=${t("start.computing")}></progress>`;
-    if (this.dryRunFailed) return saidOf(this.dryRunFailed, "reading");
+    if (this.dryRunFailed) return saidOf(this.dryRunFailed, "choice");
     if (!this.dryRun) return html`<p>${t("start.no_dry_run")}</p>`;
     const { plan, route, seconds, forecast } = this.dryRun;
     const images = lightsOf(this.values) ?? plan.lights.length;

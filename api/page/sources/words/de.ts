@@ -12,6 +12,7 @@ export const de: Record<keyof typeof en, string> = {
   "problem.unreachable":
     "Der Dienst hat nicht geantwortet: soweit diese Seite weiß, wurde das nicht ausgeführt. Zelle und Leiste oben ansehen, dann erneut drücken.",
   "problem.unread": "Der Dienst antwortet nicht; das konnte nicht gelesen werden. Es wird von selbst wieder versucht.",
+  "problem.unread_choice": "Der Dienst antwortet nicht; das konnte nicht gelesen werden. Bitte erneut wählen.",
   "viewer.only_looks": "Dieser Schlüssel darf nur ansehen. STOPP geht mit jedem Schlüssel.",
   "move.stale": "Zurzeit nicht: ohne Verbindung wird nichts gesendet, was den Arm bewegt.",
   "move.stopped": "Zurzeit nicht: erst muss der Sicherheitshalt oben quittiert werden.",

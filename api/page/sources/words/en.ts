@@ -11,6 +11,7 @@ export const en = {
   "problem.unreachable":
     "The service did not answer: as far as this page knows, this was not carried out. Look at the cell and at the bar above, then press again.",
   "problem.unread": "The service does not answer, so this could not be read. It is tried again by itself.",
+  "problem.unread_choice": "The service does not answer, so this could not be read. Ask for it again.",
   "viewer.only_looks": "Your key may look but not operate. STOP works with every key.",
   "move.stale": "Not now: without a connection nothing that moves the arm is sent.",
   "move.stopped": "Not now: the safety stop above must be acknowledged first.",
