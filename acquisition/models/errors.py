@@ -23,6 +23,7 @@ class ErrorCode(StrEnum):
     REQUEST_TOO_LARGE = "request.too_large"
     REQUEST_MEDIA_TYPE = "request.media_type"
     REQUEST_TIMEOUT = "request.timeout"
+    REQUEST_EXPIRED = "request.expired"
     CONFIG_INVALID = "config.invalid"
     SESSION_NOT_FOUND = "session.not_found"
     SESSION_ACTION_NOT_ALLOWED = "session.action_not_allowed"
@@ -133,6 +134,12 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.REQUEST_TIMEOUT: Problem(
         408, "The request did not arrive in time", "Send the full request at once, over a faster connection."
+    ),
+    # Not 408, which browsers take for an idle connection's end and send the request again.
+    ErrorCode.REQUEST_EXPIRED: Problem(
+        409,
+        "The request arrived after the time until which it was valid",
+        "Nothing was done. Look at the cell and at the present state, then ask again with a later Valid-Until.",
     ),
     ErrorCode.CONFIG_INVALID: Problem(
         500, "A configuration file is invalid", "Correct the file named in the detail; `lightpose check` tests it."

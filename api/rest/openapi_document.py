@@ -14,6 +14,7 @@ from fastapi.openapi.utils import get_openapi
 from api.rest import openapi_examples, openapi_links
 from api.rest.authentication import PUBLIC_PATHS, needed_role
 from api.rest.joint_readings import JointReadingResource
+from api.rest.request_checks import VALID_UNTIL
 from api.rest.schemas import EventResource, Problem
 from api.rest.stored_files import NOT_MODIFIED
 
@@ -41,6 +42,16 @@ _HEADERS = {
     "Retry-After": ("integer", "Time after which the request may be sent again, s"),
 }
 _WITH_LOCATION = frozenset({"create", "enqueue", "resolve"})
+_MOVING = frozenset({"act", "park", "jog", "act_on_queue"})
+"""Requests after which the arm moves. The header is heard on every other POST too, but matters there to nobody."""
+_VALID_UNTIL = {
+    "name": VALID_UNTIL,
+    "in": "header",
+    "required": False,
+    "description": "Until when the request may be carried out, s since 1970 by the service's clock (`at` of the event "
+    "`arm.joints` tells it); one that arrives later is refused (`request.expired`) and nothing moves",
+    "schema": {"type": "number", "minimum": 0},
+}
 _ENDLESS = ("text/event-stream", "multipart/")
 _NEVER_KEPT = frozenset({"preview_picture", "preview_figures_of", "preview_clipping", "archive"})
 
@@ -95,6 +106,8 @@ def _made(app: FastAPI) -> dict[str, Any]:
             operation["x-role"] = str(needed_role(method.upper(), path))
         if method == "get":
             _add_conditional(operation)
+        if operation["operationId"] in _MOVING:
+            operation.setdefault("parameters", []).append(_VALID_UNTIL)
         _describe(operation, components)
         _add_headers(operation)
     openapi_links.add_to(schema)

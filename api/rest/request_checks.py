@@ -7,6 +7,8 @@ loop, take no lock and start no thread, so that a stop passes them at once.
 
 import asyncio
 import json
+import math
+import time
 from typing import Any, NoReturn
 
 from starlette.datastructures import Headers
@@ -28,6 +30,10 @@ RETRY_AFTER_S = 1
 
 METHODS_WITH_BODY = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 """Methods whose body means something."""
+
+VALID_UNTIL = "Valid-Until"
+"""Header by which a POST says until when it may be carried out, s since 1970 by this machine's clock. What a person
+asked for shall not happen when a network that was down delivers it a minute later; a stop is never too late."""
 
 STREAM_PATHS = frozenset({"/v1/events", "/v1/rig/preview.mjpeg"})
 """Addresses of streams, which are counted by themselves (`open_streams`)."""
@@ -111,6 +117,8 @@ class RequestChecks:
             except TimeoutError as error:
                 detail = f"The body was not complete within {BODY_TIMEOUT_S:g} s"
                 raise RigError(ErrorCode.REQUEST_TIMEOUT, detail) from error
+            if scope["method"] not in SAFE_METHODS and scope["path"] != STOP_PATH:
+                _refuse_expired(headers)
             if body and scope["method"] in METHODS_WITH_BODY:  # others: the answer is that of the address, or 405
                 _refuse_malformed(scope, headers, body)
         except RigError as error:
@@ -137,6 +145,24 @@ async def _read_body(headers: Headers, receive: Receive) -> bytes:
             raise RigError(ErrorCode.REQUEST_TOO_LARGE, f"A body may have {MAX_BODY_BYTES} bytes", limit=MAX_BODY_BYTES)
         if not message.get("more_body", False):
             return bytes(body)
+
+
+def _refuse_expired(headers: Headers) -> None:
+    stated = headers.get(VALID_UNTIL)
+    if stated is None:
+        return
+    try:
+        until = float(stated)
+    except ValueError:
+        until = math.nan
+    if not 0 <= until < math.inf:
+        message = f"{stated[:40]!r} is no time in seconds since 1970"
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"{VALID_UNTIL}: {message}", errors=[{"field": VALID_UNTIL, "message": message}]
+        )
+    late = time.time() - until
+    if late > 0:
+        raise RigError(ErrorCode.REQUEST_EXPIRED, f"It arrived {late:.1f} s after the end of its validity", late_s=late)
 
 
 def _refuse_malformed(scope: Scope, headers: Headers, body: bytes) -> None:

@@ -4,7 +4,6 @@ import { customElement, state } from "lit/decorators.js";
 import "./bar/app-bar";
 import { live, LiveController } from "./connection/live";
 import { PageElement } from "./parts/element";
-import { saidOf } from "./parts/problem";
 import "./screens/calibration-screen";
 import "./screens/cell-screen";
 import "./screens/preview-screen";
@@ -26,7 +25,9 @@ export class OperatorsPage extends PageElement {
 
   private readonly turn = (): void => {
     this.way = location.hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
-    this.querySelector("main")?.focus();
+    live.fail(null); // what failed on another screen
+    this.querySelector("main")?.focus({ preventScroll: true });
+    window.scrollTo(0, 0);
   };
 
   override connectedCallback(): void {
@@ -41,9 +42,7 @@ export class OperatorsPage extends PageElement {
       <app-bar></app-bar>
       <div class="columns">
         ${live.keyNeeded ? nothing : this.navigation()}
-        <main id="main" tabindex="-1">
-          ${this.failure()} ${live.keyNeeded ? html`<sign-in></sign-in>` : this.screen()}
-        </main>
+        <main id="main" tabindex="-1">${live.keyNeeded ? html`<sign-in></sign-in>` : this.screen()}</main>
       </div>`;
   }
 
@@ -51,13 +50,6 @@ export class OperatorsPage extends PageElement {
     event.preventDefault();
     this.querySelector("main")?.focus();
   };
-
-  private failure() {
-    if (live.failure === null) return nothing;
-    return html`<div class="failure">
-      ${saidOf(live.failure)}<button type="button" @click=${() => live.fail(null)}>${t("close")}</button>
-    </div>`;
-  }
 
   private get shown(): Screen {
     const [first, id] = this.way;

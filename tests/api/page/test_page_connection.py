@@ -2,7 +2,6 @@
 
 from collections.abc import Generator
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
@@ -12,7 +11,7 @@ from api.rest.keys import Role
 from tests.api.page import chromium
 from tests.api.page.chromium import Console, until
 from tests.api.page.conftest import COMPUTED_WITHIN_MS, HANGING_S, Lab, make_lab
-from tests.api.page.weak_network import WeakNetwork
+from tests.api.page.weak_network import WeakNetwork, target_of
 from tests.end_to_end.processes import serving
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
@@ -33,14 +32,6 @@ def network(lab: Lab) -> Generator[WeakNetwork]:
     """A proxy before the lab's service."""
     with WeakNetwork(PROXY, target_of(lab.url)) as made:
         yield made
-
-
-def target_of(url: str) -> tuple[str, int]:
-    """Host and port of an address."""
-    parts = urlsplit(url)
-    assert parts.hostname is not None
-    assert parts.port is not None
-    return parts.hostname, parts.port
 
 
 def heard(page: Page) -> set[int]:

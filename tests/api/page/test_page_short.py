@@ -1,17 +1,27 @@
-"""The operator's page from sign-in to a stop in mid-move, in headless Chromium against the real service."""
+"""The operator's page: a stop in mid-move, a start during an outage, in headless Chromium against the real service."""
 
 import re
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import BrowserContext, Page, expect
 
+from acquisition.models.recipe import Recipe
+from acquisition.session import State
+from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient
+from tests.api.page import chromium
+from tests.api.page.chromium import Console
 from tests.api.page.conftest import COMPUTED_WITHIN_MS, Lab
 from tests.api.page.pictures import contrast
+from tests.api.page.weak_network import WeakNetwork, target_of
 from tests.end_to_end.processes import rests_after, wait_until_moving
 
 pytestmark = pytest.mark.timeout(600)
+PROXY = "127.0.49.4"
+OUTAGE_MS = 4_000
+DELIVERED_MS = 1_500
+"""Time of an outage after it was noticed, and in which what it held up arrives, ms."""
 
 
 def test_page_stop_by_mouse_in_mid_move_halts_arm(opened: Callable[..., Page], lab: Lab) -> None:
@@ -35,3 +45,36 @@ def test_page_stop_by_mouse_in_mid_move_halts_arm(opened: Callable[..., Page], l
     assert lab.client.wait(session.id).state == "stopped"
     expect(page.get_by_role("region", name="stop")).to_contain_text("The cell was stopped by the software's stop")
     lab.client.acknowledge()
+
+
+def acknowledge(lab: Lab) -> None:
+    """Acknowledges what the controller's watchdog has stopped on a busy machine."""
+    if not lab.client.safety().clear:
+        lab.client.acknowledge()
+
+
+def test_page_start_pressed_in_outage_moves_nothing(context: BrowserContext, console: Console, lab: Lab) -> None:
+    """The network delivers it when it is back; then it has expired."""
+    session = lab.client.create(Recipe(label="in an outage"))
+    with WeakNetwork(PROXY, target_of(lab.url)) as network:
+        place = f"{network.url}/#/sessions/{session.id}"
+        page = chromium.open_page(context, console, place, lab.secrets[Role.OPERATOR])
+        start = page.locator("[data-action=start]")
+        acknowledge(lab)
+        expect(start).to_be_enabled()
+        network.hold()
+        start.click()
+        expect(page.locator("#in-charge")).to_have_text("Being sent: Start …")
+        expect(start).to_be_disabled()
+        page.locator("#connection[data-stale=true]").wait_for()
+        expect(page.locator("#failure")).to_contain_text("Start: The service did not answer")
+        expect(page.locator("session-screen .why")).to_contain_text("without a connection nothing that moves")
+        expect(start).to_be_disabled()
+        page.wait_for_timeout(OUTAGE_MS)
+        network.restore()
+        page.locator("#connection[data-stale=false]").wait_for()
+        acknowledge(lab)
+        expect(start).to_be_enabled()
+        page.wait_for_timeout(DELIVERED_MS)
+    assert lab.client.session(session.id).state is State.CREATED
+    lab.client.stop(session.id)

@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import time
 from typing import Any
 
 import httpx
@@ -233,3 +234,26 @@ def test_problem_page_unknown_code_is_404(shared: Any) -> None:
     body = problem(shared.http.get("/problems/no.such"), ErrorCode.REQUEST_NOT_FOUND)
 
     assert "rig.busy" in json.dumps(body["known"])
+
+
+def test_problem_request_that_arrives_after_its_validity_does_nothing(shared: Any) -> None:
+    """The network had it for longer than the person wanted it; without the header it is valid for ever."""
+    known = {session.id for session in shared.client.sessions()}
+
+    late = shared.http.post("/v1/sessions", json={}, headers={"Valid-Until": f"{time.time() - 0.5:.3f}"})
+    parked = shared.http.post("/v1/rig/park", headers={"Valid-Until": "0"})
+    stopped = shared.http.post("/v1/rig/stop", json={}, headers={"Valid-Until": "0"})
+    in_time = shared.http.post("/v1/sessions", json={}, headers={"Valid-Until": f"{time.time() + 60:.3f}"})
+
+    assert problem(late, ErrorCode.REQUEST_EXPIRED)["late_s"] == pytest.approx(0.5, abs=0.5)
+    problem(parked, ErrorCode.REQUEST_EXPIRED)
+    assert stopped.status_code == 202  # a stop is never too late
+    assert in_time.status_code == 201
+    assert {session.id for session in shared.client.sessions()} - known == {in_time.json()["id"]}
+
+
+@pytest.mark.parametrize("stated", ["tomorrow", "nan", "inf", "-1", ""])
+def test_problem_validity_that_is_no_time_is_refused(shared: Any, stated: str) -> None:
+    answer = shared.http.post("/v1/rig/park", headers={"Valid-Until": stated})
+
+    assert problem(answer, ErrorCode.REQUEST_INVALID)["errors"][0]["field"] == "Valid-Until"

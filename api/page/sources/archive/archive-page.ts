@@ -56,7 +56,7 @@ export class ArchivePage extends PageElement {
 
   private content() {
     if (this.keyNeeded) return this.signIn();
-    if (this.failed) return saidOf(this.failed);
+    if (this.failed) return saidOf(this.failed, "choice");
     if (!this.caller) return nothing;
     return this.shown
       ? html`<session-details .key=${this.shown}></session-details>`

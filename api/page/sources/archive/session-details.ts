@@ -41,7 +41,7 @@ export class SessionDetails extends PageElement {
   override render() {
     const { session } = this;
     return html`<p><a href="#/">${a("back")}</a></p>
-      ${this.failed ? saidOf(this.failed) : nothing}
+      ${this.failed ? saidOf(this.failed, "choice") : nothing}
       ${session ? html`${this.head(session)} ${this.results(session)} ${this.maps()} ${this.files(session)}` : nothing}`;
   }
 

@@ -60,7 +60,7 @@ export class SessionList extends PageElement {
         </label>
         <button>${a("find")}</button>
       </form>
-      ${this.failed ? saidOf(this.failed) : nothing}
+      ${this.failed ? saidOf(this.failed, "choice") : nothing}
       <div aria-busy=${String(this.loading)}>
         ${listTable(
           a("sessions"),

@@ -1,9 +1,13 @@
-/** The bar that is always in view: what the rig does, who is in charge, the age of the connection, and STOP. */
+/**
+ * The bar that is always in view: what the rig does, who is in charge, whether the arm moves, the age of the connection,
+ * and STOP; below it what an action failed with, wherever the page is scrolled to.
+ */
 import { html, nothing } from "lit";
 import { customElement } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
 import { storeKey } from "../connection/credentials";
 import { PageElement } from "../parts/element";
+import { saidOf } from "../parts/problem";
 import { choose, clock, duration, language, percent, t, type Word } from "../words/language";
 import { sessionName, stageName } from "../words/names";
 import "./safety-notice";
@@ -12,15 +16,30 @@ import "./stop-button";
 @customElement("app-bar")
 export class AppBar extends PageElement {
   protected readonly watching = new LiveController(this, ["change", "tick"]);
+  /** What has the focus, and headings that are jumped to, shall not lie below the bar (`scroll-padding-top`). */
+  private readonly measuring = new ResizeObserver(() =>
+    document.documentElement.style.setProperty("--bar-height", `${this.offsetHeight}px`),
+  );
+
+  override connectedCallback(): void {
+    super.connectedCallback();
+    this.measuring.observe(this);
+  }
+
+  override disconnectedCallback(): void {
+    super.disconnectedCallback();
+    this.measuring.disconnect();
+  }
 
   override render() {
     const stale = live.stale;
     return html`<header class=${stale ? "bar stale" : "bar"}>
         <div class="state">
           <b id="rig-state">${this.state()}</b>
-          <small>${live.inCharge ? t("bar.in_charge", { name: live.inCharge }) : t("bar.nobody")}</small>
+          <small id="in-charge" role="status">${this.inCharge()}</small>
         </div>
-        <div class="connection" id="connection" data-stale=${String(stale)}>
+        ${live.keyNeeded ? nothing : this.arm()}
+        <div class="connection" id="connection" data-stale=${String(stale)} data-open=${String(live.stream.open)}>
           <i class="dot" aria-hidden="true"></i>
           <span>${this.connection(stale)}</span>
           <small>${live.caller ? `${live.caller.name} · ${t(`role.${live.caller.role}`)}` : ""}${this.out()}</small>
@@ -35,24 +54,41 @@ export class AppBar extends PageElement {
         </button>
         <stop-button></stop-button>
       </header>
-      ${
-        stale
-          ? html`<p class="notice danger slim" role="alert" id="stale-notice">
-              ${
-                live.stream.heardAt === 0
-                  ? t("bar.never_connected")
-                  : t("bar.stale", { time: clock(live.stream.heardAt) })
-              }
-            </p>`
-          : nothing
-      }
+      ${stale ? html`<p class="notice danger slim" role="alert" id="stale-notice">${this.age()}</p>` : nothing}
+      ${this.failure()}
       <safety-notice></safety-notice>`;
+  }
+
+  private arm() {
+    const { moving } = live;
+    const word = moving === null ? "bar.arm_unknown" : moving ? "bar.arm_moves" : "bar.arm_rests";
+    return html`<b id="arm-motion" class="motion" role="status" data-moving=${String(moving)}>${t(word)}</b>`;
+  }
+
+  private age(): string {
+    if (live.stream.heardAt === 0) return t("bar.never_connected");
+    if (live.unheard) return t("bar.stale", { time: clock(live.stream.heardAt) });
+    return t("bar.rig_old", { time: clock(live.rigReadAt) });
+  }
+
+  private failure() {
+    if (live.failure === null) return nothing;
+    return html`<div class="failure" id="failure">
+      ${saidOf(live.failure.error, "action", live.failure.name)}
+      <button type="button" @click=${() => live.fail(null)}>${t("close")}</button>
+    </div>`;
+  }
+
+  private inCharge(): string {
+    if (live.sending.length > 0) return t("bar.sending", { name: live.sending.at(-1)! });
+    return live.inCharge ? t("bar.in_charge", { name: live.inCharge }) : t("bar.nobody");
   }
 
   private state(): string {
     const { rig, holder } = live;
     if (!rig) return t("bar.loading");
     if (!holder) {
+      if (live.moving) return t("bar.by_hand");
       if (rig.faults.length) return t("bar.stopped");
       return rig.may_start ? t("bar.free") : t("bar.not_ready");
     }

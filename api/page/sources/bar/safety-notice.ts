@@ -6,7 +6,7 @@ import { post } from "../connection/requests";
 import { PageElement } from "../parts/element";
 import { saidOf } from "../parts/problem";
 import { problemTitle, remedyOf } from "../words/problems";
-import { clock, t } from "../words/language";
+import { t, when } from "../words/language";
 
 @customElement("safety-notice")
 export class SafetyNotice extends PageElement {
@@ -14,6 +14,16 @@ export class SafetyNotice extends PageElement {
   @state() private inspected = false;
   @state() private refused: unknown = null;
   protected readonly watching = new LiveController(this);
+  private asked = "";
+
+  /** What somebody said of one stop is not said of the next. */
+  override willUpdate(): void {
+    const faults = (live.rig?.faults ?? []).map(({ code, since }) => `${code} ${since}`).join();
+    if (faults === this.asked) return;
+    this.asked = faults;
+    this.asking = this.inspected = false;
+    this.refused = null;
+  }
 
   override render() {
     const faults = live.rig?.faults ?? [];
@@ -25,7 +35,7 @@ export class SafetyNotice extends PageElement {
           (fault) =>
             html`<li>
               <b>${problemTitle(fault.code)}</b> ${fault.detail}. ${remedyOf(fault.code, fault.remedy)}
-              <small>${clock(fault.since)}</small>
+              <small>${when(fault.since)}</small>
             </li>`,
         )}
       </ul>
@@ -35,7 +45,7 @@ export class SafetyNotice extends PageElement {
 
   private question() {
     if (!this.asking)
-      return html`<button type="button" @click=${() => (this.asking = true)}>${t("safety.acknowledge")}</button>`;
+      return html`<button type="button" @click=${() => void this.ask(true)}>${t("safety.acknowledge")}</button>`;
     return html`<div class="question" role="group" aria-label=${t("safety.acknowledge")}>
       <label
         ><input
@@ -48,19 +58,24 @@ export class SafetyNotice extends PageElement {
       <button type="button" class="primary" ?disabled=${!this.inspected} @click=${() => void this.acknowledge()}>
         ${t("safety.confirm")}
       </button>
-      <button type="button" @click=${() => this.close()}>${t("cancel")}</button>
+      <button type="button" @click=${() => void this.ask(false)}>${t("cancel")}</button>
     </div>`;
   }
 
-  private close(): void {
-    this.asking = this.inspected = false;
+  /** Opens or closes the question; the focus goes on to what takes the place of the button. */
+  private async ask(open: boolean): Promise<void> {
+    this.asking = open;
+    this.inspected = false;
+    await this.updateComplete;
+    this.querySelector<HTMLElement>(open ? "input" : "button")?.focus();
   }
 
   private async acknowledge(): Promise<void> {
     try {
       await post("/v1/rig/safety/acknowledgement");
       this.refused = null;
-      this.close();
+      this.asking = this.inspected = false;
+      document.querySelector("main")?.focus({ preventScroll: true });
     } catch (error) {
       this.refused = error;
     }

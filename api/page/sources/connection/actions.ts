@@ -1,27 +1,100 @@
-/** Actions of a session; what fails is shown on whatever screen is open then. */
+/** Actions that a person asks for: the bar tells that they are being sent, and by their name what they failed with. */
+import { t, type Word } from "../words/language";
 import { live } from "./live";
-import { post, send, UNLIMITED } from "./requests";
+import { randomName } from "./random-name";
+import { post, send, Unreachable, UNLIMITED, type RequestOptions } from "./requests";
 import type { Session } from "./schemas";
+
+/** How long after the press the arm may begin to move, s. */
+export const WANTED_S = 5;
+/** Actions after which the arm moves. */
+const MOVES = new Set(["start", "resume"]);
+/** How often is looked whether the service is still there, ms. */
+const WATCH_MS = 250;
+
+/** Carries out what a person asked for under this name; whether it succeeded. */
+export async function attempt(name: string, request: () => Promise<unknown>): Promise<boolean> {
+  const sent = live.send(name);
+  try {
+    await request();
+    live.fail(null);
+    return true;
+  } catch (error) {
+    live.fail({ name, error });
+    return false;
+  } finally {
+    sent();
+  }
+}
+
+/**
+ * The same of what moves the arm. Its requests are made with the options given, asked for anew for each: they are not
+ * carried out when they arrive late, and are given up with all that would follow when the service is not heard any more.
+ */
+export function attemptMove(
+  name: string,
+  request: (options: () => RequestOptions) => Promise<unknown>,
+): Promise<boolean> {
+  return attempt(name, async () => {
+    const abort = new AbortController();
+    const watch = setInterval(() => live.unheard && abort.abort(), WATCH_MS);
+    const options = (): RequestOptions => {
+      const headers = live.validFor(WANTED_S);
+      if (!headers) throw new Unreachable(name);
+      return { headers, signal: abort.signal, timeoutMs: UNLIMITED };
+    };
+    try {
+      await request(options);
+    } catch (error) {
+      throw abort.signal.aborted ? new Unreachable(name) : error;
+    } finally {
+      clearInterval(watch);
+    }
+  });
+}
 
 /** Start and resume connect to the devices and check them first. */
 export async function act(id: string, action: string, more: Record<string, unknown> = {}): Promise<void> {
-  try {
-    await post(`/v1/sessions/${id}/actions`, { action, ...more }, { timeoutMs: UNLIMITED });
-    live.fail(null);
-  } catch (error) {
-    live.fail(error);
-  }
+  const name = t(`action.${action}` as Word);
+  const ask = (options: RequestOptions): Promise<unknown> =>
+    post(`/v1/sessions/${id}/actions`, { action, ...more }, options);
+  if (MOVES.has(action)) await attemptMove(name, (options) => ask(options()));
+  else await attempt(name, () => ask({ timeoutMs: UNLIMITED }));
   live.refreshSession(id);
   live.refreshRig();
 }
 
-/** Changes a session's label, notes or answer. */
-export async function edit(id: string, change: { label?: string; notes?: string; answer?: number }): Promise<void> {
-  try {
+/** Changes a session's label, notes or answer; whether it succeeded. */
+export function edit(
+  name: string,
+  id: string,
+  change: { label?: string; notes?: string; answer?: number },
+): Promise<boolean> {
+  return attempt(name, async () => {
     const answer = await send("PATCH", `/v1/sessions/${id}`, { body: change });
     live.learn((await answer.json()) as Session);
-    live.fail(null);
-  } catch (error) {
-    live.fail(error);
+  });
+}
+
+/**
+ * Creates a session of a recipe, opens its screen, and starts it where that is wanted; a start is not sent any more where
+ * the session took too long to be created. Throws what the creation fails with.
+ */
+export async function create(recipe: Record<string, unknown>, start: boolean): Promise<void> {
+  const pressed = performance.now();
+  const name = t(start ? "action.start" : "start.create");
+  const sent = live.send(name);
+  try {
+    const headers = { "Idempotency-Key": randomName(), ...(start ? live.validFor(WANTED_S) : {}) };
+    const session = await post<Session>("/v1/sessions", recipe, { headers });
+    live.learn(session);
+    const opened = new Promise((resolve) => window.addEventListener("hashchange", resolve, { once: true }));
+    location.hash = `#/sessions/${session.id}`;
+    await opened;
+    if (!start) return;
+    if (performance.now() - pressed > WANTED_S * 1e3) live.fail({ name, error: new Unreachable(name) });
+    else await act(session.id, "start");
+  } finally {
+    sent();
   }
 }

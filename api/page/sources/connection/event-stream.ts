@@ -121,7 +121,9 @@ export class EventStream {
     while (!this.ended) {
       const start = performance.now();
       try {
-        await fetch("/health/live", { cache: "no-store", signal: AbortSignal.timeout(PULSE_TIMEOUT_MS) });
+        const signal = AbortSignal.timeout(PULSE_TIMEOUT_MS);
+        const response = await fetch("/health/live", { cache: "no-store", signal });
+        if (!response.ok) throw new Error(`HTTP ${response.status}`); // a proxy answers for a service that is gone
         this.update({ heardAt: Date.now(), roundTripMs: Math.round(performance.now() - start) });
         // After a gap the old stream may hang on a dead connection: a new one replays what was missed.
         if (this.missedPulse) this.reading?.abort();

@@ -6,6 +6,7 @@
  * drawn again through `LiveController`.
  */
 import type { ReactiveController, ReactiveControllerHost } from "lit";
+import { storedKey, storeKey } from "./credentials";
 import { follow } from "./events";
 import type { StreamStatus } from "./event-stream";
 import { get, Refusal } from "./requests";
@@ -18,23 +19,51 @@ const KEPT_SESSIONS = 20;
 /** Least time between two readings of the same thing, ms. */
 const PACE_MS = 250;
 /** The rig is read at least so often while the page is visible, ms. */
-const REFRESH_MS = 10_000;
+const REFRESH_MS = 5_000;
+/** What was last read of the rig this long ago is old, though the service answers, ms. */
+const RIG_OLD_MS = 15_000;
+/** Joints that came this long ago say nothing about now, ms. */
+const JOINTS_OLD_MS = 2_000;
 /** The session that runs is read at least so often, for its time left, ms. */
 const PROGRESS_MS = 2_000;
-/** Answers to a caller without a valid key: it needs one, or too many wrong ones came from this machine. */
-const KEYLESS = new Set([401, 429]);
 /** A connection that was last heard this long ago is stale, ms. */
 export const STALE_MS = 3_500;
+/** Pause before the caller is read again where nothing answers, ms. */
+const BEGIN_AGAIN_MS = 1_000;
+
+/** What the page could not carry out, and by which name the person knows it. */
+export interface Failure {
+  name: string;
+  error: unknown;
+}
+
+/** What became of the key that was last given. */
+export type KeyProblem = "wrong" | "crowded" | "unreached" | null;
+
+/** Why an answer asks for a key: it is missing or unknown, or too many wrong ones came from this machine. */
+function keyProblem(error: unknown): KeyProblem {
+  if (!(error instanceof Refusal)) return "unreached";
+  if (error.problem.status === 401) return "wrong";
+  return error.problem.code === "request.too_many_failures" ? "crowded" : "unreached";
+}
 
 class Live extends EventTarget {
   caller: Caller | null = null;
   keyNeeded = false;
+  keyProblem: KeyProblem = null;
   rig: Rig | null = null;
+  /** When the rig was last read, at first when it was first asked for, ms since 1970; 0: not asked for yet. */
+  rigReadAt = 0;
   /** Who started or resumed the session that holds the rig. */
   inCharge: string | null = null;
   stream: StreamStatus = { open: false, heardAt: 0, roundTripMs: null, refused: null };
   events: JournalEvent[] = [];
   joints: JointReading | null = null;
+  /** Names of the actions that are being sent. */
+  sending: readonly string[] = [];
+  private jointsAt = 0;
+  private wasStale = false;
+  private retry = 0;
   private readonly known = new Map<string, Session>();
   private readonly missing = new Set<string>();
   private readonly due = new Map<string, number>();
@@ -43,12 +72,17 @@ class Live extends EventTarget {
 
   /** Reads the caller; without a valid key the page asks for one. Then follows the events. */
   async begin(): Promise<void> {
+    clearTimeout(this.retry);
     try {
       this.caller = await get<Caller>("/v1/caller");
       this.keyNeeded = false;
+      this.keyProblem = null;
     } catch (error) {
-      if (error instanceof Refusal && KEYLESS.has(error.problem.status)) this.keyNeeded = true;
-      else setTimeout(() => void this.begin(), 1_000);
+      const problem = keyProblem(error);
+      if (problem === "unreached") this.retry = window.setTimeout(() => void this.begin(), BEGIN_AGAIN_MS);
+      else this.keyNeeded = true;
+      this.keyProblem = storedKey() ? problem : null;
+      if (problem === "wrong") storeKey("");
       this.changed();
       return;
     }
@@ -59,20 +93,53 @@ class Live extends EventTarget {
       joints: (reading) => this.read(reading),
       status: (status) => this.hear(status),
     });
+    this.rigReadAt = Date.now();
     this.refreshRig();
     if (!this.started) {
-      setInterval(() => document.visibilityState === "visible" && !this.keyNeeded && this.refreshRig(), REFRESH_MS);
+      const refresh = (): void => {
+        if (document.visibilityState === "visible" && !this.keyNeeded) this.refreshRig();
+      };
+      setInterval(refresh, REFRESH_MS);
+      document.addEventListener("visibilitychange", refresh);
       setInterval(() => this.readProgress(), PROGRESS_MS);
-      setInterval(() => this.dispatchEvent(new Event("tick")), 500);
+      setInterval(() => this.tick(), 500);
     }
     this.started = true;
     this.changed();
   }
 
-  get stale(): boolean {
+  /** Whether the service has not been heard for a while. */
+  get unheard(): boolean {
     // Before the first word of the service the page is young, not stale; without a key it follows nothing yet.
     if (this.stream.heardAt === 0) return !this.keyNeeded && performance.now() > STALE_MS;
     return Date.now() - this.stream.heardAt > STALE_MS;
+  }
+
+  /** Whether the service answers and yet does not say what the rig does. */
+  get rigOld(): boolean {
+    return this.rigReadAt > 0 && !this.keyNeeded && Date.now() - this.rigReadAt > RIG_OLD_MS;
+  }
+
+  /** Whether what is shown is old. */
+  get stale(): boolean {
+    return this.unheard || this.rigOld;
+  }
+
+  /** Whether the arm moves now; null: not known. */
+  get moving(): boolean | null {
+    const { joints } = this;
+    if (this.stale || !this.stream.open || !joints?.connected) return null;
+    return performance.now() - this.jointsAt > JOINTS_OLD_MS ? null : joints.moving;
+  }
+
+  /**
+   * The header of a request that shall be carried out within so many seconds or not at all, in the service's clock: the
+   * kernel goes on sending what this page has given up. Null as long as the service's clock is not known.
+   */
+  validFor(seconds: number): Record<string, string> | null {
+    if (!this.joints) return null;
+    const now = Date.parse(this.joints.at) / 1e3 + (performance.now() - this.jointsAt) / 1e3;
+    return { "Valid-Until": (now + seconds).toFixed(3) };
   }
 
   get mayOperate(): boolean {
@@ -102,6 +169,7 @@ class Live extends EventTarget {
   refreshRig(): void {
     this.paced("rig", async () => {
       this.rig = await get<Rig>("/v1/rig");
+      this.rigReadAt = Date.now();
       const holder = this.rig.holder;
       if (holder === null) this.inCharge = null;
       else {
@@ -126,12 +194,23 @@ class Live extends EventTarget {
     });
   }
 
-  /** What the last action failed with, until it is dismissed. */
-  failure: unknown = null;
+  /** What the last action failed with, until it is dismissed or another screen is opened. */
+  failure: Failure | null = null;
 
-  fail(error: unknown): void {
-    this.failure = error;
+  fail(failure: Failure | null): void {
+    this.failure = failure;
     this.changed();
+  }
+
+  /** An action is being sent until the function returned is called. */
+  send(name: string): () => void {
+    this.sending = [...this.sending, name];
+    this.changed();
+    return () => {
+      const place = this.sending.indexOf(name);
+      this.sending = this.sending.filter((_, index) => index !== place);
+      this.changed();
+    };
   }
 
   /** Takes a session as an action's answer gave it. */
@@ -161,9 +240,16 @@ class Live extends EventTarget {
     if (document.visibilityState === "visible" && holder?.state === "running") this.refreshSession(holder.id);
   }
 
+  private tick(): void {
+    this.dispatchEvent(new Event("tick"));
+    if (this.stale !== this.wasStale) this.changed();
+    this.wasStale = this.stale;
+  }
+
   private read(reading: JointReading): void {
     const begunOrEnded = reading.moving !== this.joints?.moving;
     this.joints = reading;
+    this.jointsAt = performance.now();
     this.dispatchEvent(new Event("joints"));
     if (begunOrEnded) this.changed();
   }
@@ -171,8 +257,9 @@ class Live extends EventTarget {
   private hear(status: StreamStatus): void {
     const reopened = status.open && !this.stream.open;
     this.stream = status;
-    if (status.refused !== null && KEYLESS.has(status.refused)) this.keyNeeded = true;
+    if (status.refused === 401) this.keyNeeded = true;
     if (reopened) {
+      this.dispatchEvent(new Event("reopened"));
       this.refreshRig();
       for (const id of this.known.keys()) this.refreshSession(id);
     }
@@ -189,7 +276,7 @@ class Live extends EventTarget {
     void read()
       .catch((error: unknown) => {
         // Not reached: the age of the connection says so, and it is read again when it is back.
-        if (error instanceof Refusal && KEYLESS.has(error.problem.status)) this.keyNeeded = true; // revoked meanwhile
+        if (keyProblem(error) === "wrong") this.keyNeeded = true; // revoked meanwhile
       })
       .finally(() => {
         this.changed();

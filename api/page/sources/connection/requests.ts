@@ -8,6 +8,9 @@ const TIMEOUT_MS = 15_000;
 /** Of what computes or moves something: none. A busy machine takes its time; the bar says whether the service is there. */
 export const UNLIMITED = Infinity;
 
+/** What a proxy answers for a service that is gone or too slow. */
+const GATEWAY = new Set([502, 503, 504]);
+
 /** The service refused; carries its problem object. */
 export class Refusal extends Error {
   constructor(readonly problem: Problem) {
@@ -48,7 +51,11 @@ export async function send(method: string, address: string, options: RequestOpti
     if (options.signal?.aborted) throw error;
     throw new Unreachable(`${method} ${address}`, { cause: error });
   }
-  if (!response.ok) throw new Refusal(await problemOf(response));
+  if (!response.ok) {
+    const problem = await problemOf(response);
+    if (!problem) throw new Unreachable(`${method} ${address}: HTTP ${response.status}`);
+    throw new Refusal(problem);
+  }
   return response;
 }
 
@@ -78,10 +85,12 @@ export async function openable(address: string): Promise<string> {
   return `${address}${address.includes("?") ? "&" : "?"}ticket=${encodeURIComponent(ticket)}`;
 }
 
-async function problemOf(response: Response): Promise<Problem> {
+/** The service's problem object; null where a proxy says that it does not reach the service. */
+async function problemOf(response: Response): Promise<Problem | null> {
   try {
     return (await response.json()) as Problem;
   } catch {
+    if (GATEWAY.has(response.status)) return null;
     const title = `HTTP ${response.status}`;
     return { code: "service.fault", title, detail: response.statusText, remedy: "", status: response.status };
   }

@@ -58,4 +58,6 @@ export interface JointReading {
   joints: number[] | null;
   moving: boolean | null;
   age_s: number | null;
+  /** When it was sent, by the service's clock, ISO 8601. */
+  at: string;
 }

@@ -1,5 +1,5 @@
 /**
- * The stop: sent at once, and again every half second until the service has confirmed it.
+ * The stop: sent at once, and again every half second until the service has confirmed it, however long that takes.
  *
  * It shares nothing with the rest of the page: neither the event stream nor its state, and it does not wait for an
  * attempt that hangs before it makes the next one. It works with every key.
@@ -14,9 +14,6 @@ const ATTEMPT_MS = 3_000;
 export const UNHEARD_MS = 1_000;
 /** No key, not allowed, too many wrong keys (a valid one is accepted all the same): to try again would not help. */
 const REFUSALS = new Set([401, 403, 429]);
-/** How long it is tried, ms. */
-const GIVE_UP_MS = 120_000;
-
 export type StopState =
   | { kind: "none" }
   | { kind: "sent"; attempts: number; sinceMs: number }
@@ -24,44 +21,66 @@ export type StopState =
   | { kind: "refused"; status: number }
   | { kind: "unheard"; attempts: number; sinceMs: number };
 
-let pressed = 0;
+/** A stop that has not been heard yet, from its first press on. */
+interface Unheard {
+  start: number;
+  attempts: number;
+  timer: number;
+  tell: (state: StopState) => void;
+}
 
-/** Sends the stop until it is heard; `tell` is called with each change. A later press replaces an earlier one. */
+let unheard: Unheard | null = null;
+
+/**
+ * Sends the stop until it is heard; `tell` is called with each change. Another press of one that has not been heard sends
+ * it at once again, and goes on counting time and attempts from the first one.
+ */
 export function stop(tell: (state: StopState) => void): void {
-  const press = ++pressed;
-  const start = performance.now();
-  let attempts = 0;
-  let over = false;
-  const since = (): number => Math.round(performance.now() - start);
-  const attempt = async (): Promise<void> => {
-    attempts += 1;
-    try {
-      const response = await fetch("/v1/rig/stop", {
-        method: "POST",
-        headers: authorization(storedKey()),
-        signal: AbortSignal.timeout(ATTEMPT_MS),
-        keepalive: true,
-        priority: "high",
-      });
-      if (over) return;
-      if (response.ok) finish({ kind: "heard", attempts, tookMs: since() });
-      else if (REFUSALS.has(response.status)) finish({ kind: "refused", status: response.status });
-    } catch {
-      // Not reached: the next attempt follows, and the person is told.
-    }
-  };
-  const finish = (state: StopState): void => {
-    over = true;
-    clearInterval(timer);
-    if (press === pressed) tell(state);
-  };
-  const timer = window.setInterval(() => {
-    if (press !== pressed || since() > GIVE_UP_MS) over = true;
-    if (over) return clearInterval(timer);
-    void attempt();
-    tell({ kind: since() < UNHEARD_MS ? "sent" : "unheard", attempts, sinceMs: since() });
-  }, AGAIN_MS);
-  void attempt();
+  const current = (unheard ??= begun());
+  current.tell = tell;
+  void attempt(current);
   hurry();
-  tell({ kind: "sent", attempts, sinceMs: 0 });
+  say(current);
+}
+
+function begun(): Unheard {
+  const made: Unheard = { start: performance.now(), attempts: 0, timer: 0, tell: () => undefined };
+  made.timer = window.setInterval(() => {
+    void attempt(made);
+    say(made);
+  }, AGAIN_MS);
+  return made;
+}
+
+function since(one: Unheard): number {
+  return Math.round(performance.now() - one.start);
+}
+
+function say(one: Unheard): void {
+  const sinceMs = since(one);
+  one.tell({ kind: sinceMs < UNHEARD_MS ? "sent" : "unheard", attempts: one.attempts, sinceMs });
+}
+
+async function attempt(one: Unheard): Promise<void> {
+  one.attempts += 1;
+  try {
+    const response = await fetch("/v1/rig/stop", {
+      method: "POST",
+      headers: authorization(storedKey()),
+      signal: AbortSignal.timeout(ATTEMPT_MS),
+      keepalive: true,
+      priority: "high",
+    });
+    if (one !== unheard) return;
+    if (response.ok) finish(one, { kind: "heard", attempts: one.attempts, tookMs: since(one) });
+    else if (REFUSALS.has(response.status)) finish(one, { kind: "refused", status: response.status });
+  } catch {
+    // Not reached: the next attempt follows, and the person is told.
+  }
+}
+
+function finish(one: Unheard, state: StopState): void {
+  clearInterval(one.timer);
+  unheard = null;
+  one.tell(state);
 }

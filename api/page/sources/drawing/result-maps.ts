@@ -5,11 +5,37 @@
  * hear a press on STOP: values and profiles are read from the full maps, pixel by pixel.
  */
 import { fetchBlob } from "../connection/pictures";
+import { number } from "../words/language";
 import { coloured, grey, quantiles } from "./colour-scale";
 import { readFloatTiff, type FloatMap } from "./float-tiff";
 
 export const MAP_NAMES = ["normals", "albedo", "sigma_deg", "depth", "residual"] as const;
 export type MapName = (typeof MAP_NAMES)[number];
+
+/** Digits, unit and factor of a map's values. */
+const UNITS: Record<MapName, readonly [number, string, number]> = {
+  normals: [3, "", 1],
+  albedo: [3, "", 1],
+  sigma_deg: [2, "°", 1],
+  depth: [2, " mm", 1e3],
+  residual: [2, "", 1],
+};
+
+/** A value of a map as it is written. */
+export function mapValue(name: MapName, value: number): string {
+  const [digits, unit, factor] = UNITS[name];
+  return `${number(value * factor, digits)}${unit}`;
+}
+
+/** Two results whose images differ in size, "width × height" each. */
+export class SizesDiffer extends Error {
+  constructor(
+    readonly one: string,
+    readonly other: string,
+  ) {
+    super(`${one}, ${other}`);
+  }
+}
 
 /** Most pixels of a map that is drawn: some tens of milliseconds of computing. */
 const DRAWN_PIXELS = 1_100_000;
@@ -19,8 +45,9 @@ export interface MapSource {
   links: Record<string, string>;
 }
 
-/** A map as a picture, with the ends of its scale. */
+/** A map as a picture, with the ends of its scale; what lies beyond them has their colours. */
 export interface MapPicture {
+  name: MapName;
   image: ImageData;
   low: number | null;
   high: number | null;
@@ -81,11 +108,11 @@ export class ResultMaps {
     if (name === "normals") {
       const image = await this.normals();
       for (let index = 0; index < inside.length; index += 1) image.data[4 * index + 3] = inside[index] ? 255 : 0;
-      return { image, low: null, high: null };
+      return { name, image, low: null, high: null };
     }
     const map = await this.drawn(name);
     const [low, high] = range ?? this.range(name, map, inside);
-    return { image: name === "albedo" ? grey(map, inside, high) : coloured(map, inside, low, high), low, high };
+    return { name, image: name === "albedo" ? grey(map, inside, high) : coloured(map, inside, low, high), low, high };
   }
 
   private range(name: MapName, map: FloatMap, inside: Uint8Array): [number, number] {
@@ -146,7 +173,8 @@ export async function normalDifference(one: ResultMaps, other: ResultMaps): Prom
     one.inside(),
     other.inside(),
   ]);
-  if (a.width !== b.width || a.height !== b.height) throw new RangeError("results of different sizes");
+  if (a.width !== b.width || a.height !== b.height)
+    throw new SizesDiffer(`${a.width} × ${a.height}`, `${b.width} × ${b.height}`);
   const values = new Float32Array(a.width * a.height).fill(NaN);
   for (let index = 0; index < values.length; index += 1) {
     if (!inside[index] || !beside[index]) continue;

@@ -1,43 +1,33 @@
 /** All calibrations that there are, with the figures of each; the choice of the one in use, which asks. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
-import { JournalController, live, LiveController } from "../connection/live";
+import { attempt } from "../connection/actions";
+import { live, LiveController } from "../connection/live";
+import { Reading } from "../connection/reading";
 import { all, send } from "../connection/requests";
 import type { CalibrationSet } from "../connection/schemas";
 import { number, t, tOr, when } from "../words/language";
 import { PageElement } from "./element";
 import { listTable } from "./list-table";
+import { readingState } from "./reading-state";
 
 @customElement("calibration-sets")
 export class CalibrationSets extends PageElement {
   /** Shows this one alone. */
   @property({ attribute: false }) only: string | null = null;
-  @state() private sets: CalibrationSet[] | null = null;
   @state() private asked: string | null = null;
   protected readonly watching = new LiveController(this);
-  protected readonly hearing = new JournalController(this, ({ type }) => {
-    if (type.startsWith("calibration.")) void this.load();
+  private readonly reading = new Reading(this, () => all<CalibrationSet>("/v1/rig/calibrations"), {
+    again: ({ type }) => type.startsWith("calibration."),
   });
 
-  override connectedCallback(): void {
-    super.connectedCallback();
-    void this.load();
-  }
-
-  private async load(): Promise<void> {
-    try {
-      this.sets = await all<CalibrationSet>("/v1/rig/calibrations");
-    } catch (error) {
-      live.fail(error);
-    }
-  }
-
   override render() {
-    const shown = this.sets?.filter((one) => this.only === null || one.id === this.only);
-    if (!shown) return html`<p role="status">${t("loading")}</p>`;
+    const shown = this.reading.found?.filter((one) => this.only === null || one.id === this.only);
+    if (!shown) return readingState(this.reading);
     const columns = [t("sets.what"), t("calibration.made"), t("sets.images"), t("estimate.position_sigma_mm")];
     columns.push(t("estimate.projection_sigma_px"), t("sets.use"));
-    return html`${listTable(
+    return html`${readingState(this.reading)}
+    ${listTable(
       t("sets.title"),
       columns,
       shown.map((one) => this.row(one)),
@@ -85,13 +75,8 @@ export class CalibrationSets extends PageElement {
 
   private async activate(id: string): Promise<void> {
     this.asked = null;
-    try {
-      await send("PUT", "/v1/rig/calibrations/active", { body: { id } });
-      live.fail(null);
-    } catch (error) {
-      live.fail(error);
-    }
+    await attempt(t("sets.activate"), () => send("PUT", "/v1/rig/calibrations/active", { body: { id } }));
     live.refreshRig();
-    void this.load();
+    void this.reading.load();
   }
 }

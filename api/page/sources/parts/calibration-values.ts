@@ -39,7 +39,7 @@ export class CalibrationValues extends PageElement {
 
   override render() {
     const { calibration } = this;
-    return html`${this.failed ? saidOf(this.failed) : calibration ? this.shown(calibration) : html`<p role="status">${t("loading")}</p>`}`;
+    return html`${this.failed ? saidOf(this.failed, "reading") : calibration ? this.shown(calibration) : html`<p role="status">${t("loading")}</p>`}`;
   }
 
   private shown(calibration: Calibration) {

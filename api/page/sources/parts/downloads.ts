@@ -1,20 +1,13 @@
 /** Files of the API that the browser itself opens or saves: with a ticket in the address where keys are in use. */
-import { live } from "../connection/live";
+import { attempt } from "../connection/actions";
 import { openable } from "../connection/requests";
+import { t } from "../words/language";
 import { save } from "./save";
 
 export async function openInTab(address: string): Promise<void> {
-  try {
-    window.open(await openable(address), "_blank", "noopener");
-  } catch (error) {
-    live.fail(error);
-  }
+  await attempt(t("result.downloads"), async () => window.open(await openable(address), "_blank", "noopener"));
 }
 
 export async function download(address: string, name: string): Promise<void> {
-  try {
-    save(await openable(address), name);
-  } catch (error) {
-    live.fail(error);
-  }
+  await attempt(name, async () => save(await openable(address), name));
 }

@@ -51,7 +51,7 @@ export class FirstViews extends PageElement {
 
   override render() {
     const { planned } = this;
-    return html`${this.failed ? saidOf(this.failed) : nothing}
+    return html`${this.failed ? saidOf(this.failed, "choice") : nothing}
     ${
       planned
         ? this.picture(planned)

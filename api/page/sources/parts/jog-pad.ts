@@ -2,9 +2,10 @@
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { Jogging, type JogMotion } from "../connection/jogging";
-import { live, LiveController } from "../connection/live";
+import { LiveController } from "../connection/live";
 import { t } from "../words/language";
 import { PageElement } from "./element";
+import { reasonShown, whyNoMoveByHand } from "./move-reason";
 import { saidOf } from "./problem";
 
 const AXES = ["x", "y", "z"] as const;
@@ -43,6 +44,7 @@ export class JogPad extends PageElement {
     return html`<section class="card" aria-labelledby="jog">
       <h2 id="jog">${t("jog.title")}</h2>
       <p>${t("jog.why")}</p>
+      ${reasonShown(whyNoMoveByHand())}
       <h3>${t("jog.tool")}</h3>
       <div class="jog">${AXES.map((axis) => this.pair(t(`jog.${axis}`), { axis }))}</div>
       <h3>${t("jog.joints")}</h3>
@@ -75,8 +77,8 @@ export class JogPad extends PageElement {
       type="button"
       aria-label=${id}
       aria-pressed=${String(this.held === id)}
-      ?disabled=${live.rig?.holder != null || (live.rig?.faults.length ?? 0) > 0 || live.stale}
-      @pointerdown=${press}
+      ?disabled=${whyNoMoveByHand() !== null}
+      @pointerdown=${(event: PointerEvent) => event.button === 0 && press(event)}
       @keydown=${(event: KeyboardEvent) => isHold(event) && !event.repeat && press(event)}
       @keyup=${(event: KeyboardEvent) => isHold(event) && this.release()}
       @blur=${this.release}

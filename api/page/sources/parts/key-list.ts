@@ -9,6 +9,9 @@ import { PageElement } from "./element";
 import { listTable } from "./list-table";
 import { saidOf } from "./problem";
 
+/** Pause before what could not be read is asked for again, ms. */
+const RETRY_MS = 2_000;
+
 @customElement("key-list")
 export class KeyList extends PageElement {
   @state() private keys: Key[] | null = null;
@@ -26,6 +29,7 @@ export class KeyList extends PageElement {
       this.failed = null;
     } catch (error) {
       this.failed = error;
+      setTimeout(() => this.isConnected && void this.load(), RETRY_MS);
     }
   }
 
@@ -41,7 +45,7 @@ export class KeyList extends PageElement {
 
   private shown(): TemplateResult {
     if (!live.mayDelete) return html`<p>${t("keys.for_admins")}</p>`;
-    if (this.failed) return saidOf(this.failed);
+    if (this.failed) return saidOf(this.failed, "reading");
     return this.keys ? this.table(this.keys) : html`<p role="status">${t("loading")}</p>`;
   }
 

@@ -1,12 +1,13 @@
 /** The camera's live image with the corners of the calibration board that are found in it, and in words whether it is. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
-import { live } from "../connection/live";
+import { LiveController } from "../connection/live";
 import { fetchBlob } from "../connection/pictures";
 import { get } from "../connection/requests";
 import type { TargetView } from "../connection/schemas";
 import { t } from "../words/language";
 import { PageElement } from "./element";
+import { imageCaption, isOld } from "./image-age";
 import { saidOf } from "./problem";
 
 /** Least time between two images, ms: the board is looked for in each. */
@@ -21,6 +22,8 @@ export class TargetPreview extends PageElement {
   @state() private found: TargetView | null = null;
   @state() private refused: unknown = null;
   private running = 0;
+  private shownAt = 0;
+  protected readonly watching = new LiveController(this, ["change", "tick"]);
 
   override connectedCallback(): void {
     super.connectedCallback();
@@ -43,8 +46,10 @@ export class TargetPreview extends PageElement {
           picture.close();
           this.found = found;
           this.refused = null;
+          this.shownAt = Date.now();
         } catch (error) {
           this.refused = error;
+          this.found = null; // what was found in an old image says nothing of now
           pause = RETRY_MS;
         }
       }
@@ -74,12 +79,13 @@ export class TargetPreview extends PageElement {
   }
 
   override render() {
-    const label = t(live.rig?.holder ? "preview.last_frame" : "preview.live");
+    const label = imageCaption(this.shownAt);
+    const old = isOld(this.shownAt) ? " old" : "";
     return html`<figure>
-        <canvas role="img" class="picture" aria-label=${label}></canvas>
+        <canvas role="img" class=${`picture${old}`} aria-label=${label}></canvas>
         <figcaption>${label}</figcaption>
       </figure>
-      ${this.refused ? saidOf(this.refused) : nothing} ${this.board ? this.words() : nothing}`;
+      ${this.refused ? saidOf(this.refused, "reading") : nothing} ${this.board ? this.words() : nothing}`;
   }
 
   private words() {

@@ -1,6 +1,7 @@
 /** What is on the flange, as a person states it: the service certifies paths for it, and cannot see it. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
+import { attempt } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
 import { send } from "../connection/requests";
 import type { Rig } from "../connection/schemas";
@@ -55,12 +56,8 @@ export class ToolStatement extends PageElement {
 
   private async put(tool: Tool): Promise<void> {
     this.asked = null;
-    try {
-      await send("PUT", "/v1/rig/tool", { body: { tool } });
-      live.fail(null);
-    } catch (error) {
-      live.fail(error);
-    }
+    const name = t("tool.state", { tool: t(`tool.${tool}`) });
+    await attempt(name, () => send("PUT", "/v1/rig/tool", { body: { tool } }));
     live.refreshRig();
   }
 }

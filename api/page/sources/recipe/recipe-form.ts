@@ -28,6 +28,14 @@ const MATTERS: Record<string, (values: Values) => boolean> = {
   target_mm: (values) => values["kind"] !== "camera",
 };
 
+/** A value that keeps the form from being sent is shown: a browser says nothing of one that is folded away. */
+const OPEN_FOR_INVALID = {
+  capture: true,
+  handleEvent: (event: Event): void => {
+    (event.currentTarget as HTMLDetailsElement).open = true;
+  },
+};
+
 @customElement("recipe-form")
 export class RecipeForm extends PageElement {
   @property({ attribute: false }) fields: Field[] = [];
@@ -40,7 +48,7 @@ export class RecipeForm extends PageElement {
     return html`${FIRST.map((name) => this.fields.find((field) => field.name === name)).map((field) =>
         field ? this.field(field, this.values, field.name) : nothing,
       )}
-      <details>
+      <details @invalid=${OPEN_FOR_INVALID}>
         <summary>${t("start.more")}</summary>
         ${rest.map((field) => this.field(field, this.values, field.name))}
       </details>`;

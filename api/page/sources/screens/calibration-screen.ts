@@ -6,15 +6,15 @@
  */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
-import { act } from "../connection/actions";
+import { create } from "../connection/actions";
 import { JournalController, live, LiveController } from "../connection/live";
-import { get, post, Refusal } from "../connection/requests";
-import { randomName } from "../connection/random-name";
-import type { CalibrationKind, Page, Session } from "../connection/schemas";
+import { get, Refusal } from "../connection/requests";
+import type { CalibrationKind, Page } from "../connection/schemas";
 import { calibrationChecks } from "../parts/calibration-checks";
 import "../parts/calibration-sets";
 import "../parts/calibration-values";
 import { PageElement } from "../parts/element";
+import { reasonShown, whyNoMove } from "../parts/move-reason";
 import { saidOf } from "../parts/problem";
 import "../parts/first-views";
 import "../parts/target-preview";
@@ -162,9 +162,13 @@ export class CalibrationScreen extends PageElement {
           ${others.map(({ detail }) => html`<p class="notice warning">${detail}</p>`)}
           ${
             live.mayOperate
-              ? html`<button class="primary large" id="start-calibration" ?disabled=${this.starting || !mounted}>
-                  ${t("start.start")}
-                </button>`
+              ? html`<button
+                    class="primary large"
+                    id="start-calibration"
+                    ?disabled=${this.starting || !mounted || whyNoMove() !== null}
+                  >
+                    ${t("start.start")}</button
+                  >${reasonShown(whyNoMove())}`
               : html`<p class="notice">${t("viewer.only_looks")}</p>`
           }
           ${mounted ? nothing : html`<p class="caption">${t("wizard.first_mount")}</p>`}
@@ -187,12 +191,7 @@ export class CalibrationScreen extends PageElement {
     this.starting = true;
     this.failed = null;
     try {
-      const session = await post<Session>("/v1/sessions", this.recipe(), {
-        headers: { "Idempotency-Key": randomName() },
-      });
-      live.learn(session);
-      location.hash = `#/sessions/${session.id}`;
-      await act(session.id, "start");
+      await create(this.recipe(), true);
     } catch (error) {
       this.failed = error;
     }

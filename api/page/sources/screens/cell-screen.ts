@@ -1,9 +1,10 @@
 /** The cell in three dimensions, as it stands now, with the lights and the route of the session that holds the rig. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
+import { attempt } from "../connection/actions";
 import { JournalController, live, LiveController } from "../connection/live";
 import { fetchBlob } from "../connection/pictures";
-import { all, get, UNLIMITED } from "../connection/requests";
+import { all, get, Unreachable, UNLIMITED } from "../connection/requests";
 import { scene, type Scene } from "../connection/scene";
 import type { Page, Pass, PassSummary, Session } from "../connection/schemas";
 import type { CellView, Layer, MarkedLight, Palette } from "../drawing/cell-view";
@@ -17,6 +18,9 @@ const TURN_RAD = 0.12;
 
 /** The view of the cell is kept for the next visit, until scene or colours change. */
 let kept: { view: CellView; scene: Scene; colours: Palette } | null = null;
+
+/** Pause before a scene that could not be read is asked for again, ms. */
+const RETRY_MS = 2_000;
 
 @customElement("cell-screen")
 export class CellScreen extends PageElement {
@@ -77,6 +81,7 @@ export class CellScreen extends PageElement {
       await this.mark();
     } catch (error) {
       this.failed = error;
+      if (error instanceof Unreachable) setTimeout(() => this.isConnected && void this.build(), RETRY_MS);
     }
   }
 
@@ -108,7 +113,7 @@ export class CellScreen extends PageElement {
 
   override render() {
     return html`<h1>${t("screen.cell")}</h1>
-      ${this.failed ? saidOf(this.failed) : nothing}
+      ${this.failed ? saidOf(this.failed, "reading") : nothing}
       <figure class="card">
         <div
           id="cell"
@@ -172,12 +177,10 @@ export class CellScreen extends PageElement {
 
   private async reach(): Promise<void> {
     this.computing = true;
-    try {
+    await attempt(t("cell.compute"), async () => {
       await get("/v1/rig/reach", { timeoutMs: UNLIMITED });
       await this.build();
-    } catch (error) {
-      live.fail(error);
-    }
+    });
     this.computing = false;
   }
 

@@ -7,7 +7,8 @@ import "../drawing/curve-plot";
 import { profileOf, type Profile } from "../drawing/height-profile";
 import type { Point } from "../drawing/region-drawing";
 import { Relighting, type Surface } from "../drawing/relighting";
-import { MAP_NAMES, ResultMaps, type MapName, type MapPicture, type MapSource } from "../drawing/result-maps";
+import { MAP_NAMES, mapValue, ResultMaps, type MapName, type MapPicture, type MapSource } from "../drawing/result-maps";
+import { legendOf } from "../parts/colour-legend";
 import { PageElement } from "../parts/element";
 import { saidOf } from "../parts/problem";
 import { save } from "../parts/save";
@@ -19,15 +20,6 @@ const SURFACES: Surface[] = ["own", "clay", "gloss"];
 /** Largest slant of the movable light, as the sine. */
 const MOST = Math.sin((85 * Math.PI) / 180);
 const LIGHT_STEP = 0.08;
-/** Digits and unit of a map's values. */
-const UNITS: Record<MapName, readonly [number, string, number]> = {
-  normals: [3, "", 1],
-  albedo: [3, "", 1],
-  sigma_deg: [2, "°", 1],
-  depth: [2, " mm", 1e3],
-  residual: [2, "", 1],
-};
-
 @customElement("map-viewer")
 export class MapViewer extends PageElement {
   @property({ attribute: false }) result!: MapSource;
@@ -61,19 +53,24 @@ export class MapViewer extends PageElement {
 
   private async show(name: Shown): Promise<void> {
     const maps = this.maps!;
+    const isWanted = (): boolean => this.shown === name && maps === this.maps;
     this.shown = name;
+    // Nothing of another map or result stands under this one's name meanwhile.
+    this.picture = this.failed = null;
+    this.value = "";
+    this.relighting?.close();
+    this.relighting = null;
     this.loading = true;
-    this.failed = null;
     try {
       if (name === "relit") await this.relight(maps);
       else {
         const picture = await maps.picture(name);
-        if (this.shown === name && maps === this.maps) this.picture = picture;
+        if (isWanted()) this.picture = picture;
       }
     } catch (error) {
-      this.failed = error;
+      if (isWanted()) this.failed = error;
     }
-    if (this.shown === name) this.loading = false;
+    if (isWanted()) this.loading = false;
     this.requestUpdate();
     await this.updateComplete;
     this.paint();
@@ -83,7 +80,7 @@ export class MapViewer extends PageElement {
     const [normals, albedo, inside] = await Promise.all([maps.normals(), maps.drawn("albedo"), maps.inside()]);
     await this.updateComplete;
     const canvas = this.querySelector<HTMLCanvasElement>("#relit");
-    if (!canvas || this.shown !== "relit") return;
+    if (!canvas || this.shown !== "relit" || maps !== this.maps) return;
     this.relighting?.close();
     const [white] = quantiles(albedo, inside, [0.995]) as [number];
     const copy = new OffscreenCanvas(normals.width, normals.height);
@@ -108,9 +105,10 @@ export class MapViewer extends PageElement {
             </button>`,
         )}
       </div>
-      ${this.failed ? saidOf(this.failed) : nothing}
+      ${this.failed ? saidOf(this.failed, "choice") : nothing}
       <div class="split wide-left">
-        <figure aria-busy=${String(this.loading)}>
+        <figure aria-busy=${String(this.loading)} class="over">
+          ${this.loading ? html`<p role="status">${t("loading")}</p>` : nothing}
           ${this.shown === "relit" ? this.lamp() : this.map()}
           <figcaption>${t(`map.${this.shown}.means` as Word)}</figcaption>
         </figure>
@@ -168,17 +166,7 @@ export class MapViewer extends PageElement {
   }
 
   private reading() {
-    const { picture } = this;
-    const name = this.shown as MapName;
-    const [digits, unit, factor] = UNITS[name];
-    return html`${
-        picture?.low != null && picture.high != null && name !== "albedo"
-          ? html`<p class="scale">
-              <span>${number(picture.low * factor, digits)}${unit}</span><i class="viridis" aria-hidden="true"></i
-              ><span>${number(picture.high * factor, digits)}${unit}</span>
-            </p>`
-          : nothing
-      }
+    return html`${legendOf(this.picture)}
       <p role="status">${this.value || t("maps.hover")}</p>
       <button type="button" class="link" @click=${this.export}>${t("maps.save")}</button>
       ${
@@ -204,7 +192,11 @@ export class MapViewer extends PageElement {
       return;
     }
     const canvas = this.querySelector<HTMLCanvasElement>("#map");
-    if (!canvas || !this.picture) return;
+    if (!canvas) return;
+    if (!this.picture) {
+      canvas.getContext("2d")!.clearRect(0, 0, canvas.width, canvas.height);
+      return;
+    }
     const { image } = this.picture;
     if (canvas.width !== image.width || canvas.height !== image.height)
       [canvas.width, canvas.height] = [image.width, image.height];
@@ -234,26 +226,38 @@ export class MapViewer extends PageElement {
   };
 
   private readonly hover = (event: PointerEvent): void => {
+    if (!this.picture) return;
     const at = this.pixel(event);
     if (this.begun && event.buttons) {
       this.line = [this.begun, at];
-      void this.draw();
+      void this.tell(this.draw(this.picture));
     }
-    void this.read(at);
+    void this.tell(this.read(this.picture, at));
   };
 
-  private async read([u, v]: Point): Promise<void> {
-    const name = this.shown;
-    if (name === "relit") return;
-    const [digits, unit, factor] = UNITS[name];
-    const { u: x, v: y, values } = await this.valuesAt(name, u, v);
-    const written = values.map((value) => `${number(value * factor, digits)}${unit}`).join(", ");
+  /** What could not be read of the picture shown is said. */
+  private async tell(reading: Promise<void>): Promise<void> {
+    const { picture } = this;
+    try {
+      await reading;
+    } catch (error) {
+      if (picture === this.picture) this.failed = error;
+    }
+  }
+
+  private async read(picture: MapPicture, [u, v]: Point): Promise<void> {
+    const { u: x, v: y, values } = await this.valuesAt(picture, u, v);
+    if (picture !== this.picture) return;
+    const written = values.map((value) => mapValue(picture.name, value)).join(", ");
     this.value = t("maps.value", { u: x, v: y, value: written });
   }
 
   /** Values of a pixel of the drawn map: normals from their picture, the others from the full map. */
-  private async valuesAt(name: MapName, u: number, v: number): Promise<{ u: number; v: number; values: number[] }> {
-    const drawn = this.picture!.image;
+  private async valuesAt(
+    { name, image: drawn }: MapPicture,
+    u: number,
+    v: number,
+  ): Promise<{ u: number; v: number; values: number[] }> {
     if (name === "normals") {
       const colour = drawn.data.subarray(4 * (v * drawn.width + u), 4 * (v * drawn.width + u) + 3);
       return { u, v, values: Array.from(colour, (part) => part / 127.5 - 1) };
@@ -263,12 +267,12 @@ export class MapViewer extends PageElement {
     return { u: x, v: y, values: [map.values[y * map.width + x] ?? NaN] };
   }
 
-  private async draw(): Promise<void> {
+  private async draw(picture: MapPicture): Promise<void> {
     const [line, maps] = [this.line, this.maps!];
     if (!line) return;
     const [depth, camera] = await Promise.all([maps.values("depth"), this.camera()]);
     if (line !== this.line) return;
-    const scale = depth.width / this.picture!.image.width;
+    const scale = depth.width / picture.image.width;
     const scaled = ([u, v]: Point): Point => [Math.round(u * scale), Math.round(v * scale)];
     const profile = profileOf(depth, scaled(line[0]), scaled(line[1]), camera);
     this.profile = profile.along.length > 1 ? profile : null;

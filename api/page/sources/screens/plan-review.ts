@@ -1,10 +1,11 @@
 /** A session's plans: lights on the dome with what each gains, the forecast; in a review lights are moved and accepted. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
-import { act } from "../connection/actions";
+import { attemptMove } from "../connection/actions";
 import { JournalController, live, LiveController } from "../connection/live";
 import { PlanForecasting, type LightForecast } from "../connection/plan-forecast";
-import { all, get, send, UNLIMITED } from "../connection/requests";
+import { Reading } from "../connection/reading";
+import { all, get, post, send } from "../connection/requests";
 import { scene } from "../connection/scene";
 import type { Pass, PassSummary, Session, Vector3 } from "../connection/schemas";
 import { domeOf, positionAt, type Dome } from "../drawing/dome-geometry";
@@ -12,7 +13,9 @@ import "../drawing/dome-plot";
 import { PageElement } from "../parts/element";
 import { forecastCurve } from "../parts/forecast-curve";
 import { lightTable } from "../parts/light-table";
+import { reasonShown, whyNoMove } from "../parts/move-reason";
 import { saidOf } from "../parts/problem";
+import { readingState } from "../parts/reading-state";
 import { degrees, percent, t, type Word } from "../words/language";
 
 @customElement("plan-review")
@@ -30,14 +33,22 @@ export class PlanReview extends PageElement {
   @state() private forecastFailed: unknown = null;
   @state() private sigmaPicture = "";
   private forecasting: PlanForecasting | null = null;
+  private wanted: number | undefined;
+  private readFor = "";
   protected readonly watching = new LiveController(this);
+  private readonly reading = new Reading(this, () => this.read(), { once: true });
   protected readonly hearing = new JournalController(this, ({ type, session_id }) => {
     if (session_id === this.session.id && type === "plan.ready" && !this.saving) void this.load();
   });
 
-  override connectedCallback(): void {
-    super.connectedCallback();
-    void this.load();
+  override willUpdate(): void {
+    if (this.readFor === this.session.id) return;
+    const another = this.readFor !== "";
+    this.readFor = this.session.id;
+    if (!another) return; // it is being read already
+    this.pass = null;
+    this.wanted = undefined;
+    this.reading.restart();
   }
 
   override disconnectedCallback(): void {
@@ -47,18 +58,24 @@ export class PlanReview extends PageElement {
   }
 
   private async load(wanted?: number): Promise<void> {
-    try {
-      const known = await scene();
-      this.dome = domeOf(known);
-      this.candidates = (known.lights ?? [])
-        .filter((light) => !light.refusal)
-        .map((light) => light.position as unknown as Vector3);
-      this.passes = await all<PassSummary>(`/v1/sessions/${this.session.id}/passes`);
-      const last = wanted ?? this.passes.filter((pass) => pass.lights > 0).at(-1)?.number;
-      if (last !== undefined) this.show(await get<Pass>(`/v1/sessions/${this.session.id}/passes/${last}`));
-    } catch (error) {
-      live.fail(error);
-    }
+    this.wanted = wanted;
+    await this.reading.load();
+  }
+
+  private async read(): Promise<true> {
+    const { id } = this.session;
+    const known = await scene();
+    const passes = await all<PassSummary>(`/v1/sessions/${id}/passes`);
+    const last = this.wanted ?? passes.filter((pass) => pass.lights > 0).at(-1)?.number;
+    const pass = last === undefined ? null : await get<Pass>(`/v1/sessions/${id}/passes/${last}`);
+    if (id !== this.session.id) return true; // another session has been opened meanwhile
+    this.dome = domeOf(known);
+    this.candidates = (known.lights ?? [])
+      .filter((light) => !light.refusal)
+      .map((light) => light.position as unknown as Vector3);
+    this.passes = passes;
+    if (pass) this.show(pass);
+    return true;
   }
 
   private show(pass: Pass, forecast = true): void {
@@ -106,10 +123,13 @@ export class PlanReview extends PageElement {
 
   override render() {
     const { pass } = this;
-    if (!pass || !this.dome) return html`<p role="status">${t("plan.none")}</p>`;
+    const read = this.reading.found !== null;
+    if (!pass || !this.dome)
+      return html`${readingState(this.reading)} ${read ? html`<p role="status">${t("plan.none")}</p>` : nothing}`;
     const { plan } = pass;
     const editable = this.editable(pass);
-    return html`<div class="split">
+    return html`${readingState(this.reading)}
+      <div class="split">
         <section class="card" aria-label=${t("plan.lights")}>
           ${this.choice(pass.number)} ${editable ? html`<p>${t("plan.drag")}</p>` : nothing}
           <dome-plot
@@ -168,11 +188,12 @@ export class PlanReview extends PageElement {
           type="button"
           class="primary"
           id="accept-plan"
-          ?disabled=${this.saving || this.lights.some((_, index) => this.refusal(index) !== null)}
+          ?disabled=${this.saving || whyNoMove() !== null || this.lights.some((_, index) => this.refusal(index) !== null)}
           @click=${() => void this.accept()}
         >
           ${t(this.changed ? "plan.accept_changed" : "plan.accept")}
         </button>
+        ${reasonShown(whyNoMove())}
       </div>`;
   }
 
@@ -189,7 +210,7 @@ export class PlanReview extends PageElement {
     if (plan.two_rings_efficiency != null && !this.changed)
       facts.push(["two-rings", t("plan.two_rings"), percent(plan.two_rings_efficiency)]);
     return html`<h2>${t("plan.forecast")}</h2>
-      ${this.forecastFailed ? saidOf(this.forecastFailed) : nothing}
+      ${this.forecastFailed ? saidOf(this.forecastFailed, "choice") : nothing}
       ${
         facts.length
           ? html`<dl class="figures">
@@ -254,16 +275,17 @@ export class PlanReview extends PageElement {
 
   private async accept(): Promise<void> {
     this.saving = true;
-    try {
+    const { id } = this.session;
+    await attemptMove(t("plan.accept"), async (options) => {
       if (this.changed) {
-        const address = `/v1/sessions/${this.session.id}/passes/${this.pass!.number}/plan`;
-        const answer = await send("PUT", address, { body: { lights: this.lights }, timeoutMs: UNLIMITED });
+        const address = `/v1/sessions/${id}/passes/${this.pass!.number}/plan`;
+        const answer = await send("PUT", address, { ...options(), body: { lights: this.lights } });
         this.show((await answer.json()) as Pass, false);
       }
-      await act(this.session.id, "resume");
-    } catch (error) {
-      live.fail(error);
-    }
+      await post(`/v1/sessions/${id}/actions`, { action: "resume" }, options());
+    });
+    live.refreshSession(id);
+    live.refreshRig();
     this.saving = false;
   }
 }

@@ -6,15 +6,19 @@
  */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
+import { attempt } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
 import { fetchBlob } from "../connection/pictures";
+import { Reading } from "../connection/reading";
 import { get, Refusal, send } from "../connection/requests";
 import { scene } from "../connection/scene";
 import type { Page, Session } from "../connection/schemas";
 import { RegionDrawing, type Point, type Tool } from "../drawing/region-drawing";
 import { PageElement } from "../parts/element";
+import { imageCaption, isOld } from "../parts/image-age";
 import "../parts/preview-figures";
 import { saidOf } from "../parts/problem";
+import { readingState } from "../parts/reading-state";
 import { number, t, type Word } from "../words/language";
 import { sessionName } from "../words/names";
 
@@ -40,12 +44,13 @@ export class PreviewScreen extends PageElement {
   private cursor: Point | null = null;
   private last: Point | null = null;
   private running = 0;
-  protected readonly watching = new LiveController(this);
+  private shownAt = 0;
+  protected readonly watching = new LiveController(this, ["change", "tick"]);
+  private readonly reading = new Reading(this, () => this.prepare(), { once: true });
 
   override connectedCallback(): void {
     super.connectedCallback();
     void this.run(++this.running);
-    void this.prepare();
   }
 
   override disconnectedCallback(): void {
@@ -56,16 +61,13 @@ export class PreviewScreen extends PageElement {
     this.picture = this.overlay = null;
   }
 
-  private async prepare(): Promise<void> {
-    try {
-      const { camera } = await scene();
-      this.drawing = new RegionDrawing(camera.width_px, camera.height_px);
-      const { items } = await get<Page<Session>>("/v1/sessions?limit=20");
-      this.sessions = items.filter((session) => session.state === "created" || session.state === "paused");
-      await this.loadRegion();
-    } catch (error) {
-      live.fail(error);
-    }
+  private async prepare(): Promise<true> {
+    const { camera } = await scene();
+    this.drawing = new RegionDrawing(camera.width_px, camera.height_px);
+    const { items } = await get<Page<Session>>("/v1/sessions?limit=20");
+    this.sessions = items.filter((session) => session.state === "created" || session.state === "paused");
+    await this.loadRegion();
+    return true;
   }
 
   /** Takes over the region that the chosen session has already. */
@@ -105,6 +107,7 @@ export class PreviewScreen extends PageElement {
           this.picture?.close();
           this.picture = next;
           this.refused = null;
+          this.shownAt = Date.now();
           this.images += 1;
           this.paint();
         } catch (error) {
@@ -118,21 +121,22 @@ export class PreviewScreen extends PageElement {
 
   override render() {
     return html`<h1>${t("screen.preview")}</h1>
-      ${this.refused instanceof Refusal ? saidOf(this.refused) : nothing}
+      ${this.refused ? saidOf(this.refused, "reading") : nothing}
       <div class="split wide-left">
         <figure class="card">
           <canvas
             id="preview"
+            class=${isOld(this.shownAt) ? "old" : ""}
             data-images=${this.images}
             tabindex=${this.tool ? 0 : -1}
             role="img"
-            aria-label=${t(live.rig?.holder ? "preview.last_frame" : "preview.live")}
+            aria-label=${imageCaption(this.shownAt)}
             @pointerdown=${this.press}
             @pointermove=${this.move}
             @pointerup=${() => (this.last = null)}
             @keydown=${this.key}
           ></canvas>
-          <figcaption>${t(live.rig?.holder ? "preview.last_frame" : "preview.live")}</figcaption>
+          <figcaption id="preview-age">${imageCaption(this.shownAt)}</figcaption>
         </figure>
         <div>
           <preview-figures
@@ -150,7 +154,7 @@ export class PreviewScreen extends PageElement {
       <p>${t("region.why")}</p>
       ${
         this.sessions.length === 0
-          ? html`<p class="notice">${t("region.no_session")} <a href="#/start">${t("screen.start")}</a></p>`
+          ? html`${readingState(this.reading)} ${this.reading.found ? this.noSession() : nothing}`
           : html`<label class="field"
                 >${t("session")}
                 <select
@@ -193,6 +197,10 @@ export class PreviewScreen extends PageElement {
               ${this.saved ? html`<p class="notice good" role="status">${this.saved}</p>` : nothing}`
       }
     </section>`;
+  }
+
+  private noSession() {
+    return html`<p class="notice">${t("region.no_session")} <a href="#/start">${t("screen.start")}</a></p>`;
   }
 
   private choose(tool: Tool): void {
@@ -273,13 +281,11 @@ export class PreviewScreen extends PageElement {
     if (!this.drawing || !this.chosen) return;
     this.drawing.closePolygon();
     this.paint();
-    try {
-      const answer = await send("PUT", `/v1/sessions/${this.chosen}/region.png`, { body: await this.drawing.png() });
+    const { chosen, drawing } = this;
+    await attempt(t("region.save"), async () => {
+      const answer = await send("PUT", `/v1/sessions/${chosen}/region.png`, { body: await drawing.png() });
       const { pixels } = (await answer.json()) as { pixels: number };
       this.saved = t("region.saved", { pixels: number(pixels, 0) });
-      live.fail(null);
-    } catch (error) {
-      live.fail(error);
-    }
+    });
   }
 }

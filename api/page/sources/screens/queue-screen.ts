@@ -1,47 +1,40 @@
 /** The queue: sessions that run one after another, each of a named object; a person says when the next object is in place. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
-import { JournalController, live, LiveController } from "../connection/live";
+import { attempt, attemptMove } from "../connection/actions";
+import { live, LiveController } from "../connection/live";
+import { Reading } from "../connection/reading";
 import { get, post, send } from "../connection/requests";
 import type { Queue, QueueEntry } from "../connection/schemas";
 import { PageElement } from "../parts/element";
 import { listTable } from "../parts/list-table";
+import { reasonShown, whyNoMove } from "../parts/move-reason";
+import { readingState } from "../parts/reading-state";
 import { t, type Word, when } from "../words/language";
 import { problemTitle, remedyOf } from "../words/problems";
 
 @customElement("queue-screen")
 export class QueueScreen extends PageElement {
-  @state() private queue: Queue | null = null;
   @state() private asking = false;
   protected readonly watching = new LiveController(this);
-  protected readonly hearing = new JournalController(this, ({ type }) => {
-    if (/^(queue|session)\./.test(type)) void this.load();
+  private readonly reading = new Reading(this, () => get<Queue>("/v1/queue"), {
+    again: ({ type }) => /^(queue|session)\./.test(type),
   });
 
-  override connectedCallback(): void {
-    super.connectedCallback();
-    void this.load();
-  }
-
-  private async load(): Promise<void> {
-    try {
-      this.queue = await get<Queue>("/v1/queue");
-    } catch (error) {
-      live.fail(error);
-    }
-  }
-
   override render() {
-    const { queue } = this;
-    if (!queue) return html`<h1>${t("screen.queue")}</h1>`;
+    const queue = this.reading.found;
     return html`<h1>${t("screen.queue")}</h1>
       <p>${t("queue.why")}</p>
-      ${this.state(queue)}
-      ${
-        queue.entries.length === 0
-          ? html`<p>${t("queue.empty")} <a href="#/start">${t("screen.start")}</a></p>`
-          : this.table(queue)
-      }`;
+      ${readingState(this.reading)} ${queue ? this.shown(queue) : nothing}`;
+  }
+
+  private shown(queue: Queue) {
+    return html`${this.state(queue)}
+    ${
+      queue.entries.length === 0
+        ? html`<p>${t("queue.empty")} <a href="#/start">${t("screen.start")}</a></p>`
+        : this.table(queue)
+    }`;
   }
 
   private state(queue: Queue) {
@@ -66,15 +59,18 @@ export class QueueScreen extends PageElement {
   }
 
   private actions(queue: Queue, running: boolean) {
-    if (running) return html`<button type="button" @click=${() => void this.act("pause")}>${t("queue.pause")}</button>`;
+    if (running) return html`<button type="button" @click=${() => void this.pause()}>${t("queue.pause")}</button>`;
     if (queue.next_object === null) return nothing;
+    const why = whyNoMove();
     if (!this.asking)
-      return html`<button type="button" class="primary" @click=${() => (this.asking = true)}>
-        ${t("queue.resume")}
-      </button>`;
+      return html`<button type="button" class="primary" ?disabled=${why !== null} @click=${() => (this.asking = true)}>
+          ${t("queue.resume")}</button
+        >${reasonShown(why)}`;
     return html`<div class="question" role="group" aria-label=${t("queue.resume")}>
       <p>${t("queue.question", { name: queue.next_object })}</p>
-      <button type="button" class="primary" @click=${() => void this.act("resume")}>${t("queue.confirm")}</button>
+      <button type="button" class="primary" ?disabled=${why !== null} @click=${() => void this.resume(queue)}>
+        ${t("queue.confirm")}
+      </button>
       <button type="button" @click=${() => (this.asking = false)}>${t("cancel")}</button>
     </div>`;
   }
@@ -128,31 +124,31 @@ export class QueueScreen extends PageElement {
     </tr>`;
   }
 
-  private async act(action: "resume" | "pause"): Promise<void> {
-    const next = this.queue?.entries.find((entry) => entry.state === "waiting");
+  private async resume(queue: Queue): Promise<void> {
+    const next = queue.entries.find((entry) => entry.state === "waiting");
     // Named, so that an order that was changed meanwhile does not begin another object's session.
-    const body = action === "resume" && next ? { action, entry: next.id } : { action };
+    const body = next ? { action: "resume", entry: next.id } : { action: "resume" };
     this.asking = false;
-    await this.change(() => post("/v1/queue/actions", body));
+    await attemptMove(t("queue.confirm"), (options) => post("/v1/queue/actions", body, options()));
+    await this.reading.load();
+  }
+
+  private async pause(): Promise<void> {
+    await this.change(t("queue.pause"), () => post("/v1/queue/actions", { action: "pause" }));
   }
 
   private async raise(waiting: QueueEntry[], place: number): Promise<void> {
     const entries = waiting.map((entry) => entry.id);
     entries.splice(place - 1, 0, ...entries.splice(place, 1));
-    await this.change(() => send("PUT", "/v1/queue/order", { body: { entries } }));
+    await this.change(t("queue.up"), () => send("PUT", "/v1/queue/order", { body: { entries } }));
   }
 
   private async omit(entry: QueueEntry): Promise<void> {
-    await this.change(() => send("DELETE", `/v1/queue/entries/${entry.id}`));
+    await this.change(t("queue.remove"), () => send("DELETE", `/v1/queue/entries/${entry.id}`));
   }
 
-  private async change(request: () => Promise<unknown>): Promise<void> {
-    try {
-      await request();
-      live.fail(null);
-    } catch (error) {
-      live.fail(error);
-    }
-    await this.load();
+  private async change(name: string, request: () => Promise<unknown>): Promise<void> {
+    await attempt(name, request);
+    await this.reading.load();
   }
 }

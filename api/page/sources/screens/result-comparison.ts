@@ -4,7 +4,15 @@ import { customElement, property, state } from "lit/decorators.js";
 import { all } from "../connection/requests";
 import type { Result, Session } from "../connection/schemas";
 import { coloured, quantiles } from "../drawing/colour-scale";
-import { MAP_NAMES, normalDifference, ResultMaps, type MapName } from "../drawing/result-maps";
+import {
+  MAP_NAMES,
+  normalDifference,
+  ResultMaps,
+  SizesDiffer,
+  type MapName,
+  type MapPicture,
+} from "../drawing/result-maps";
+import { colourLegend, legendOf } from "../parts/colour-legend";
 import { PageElement } from "../parts/element";
 import { saidOf } from "../parts/problem";
 import { degrees, t, type Word } from "../words/language";
@@ -19,6 +27,22 @@ export class ResultComparison extends PageElement {
   @state() private map: MapName = "sigma_deg";
   @state() private failed: unknown = null;
   @state() private angles: { mean: number; median: number; high: number } | null = null;
+  /** The first map as it is drawn, whose scale is that of the second too. */
+  @state() private picture: MapPicture | null = null;
+  /** The address of the other result, as it was chosen. */
+  @state() private chosen = "";
+  private compared = "";
+  /** Counts what is drawn: what comes late of an earlier choice is dropped. */
+  private turn = 0;
+
+  /** Another result beside the same one is drawn anew; one is not compared with itself. */
+  override willUpdate(): void {
+    const address = this.result.links["self"]!;
+    if (address === this.compared) return;
+    this.compared = address;
+    if (this.chosen === address) void this.choose("");
+    else if (this.other) void this.draw();
+  }
 
   override render() {
     const rest = this.results.filter((one) => one.number !== this.result.number);
@@ -31,15 +55,31 @@ export class ResultComparison extends PageElement {
           id="compare-with"
           @change=${(event: Event) => void this.choose((event.target as HTMLSelectElement).value)}
         >
-          <option value="">${t("compare.nothing")}</option>
-          ${rest.map((one) => html`<option value=${one.links["self"]!}>${t("result.number", { number: one.number })}</option>`)}
-          ${this.sessions.map(
-            (session) => html`<option value=${session.answer!.links["self"]!}>${sessionName(session)}</option>`,
-          )}
+          <option value="" ?selected=${this.chosen === ""}>${t("compare.nothing")}</option>
+          ${rest.map((one) => this.option(one.links["self"]!, this.nameOf(one)))}
+          ${this.sessions.map((session) => this.option(session.answer!.links["self"]!, sessionName(session)))}
         </select></label
       >
-      ${this.failed ? saidOf(this.failed) : nothing} ${this.other ? this.both(this.other) : nothing}
+      ${this.failed ? this.failure(this.failed) : nothing} ${this.other ? this.both(this.other) : nothing}
     </section>`;
+  }
+
+  private option(address: string, name: string) {
+    return html`<option value=${address} ?selected=${address === this.chosen}>${name}</option>`;
+  }
+
+  /** A result by its number, of another session by that session's name too. */
+  private nameOf(result: Result): string {
+    const name = t("result.number", { number: result.number });
+    const session = this.sessions.find((one) => one.answer!.links["self"] === result.links["self"]);
+    return session ? `${sessionName(session)}, ${name}` : name;
+  }
+
+  private failure(error: unknown) {
+    if (!(error instanceof SizesDiffer)) return saidOf(error, "choice");
+    return html`<p class="notice warning" role="alert">
+      ${t("compare.sizes", { one: error.one, other: error.other })}
+    </p>`;
   }
 
   private both(other: Result) {
@@ -62,14 +102,21 @@ export class ResultComparison extends PageElement {
         ${[this.result, other].map(
           (one, index) =>
             html`<figure>
-              <canvas data-side=${index} role="img" aria-label=${t("compare.side", { number: index + 1 })}></canvas>
+              <canvas
+                data-side=${index}
+                role="img"
+                aria-label=${t("compare.side", { name: this.nameOf(one) })}
+              ></canvas>
+              ${legendOf(this.picture)}
               <figcaption>
-                ${t("result.sigma")} ${degrees(one.summary.mean_sigma_deg)}, ${one.summary.images} ${t("plan.images")}
+                <b>${this.nameOf(one)}</b>: ${t("result.sigma")} ${degrees(one.summary.mean_sigma_deg)},
+                ${one.summary.images} ${t("plan.images")}
               </figcaption>
             </figure>`,
         )}
         <figure>
           <canvas data-side="2" role="img" aria-label=${t("compare.angle")}></canvas>
+          ${this.angles ? colourLegend("sigma_deg", 0, this.angles.high) : nothing}
           <figcaption>
             ${t("compare.angle")}
             ${
@@ -87,40 +134,53 @@ export class ResultComparison extends PageElement {
   }
 
   private async choose(address: string): Promise<void> {
-    this.failed = this.angles = null;
-    if (!address) {
-      this.other = null;
-      return;
-    }
+    const turn = ++this.turn;
+    this.chosen = address;
+    this.other = this.failed = null;
+    if (!address) return;
     try {
       const results = await all<Result>(address.replace(/\/\d+$/, ""));
+      if (turn !== this.turn) return;
       this.other = results.find((one) => one.links["self"] === address) ?? null;
       await this.draw();
     } catch (error) {
-      this.failed = error;
+      if (turn === this.turn) this.failed = error;
     }
   }
 
   private async draw(): Promise<void> {
     if (!this.other) return;
+    const turn = ++this.turn;
+    this.failed = this.angles = this.picture = null;
+    this.paint([]);
     const [one, other] = [new ResultMaps(this.result), new ResultMaps(this.other)];
     try {
+      const difference = await normalDifference(one, other);
       const first = await one.picture(this.map);
       const range = first.low !== null && first.high !== null ? ([first.low, first.high] as const) : undefined;
       const second = await other.picture(this.map, range);
-      const difference = await normalDifference(one, other);
       const inside = Uint8Array.from(difference.values, (value) => (Number.isFinite(value) ? 1 : 0));
       const [median, high] = quantiles(difference, inside, [0.5, 0.98]) as [number, number];
       const finite = difference.values.filter(Number.isFinite);
+      if (turn !== this.turn) return;
       this.angles = { mean: finite.reduce((sum, value) => sum + value, 0) / Math.max(finite.length, 1), median, high };
+      this.picture = first;
       await this.updateComplete;
-      [first.image, second.image, coloured(difference, inside, 0, high)].forEach((image, side) => {
-        const canvas = this.querySelector<HTMLCanvasElement>(`canvas[data-side="${side}"]`)!;
+      if (turn === this.turn) this.paint([first.image, second.image, coloured(difference, inside, 0, high)]);
+    } catch (error) {
+      if (turn === this.turn) this.failed = error;
+    }
+  }
+
+  /** The pictures side by side; those that are not there are blank. */
+  private paint(images: readonly ImageData[]): void {
+    for (const canvas of this.querySelectorAll("canvas")) {
+      const image = images[Number(canvas.dataset["side"])];
+      if (!image) canvas.getContext("2d")!.clearRect(0, 0, canvas.width, canvas.height);
+      else {
         [canvas.width, canvas.height] = [image.width, image.height];
         canvas.getContext("2d")!.putImageData(image, 0, 0);
-      });
-    } catch (error) {
-      this.failed = error;
+      }
     }
   }
 }

@@ -1,12 +1,14 @@
 /** A session's results: figures and findings in words, maps, movable light, profile, comparison, downloads. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
-import { edit } from "../connection/actions";
+import { attempt, edit } from "../connection/actions";
 import { JournalController, live, LiveController } from "../connection/live";
+import { Reading } from "../connection/reading";
 import { all, get, post } from "../connection/requests";
 import type { CalibrationSet, Page, Result, Session } from "../connection/schemas";
 import { download, openInTab } from "../parts/downloads";
 import { PageElement } from "../parts/element";
+import { readingState } from "../parts/reading-state";
 import { degrees, number, percent, t, tOr, when } from "../words/language";
 import "./map-viewer";
 import "./result-comparison";
@@ -14,67 +16,80 @@ import "./result-comparison";
 /** Misfits above this are said to be too large: the ends of the words for the goodness of fit. */
 const FAIR_PROBABILITY = 0.05;
 
+interface Found {
+  results: Result[];
+  /** Other sessions that have an answer. */
+  others: Session[];
+  calibrations: CalibrationSet[];
+}
+
 @customElement("result-view")
 export class ResultView extends PageElement {
   @property({ attribute: false }) session!: Session;
-  @state() private results: Result[] | null = null;
   @state() private chosen = -1;
-  @state() private others: Session[] = [];
-  @state() private calibrations: CalibrationSet[] = [];
-  private read = "";
+  /** The number of the result that is being solved; null: none. */
+  @state() private solved: number | null = null;
+  @state() private asking = false;
+  private readFor = "";
   protected readonly watching = new LiveController(this);
+  private readonly reading = new Reading<Found>(this, () => this.read(), {
+    again: ({ type, session_id }) => session_id === this.session.id && /^(normals|resolve)\./.test(type),
+  });
   protected readonly hearing = new JournalController(this, ({ type, session_id }) => {
-    if (session_id === this.session.id && /^(normals|resolve)\./.test(type)) void this.load();
+    if (session_id === this.session.id && type === "resolve.failed") this.solved = null;
   });
 
   override willUpdate(): void {
-    if (this.read === this.session.id) return;
-    this.read = this.session.id;
-    this.results = null;
+    if (this.readFor === this.session.id) return;
+    const another = this.readFor !== "";
+    this.readFor = this.session.id;
     this.chosen = -1;
-    void this.load();
+    this.solved = null;
+    if (another) this.reading.restart(); // else it is being read already
   }
 
-  private async load(): Promise<void> {
-    try {
-      this.results = await all<Result>(`/v1/sessions/${this.session.id}/results`);
-      const { items } = await get<Page<Session>>("/v1/sessions?limit=30");
-      this.others = items.filter((session) => session.id !== this.session.id && session.answer !== null);
-      this.calibrations = await all<CalibrationSet>("/v1/rig/calibrations");
-    } catch (error) {
-      live.fail(error);
-    }
+  private async read(): Promise<Found> {
+    const results = await all<Result>(`/v1/sessions/${this.session.id}/results`);
+    const { items } = await get<Page<Session>>("/v1/sessions?limit=30");
+    const others = items.filter((session) => session.id !== this.session.id && session.answer !== null);
+    if (results.some(({ number }) => number === this.solved)) this.solved = null;
+    return { results, others, calibrations: await all<CalibrationSet>("/v1/rig/calibrations") };
   }
 
   private get shown(): Result | null {
-    const results = this.results ?? [];
+    const results = this.reading.found?.results ?? [];
     const wanted = this.chosen >= 0 ? this.chosen : this.session.answer?.number;
     return results.find((result) => result.number === wanted) ?? results.at(-1) ?? null;
   }
 
   override render() {
-    if (this.results === null) return html`<p role="status">${t("loading")}</p>`;
+    const { found } = this.reading;
+    if (!found) return readingState(this.reading);
     const result = this.shown;
-    if (!result) return html`<p role="status">${t("result.none")}</p>`;
-    return html`${this.choice(result)} ${this.figures(result)} ${this.findings(result)}
+    if (!result)
+      return html`${readingState(this.reading)}
+        <p role="status">${t("result.none")}</p>`;
+    return html`${readingState(this.reading)} ${this.choice(result)} ${this.figures(result)} ${this.findings(result)}
       <map-viewer .result=${result}></map-viewer>
-      <result-comparison .result=${result} .results=${this.results} .sessions=${this.others}></result-comparison>
-      ${this.session.ended && live.mayOperate ? this.solving() : nothing} ${this.downloads(result)}`;
+      <result-comparison .result=${result} .results=${found.results} .sessions=${found.others}></result-comparison>
+      ${this.session.ended && live.mayOperate ? this.solving(found) : nothing} ${this.downloads(result)}`;
   }
 
   /** Another solve of the same images, with the calibration of the capture or one that was made since. */
-  private solving() {
+  private solving({ calibrations }: Found) {
     const solve = async (event: Event): Promise<void> => {
       event.preventDefault();
       const calibration = String(new FormData(event.target as HTMLFormElement).get("calibration")) || null;
-      try {
-        await post(`/v1/sessions/${this.session.id}/results`, { calibration });
-        live.fail(null);
-      } catch (error) {
-        live.fail(error);
-      }
+      this.asking = true;
+      await attempt(t("result.solve"), async () => {
+        const { number } = await post<{ number: number }>(`/v1/sessions/${this.session.id}/results`, { calibration });
+        const known = this.reading.found?.results.some((result) => result.number === number);
+        this.solved = known ? null : number;
+        if (known) this.chosen = number; // it has been solved before
+      });
+      this.asking = false;
     };
-    const made = this.calibrations.filter((one) => one.kind !== null);
+    const made = calibrations.filter((one) => one.kind !== null);
     return html`<form class="card" id="solve-again" @submit=${(event: Event) => void solve(event)}>
       <label class="field"
         >${t("result.solve_with")}
@@ -85,13 +100,14 @@ export class ResultView extends PageElement {
           )}
         </select></label
       >
-      <button>${t("result.solve")}</button>
+      <button ?disabled=${this.asking || this.solved !== null}>${t("result.solve")}</button>
+      ${this.solved === null ? nothing : html`<p role="status">${t("result.solving", { number: this.solved })}</p>`}
     </form>`;
   }
 
   private choice(shown: Result) {
     return html`<div class="actions" role="group" aria-label=${t("result.which")}>
-      ${this.results!.map(
+      ${this.reading.found!.results.map(
         (result) =>
           html`<button
             type="button"
@@ -101,7 +117,7 @@ export class ResultView extends PageElement {
             ${
               result.origin === "resolve"
                 ? t("result.resolved", { number: result.number })
-                : result.number === 0 && this.results!.length > 1
+                : result.number === 0 && this.reading.found!.results.length > 1
                   ? t("result.of_pilot")
                   : t("result.number", { number: result.number })
             }
@@ -113,7 +129,7 @@ export class ResultView extends PageElement {
           ? html`<button
               type="button"
               class="link"
-              @click=${() => void edit(this.session.id, { answer: shown.number })}
+              @click=${() => void edit(t("result.choose"), this.session.id, { answer: shown.number })}
             >
               ${t("result.choose")}
             </button>`

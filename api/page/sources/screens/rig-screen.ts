@@ -1,20 +1,21 @@
 /** The rig: what is ready and what is not, with remedies; parking; the arm's values. */
 import { html, nothing } from "lit";
-import { customElement, state } from "lit/decorators.js";
+import { customElement } from "lit/decorators.js";
+import { attemptMove } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
-import { post, UNLIMITED } from "../connection/requests";
+import { post } from "../connection/requests";
 import type { Rig } from "../connection/schemas";
 import { calibrationChecks } from "../parts/calibration-checks";
 import { PageElement } from "../parts/element";
 import "../parts/jog-pad";
 import "../parts/key-list";
+import { reasonShown, whyNoMoveByHand } from "../parts/move-reason";
 import "../parts/tool-statement";
-import { number, t, type Word } from "../words/language";
+import { clock, number, t, tOr, type Word } from "../words/language";
 import { problemTitle, remedyOf } from "../words/problems";
 
 @customElement("rig-screen")
 export class RigScreen extends PageElement {
-  @state() private parking = false;
   protected readonly watching = new LiveController(this, ["change", "joints"]);
 
   override render() {
@@ -44,7 +45,7 @@ export class RigScreen extends PageElement {
             : nothing
         }
       </section>
-      ${live.mayOperate ? html`${this.parkingCard(rig)}<jog-pad></jog-pad>` : nothing}
+      ${live.mayOperate ? html`${this.parkingCard()}<jog-pad></jog-pad>` : nothing}
       <section class="card" aria-labelledby="tool-title">
         <h2 id="tool-title">${t("tool.title")}</h2>
         <p>${t("tool.why")}</p>
@@ -60,25 +61,34 @@ export class RigScreen extends PageElement {
     </li>`;
   }
 
-  private parkingCard(rig: Rig) {
+  private parkingCard() {
+    const why = whyNoMoveByHand();
     return html`<section class="card" aria-labelledby="parking">
       <h2 id="parking">${t("rig.park_title")}</h2>
       <p>${t("rig.park_why")}</p>
-      <button type="button" id="park" ?disabled=${this.parking || rig.holder !== null} @click=${() => void this.park()}>
-        ${t("rig.park")}
-      </button>
+      <div class="actions">
+        <button type="button" id="park" ?disabled=${why !== null} @click=${() => void this.park()}>
+          ${t("rig.park")}
+        </button>
+        ${reasonShown(why)}
+      </div>
+      ${this.parked()}
     </section>`;
   }
 
+  /** What became of the last way home that this page has heard of. */
+  private parked() {
+    const last = live.events.findLast(({ type }) => type === "rig.parked");
+    if (!last) return nothing;
+    const outcome = String(last.body["outcome"]);
+    const words = tOr(`parked.${outcome}`, outcome);
+    return html`<p id="parked" role="status" class=${outcome === "at home" ? "notice good" : "notice warning"}>
+      ${clock(last.at)}: ${words}
+    </p>`;
+  }
+
   private async park(): Promise<void> {
-    this.parking = true;
-    try {
-      await post("/v1/rig/park", undefined, { timeoutMs: UNLIMITED });
-      live.fail(null);
-    } catch (error) {
-      live.fail(error);
-    }
-    this.parking = false;
+    await attemptMove(t("rig.park"), (options) => post("/v1/rig/park", undefined, options()));
   }
 
   private values(rig: Rig) {

@@ -1,10 +1,11 @@
 /** One session: what it does and may do, and its progress, plan or result. */
-import { html, nothing } from "lit";
+import { html, nothing, type PropertyValues } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { act, edit } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
 import type { Session } from "../connection/schemas";
 import { PageElement } from "../parts/element";
+import { reasonShown, whyNoMove } from "../parts/move-reason";
 import { duration, percent, t, type Word, when } from "../words/language";
 import { sessionName } from "../words/names";
 import { problemTitle, remedyOf } from "../words/problems";
@@ -18,6 +19,7 @@ const PARTS = ["", "plan", "result"];
 const CALIBRATION_PARTS = ["", "images"];
 type Action = Session["allowed_actions"][number];
 const ASKED = new Set<Action>(["resume", "stop"]);
+const MOVES = new Set<Action>(["start", "resume"]);
 
 @customElement("session-screen")
 export class SessionScreen extends PageElement {
@@ -27,6 +29,22 @@ export class SessionScreen extends PageElement {
   @state() private fromHere = false;
   @state() private editing = false;
   protected readonly watching = new LiveController(this);
+  private asking = "";
+
+  /** A question is of one session in one state: what was ticked for it is not said of another. */
+  override willUpdate(changed: PropertyValues<this>): void {
+    if (changed.has("identity")) this.editing = false;
+    const session = this.identity ? live.session(this.identity) : null;
+    const asking = [this.identity, session?.state, session?.reason?.code].join();
+    if (asking === this.asking) return;
+    this.asking = asking;
+    this.ask(null);
+  }
+
+  private ask(action: Action | null): void {
+    this.asked = action;
+    this.fromHere = false;
+  }
 
   override render() {
     if (!this.identity)
@@ -70,8 +88,9 @@ export class SessionScreen extends PageElement {
     const save = async (event: Event): Promise<void> => {
       event.preventDefault();
       const given = new FormData(event.target as HTMLFormElement);
-      await edit(session.id, { label: String(given.get("label")), notes: String(given.get("notes")) });
-      this.editing = false;
+      const change = { label: String(given.get("label")), notes: String(given.get("notes")) };
+      // What could not be saved stays in the form.
+      if (await edit(t("session.save"), session.id, change)) this.editing = false;
     };
     return html`<form class="card" @submit=${(event: Event) => void save(event)}>
       <div class="field">
@@ -110,6 +129,11 @@ export class SessionScreen extends PageElement {
 
   private actions(session: Session) {
     const more = session.state === "running" && session.seconds_left !== null;
+    // A plan under review is accepted where its lights stand, or a change of them would be lost.
+    const offered = session.allowed_actions.filter(
+      (action) => action !== "resume" || session.reason?.code !== "plan.to_review",
+    );
+    const moves = live.mayOperate && offered.some((action) => MOVES.has(action));
     return html`<div class="actions">
       ${
         session.state === "running"
@@ -117,14 +141,8 @@ export class SessionScreen extends PageElement {
               ><span>${percent(session.progress)}${more ? ` · ${duration(session.seconds_left)}` : ""}</span>`
           : nothing
       }
-      ${
-        live.mayOperate
-          ? session.allowed_actions
-              // A plan under review is accepted where its lights stand, or a change of them would be lost.
-              .filter((action) => action !== "resume" || session.reason?.code !== "plan.to_review")
-              .map((action) => this.action(session, action))
-          : nothing
-      }
+      ${live.mayOperate ? offered.map((action) => this.action(session, action)) : nothing}
+      ${moves ? reasonShown(whyNoMove()) : nothing}
       ${this.asked && session.allowed_actions.includes(this.asked) ? this.question(session, this.asked) : nothing}
     </div>`;
   }
@@ -133,8 +151,9 @@ export class SessionScreen extends PageElement {
     return html`<button
       type="button"
       data-action=${action}
-      class=${action === "start" || action === "resume" ? "primary" : ""}
-      @click=${() => (ASKED.has(action) ? (this.asked = action) : void act(session.id, action))}
+      class=${MOVES.has(action) ? "primary" : ""}
+      ?disabled=${MOVES.has(action) && whyNoMove() !== null}
+      @click=${() => (ASKED.has(action) ? this.ask(action) : void act(session.id, action))}
     >
       ${t(`action.${action}` as Word)}
     </button>`;
@@ -160,14 +179,16 @@ export class SessionScreen extends PageElement {
         type="button"
         class="primary"
         data-confirm=${action}
+        ?disabled=${MOVES.has(action) && whyNoMove() !== null}
         @click=${() => {
-          this.asked = null;
-          void act(session.id, action, elsewhere && this.fromHere ? { from_here: true } : {});
+          const more = elsewhere && this.fromHere ? { from_here: true } : {};
+          this.ask(null);
+          void act(session.id, action, more);
         }}
       >
         ${t(`action.${action}` as Word)}
       </button>
-      <button type="button" @click=${() => (this.asked = null)}>${t("cancel")}</button>
+      <button type="button" @click=${() => this.ask(null)}>${t("cancel")}</button>
     </div>`;
   }
 }

@@ -1,33 +1,33 @@
 /** All sessions: searched by label, state and date; opened, renamed, deleted. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
-import { JournalController, live, LiveController } from "../connection/live";
+import { attempt } from "../connection/actions";
+import { live, LiveController } from "../connection/live";
+import { Reading } from "../connection/reading";
 import { get, send } from "../connection/requests";
 import type { Page, Session } from "../connection/schemas";
 import { download } from "../parts/downloads";
 import { PageElement } from "../parts/element";
 import { listTable } from "../parts/list-table";
+import { readingState } from "../parts/reading-state";
 import { degrees, t, type Word, when } from "../words/language";
 import { sessionName } from "../words/names";
 
 const STATES = ["created", "running", "paused", "interrupted", "completed", "stopped", "failed"] as const;
 
+/** Sessions that were found, and whether all are meant or those of a search. */
+interface Found extends Page<Session> {
+  searched: boolean;
+}
+
 @customElement("sessions-screen")
 export class SessionsScreen extends PageElement {
-  @state() private items: Session[] = [];
-  @state() private next: string | null = null;
   @state() private wanted = { text: "", state: "", since: "" };
   @state() private deleting: string | null = null;
-  @state() private loading = true;
   protected readonly watching = new LiveController(this);
-  protected readonly hearing = new JournalController(this, ({ type }) => {
-    if (type.startsWith("session.")) void this.load();
+  private readonly reading = new Reading<Found>(this, () => this.read(), {
+    again: ({ type }) => type.startsWith("session."),
   });
-
-  override connectedCallback(): void {
-    super.connectedCallback();
-    void this.load();
-  }
 
   /** The list's address: the service filters, so that sessions far back are found too. */
   private get address(): string {
@@ -39,32 +39,36 @@ export class SessionsScreen extends PageElement {
     return `/v1/sessions?${query.toString()}`;
   }
 
-  private async load(address = this.address, more = false): Promise<void> {
-    try {
-      const page = await get<Page<Session>>(address);
-      if (!more && address !== this.address) return; // the search has changed meanwhile
-      this.items = more ? [...this.items, ...page.items] : page.items;
-      this.next = page.next;
-    } catch (error) {
-      live.fail(error);
-    }
-    this.loading = false;
+  private async read(): Promise<Found> {
+    const searched = Object.values(this.wanted).some(Boolean);
+    return { ...(await get<Page<Session>>(this.address)), searched };
+  }
+
+  private async more(): Promise<void> {
+    const before = this.reading.found!;
+    await attempt(t("sessions.more"), async () => {
+      const page = await get<Page<Session>>(before.next!);
+      // Where the list has been read anew meanwhile, this page may not follow on it.
+      if (this.reading.found === before)
+        this.reading.found = { ...before, ...page, items: [...before.items, ...page.items] };
+    });
+    this.requestUpdate();
   }
 
   override render() {
+    const { found } = this.reading;
     return html`<h1>${t("screen.sessions")}</h1>
-      ${this.search()}
-      ${listTable(
-        t("screen.sessions"),
-        this.columns,
-        this.items.map((session) => this.row(session)),
-      )}
-      ${this.items.length === 0 && !this.loading ? html`<p>${t("sessions.none")}</p>` : nothing}
-      ${
-        this.next
-          ? html`<button type="button" @click=${() => void this.load(this.next!, true)}>${t("sessions.more")}</button>`
-          : nothing
-      }`;
+      ${this.search()} ${readingState(this.reading)} ${found ? this.shown(found) : nothing}`;
+  }
+
+  private shown({ items, next, searched }: Found) {
+    return html`${listTable(
+      t("screen.sessions"),
+      this.columns,
+      items.map((session) => this.row(session)),
+    )}
+    ${items.length === 0 && this.reading.failed === null ? html`<p role="status">${t(searched ? "sessions.no_match" : "sessions.none")}</p>` : nothing}
+    ${next ? html`<button type="button" @click=${() => void this.more()}>${t("sessions.more")}</button>` : nothing}`;
   }
 
   private get columns(): string[] {
@@ -77,7 +81,7 @@ export class SessionsScreen extends PageElement {
   private search() {
     const put = (name: "text" | "state" | "since") => (event: Event) => {
       this.wanted = { ...this.wanted, [name]: (event.target as HTMLInputElement).value };
-      void this.load();
+      this.reading.restart(false);
     };
     return html`<form class="search" role="search" @submit=${(event: Event) => event.preventDefault()}>
       <label>${t("sessions.search")}<input type="search" .value=${this.wanted.text} @input=${put("text")} /></label>
@@ -128,12 +132,8 @@ export class SessionsScreen extends PageElement {
   }
 
   private async discard(session: Session): Promise<void> {
-    try {
-      await send("DELETE", `/v1/sessions/${session.id}`);
-    } catch (error) {
-      live.fail(error);
-    }
+    await attempt(t("sessions.delete"), () => send("DELETE", `/v1/sessions/${session.id}`));
     this.deleting = null;
-    void this.load();
+    void this.reading.load();
   }
 }

@@ -1,16 +1,17 @@
 /** A new session: presets, the recipe's form, and beside it what its first pass would do. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
-import { act } from "../connection/actions";
+import { create } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
 import { post, Refusal, UNLIMITED } from "../connection/requests";
 import { randomName } from "../connection/random-name";
 import { scene } from "../connection/scene";
-import type { DryRun, Session } from "../connection/schemas";
+import type { DryRun } from "../connection/schemas";
 import { domeOf, type Dome } from "../drawing/dome-geometry";
 import "../drawing/dome-plot";
 import { PageElement } from "../parts/element";
 import { forecastCurve } from "../parts/forecast-curve";
+import { reasonShown, whyNoMove } from "../parts/move-reason";
 import { saidOf } from "../parts/problem";
 import { PRESETS } from "../recipe/presets";
 import "../recipe/recipe-form";
@@ -60,7 +61,7 @@ export class StartScreen extends PageElement {
       this.choosePreset(this.preset);
     } catch (error) {
       this.failed = error;
-      setTimeout(() => this.isConnected && this.fields.length === 0 && void this.load(), 2_000);
+      setTimeout(() => this.isConnected && this.dome === null && void this.load(), 2_000);
     }
   }
 
@@ -102,21 +103,22 @@ export class StartScreen extends PageElement {
 
   private go() {
     if (!live.mayOperate) return html`<p class="notice">${t("viewer.only_looks")}</p>`;
-    return html`${this.failed ? saidOf(this.failed) : nothing}
+    const why = whyNoMove();
+    const unnamed = !this.values["label"];
+    return html`${this.failed ? saidOf(this.failed, this.dome ? "action" : "reading") : nothing}
       <div class="actions">
         <button
           class="primary large"
           form="recipe"
           value="start"
           id="start"
-          ?disabled=${this.starting || !live.rig?.may_start}
+          ?disabled=${this.starting || why !== null || !live.rig?.may_start}
         >
           ${t("start.start")}
         </button>
         <button form="recipe" value="create" ?disabled=${this.starting}>${t("start.create")}</button>
-        <button form="recipe" value="queue" ?disabled=${this.starting || !this.values["label"]}>
-          ${t("start.queue")}
-        </button>
+        <button form="recipe" value="queue" ?disabled=${this.starting || unnamed}>${t("start.queue")}</button>
+        ${reasonShown(why)} ${reasonShown(unnamed ? t("start.queue_label") : null)}
       </div>`;
   }
 
@@ -135,7 +137,7 @@ export class StartScreen extends PageElement {
     if (this.computing)
       return html`<p role="status">${t("start.computing")}</p>
         <progress aria-label=${t("start.computing")}></progress>`;
-    if (this.dryRunFailed) return saidOf(this.dryRunFailed);
+    if (this.dryRunFailed) return saidOf(this.dryRunFailed, "choice");
     if (!this.dryRun) return html`<p>${t("start.no_dry_run")}</p>`;
     const { plan, route, seconds, forecast } = this.dryRun;
     const images = lightsOf(this.values) ?? plan.lights.length;
@@ -207,19 +209,37 @@ export class StartScreen extends PageElement {
     this.values = values;
     this.failed = null;
     if (same && (this.dryRun || this.computing)) return;
+    this.abort.abort();
+    this.dryRun = this.dryRunFailed = null; // that of other values says nothing about these
+    this.plan();
+  }
+
+  /** When the rig has become free, what was not computed before is. */
+  override updated(): void {
+    if (this.dome && this.mayTry && !this.dryRun && !this.dryRunFailed && !this.computing) this.plan();
+  }
+
+  private plan(): void {
+    this.computing = this.mayTry;
     clearTimeout(this.timer);
     this.timer = window.setTimeout(() => void this.tryOut(), SETTLED_MS);
+  }
+
+  private get mayTry(): boolean {
+    return live.mayOperate && live.rig?.holder == null;
   }
 
   private async tryOut(): Promise<void> {
     this.abort.abort();
     const abort = (this.abort = new AbortController());
-    if (!live.mayOperate || live.rig?.holder) return;
-    this.computing = true;
+    this.computing = this.mayTry;
+    if (!this.computing) return;
     this.dryRunFailed = null;
     try {
       const options = { signal: abort.signal, timeoutMs: UNLIMITED };
-      this.dryRun = await post<DryRun>("/v1/dry-runs", this.recipe(), options);
+      const dryRun = await post<DryRun>("/v1/dry-runs", this.recipe(), options);
+      if (abort.signal.aborted) return;
+      this.dryRun = dryRun;
     } catch (error) {
       if (abort.signal.aborted) return;
       this.dryRun = null;
@@ -239,16 +259,13 @@ export class StartScreen extends PageElement {
     this.starting = true;
     this.failed = null;
     try {
-      const headers = { "Idempotency-Key": randomName() };
       if (wish === "queue") {
+        const headers = { "Idempotency-Key": randomName() };
         await post("/v1/queue/entries", { object_name: this.values["label"], recipe: this.recipe() }, { headers });
         location.hash = "#/queue";
         return;
       }
-      const session = await post<Session>("/v1/sessions", this.recipe(), { headers });
-      live.learn(session);
-      location.hash = `#/sessions/${session.id}`;
-      if (wish === "start") await act(session.id, "start");
+      await create(this.recipe(), wish === "start");
     } catch (error) {
       this.failed = error;
     }

@@ -10,8 +10,13 @@ export const de: Record<keyof typeof en, string> = {
   skip: "Zum Inhalt springen",
   "picture.failed": "nicht verfügbar",
   "problem.unreachable":
-    "Der Dienst antwortet nicht. Netz prüfen; die Seite macht von selbst weiter, sobald er antwortet.",
+    "Der Dienst hat nicht geantwortet: soweit diese Seite weiß, wurde das nicht ausgeführt. Zelle und Leiste oben ansehen, dann erneut drücken.",
+  "problem.unread": "Der Dienst antwortet nicht; das konnte nicht gelesen werden. Es wird von selbst wieder versucht.",
+  "problem.unread_choice": "Der Dienst antwortet nicht; das konnte nicht gelesen werden. Bitte erneut wählen.",
   "viewer.only_looks": "Dieser Schlüssel darf nur ansehen. STOPP geht mit jedem Schlüssel.",
+  "move.stale": "Zurzeit nicht: ohne Verbindung wird nichts gesendet, was den Arm bewegt.",
+  "move.stopped": "Zurzeit nicht: erst muss der Sicherheitshalt oben quittiert werden.",
+  "move.busy": "Zurzeit nicht: eine Sitzung benutzt die Anlage.",
 
   "screen.start": "Neue Sitzung",
   "screen.session": "Sitzung",
@@ -53,6 +58,11 @@ export const de: Record<keyof typeof en, string> = {
   "bar.not_ready": "Nicht bereit: siehe „Anlage“",
   "bar.stopped": "Angehalten: die Zelle muss besichtigt werden",
   "bar.nobody": "Niemand führt",
+  "bar.by_hand": "Der Arm bewegt sich ohne Sitzung: von Hand bewegt, oder auf dem Heimweg",
+  "bar.sending": "Wird gesendet: {name} …",
+  "bar.arm_moves": "ARM BEWEGT SICH",
+  "bar.arm_rests": "ARM RUHT",
+  "bar.arm_unknown": "ARM: UNBEKANNT",
   "bar.in_charge": "Es führt: {name}",
   "bar.left": "noch {time}",
   "bar.signed_out": "Nicht angemeldet",
@@ -65,6 +75,8 @@ export const de: Record<keyof typeof en, string> = {
     "Der Dienst wurde noch nicht erreicht. STOPP versucht es trotzdem. Im Zweifel den Not-Halt an der Zelle drücken.",
   "bar.stale":
     "Keine Verbindung seit {time}: die Anzeige ist alt. STOPP versucht es weiter; im Zweifel den Not-Halt an der Zelle drücken.",
+  "bar.rig_old":
+    "Der Dienst antwortet, doch der Zustand der Anlage ließ sich seit {time} nicht lesen: die Anzeige ist alt. STOPP geht trotzdem.",
   "bar.sign_out": "Abmelden",
   "role.viewer": "Zuschauer",
   "role.operator": "Bediener",
@@ -86,6 +98,9 @@ export const de: Record<keyof typeof en, string> = {
   "sign_in.key": "Schlüssel",
   "sign_in.button": "Anmelden",
   "sign_in.wrong": "Der Dienst kennt diesen Schlüssel nicht.",
+  "sign_in.crowded": "Von diesem Rechner kamen zu viele falsche Schlüssel. Eine Minute warten, dann erneut anmelden.",
+  "sign_in.unreached":
+    "Der Dienst antwortet nicht: der Schlüssel wurde noch nicht geprüft. Es wird von selbst wieder versucht.",
 
   "state.created": "nicht begonnen",
   "state.running": "läuft",
@@ -134,6 +149,7 @@ export const de: Record<keyof typeof en, string> = {
   "start.start": "Beginnen",
   "start.create": "Nur speichern",
   "start.not_now": "Zurzeit kann keine Sitzung beginnen:",
+  "start.queue_label": "Die Warteschlange braucht eine Bezeichnung: den Namen des Objekts.",
   "start.dry_run": "Was zuerst geschieht",
   "start.computing": "Rechnet … (das erste Mal in einer Zelle eine Minute lang)",
   "start.no_dry_run": "Wird gezeigt, wenn die Anlage frei ist.",
@@ -304,6 +320,7 @@ export const de: Record<keyof typeof en, string> = {
 
   "preview.live": "Das Kamerabild jetzt",
   "preview.last_frame": "Das letzte Bild der Sitzung, die die Anlage benutzt",
+  "preview.old": "Bild von {time}; seitdem keines",
   "remedy.plan.to_review": "Ansehen, verschieben oder annehmen.",
   "remedy.safety.not_acknowledged": "Zelle besichtigen, dann oben quittieren.",
   "remedy.rig.not_ready": "Unter „Anlage“ steht, was fehlt; beheben und erneut beginnen.",
@@ -399,9 +416,11 @@ export const de: Record<keyof typeof en, string> = {
   "compare.title": "Vergleichen",
   "compare.with": "Mit",
   "compare.nothing": "nichts",
-  "compare.side": "Karte von Ergebnis {number}",
+  "compare.side": "Karte von {name}",
   "compare.angle": "Winkel zwischen den Normalen",
   "compare.angles": "Mittel {mean}, Median {median}, 98 % unter {high}",
+  "compare.sizes":
+    "Ihre Bilder sind verschieden groß ({one} und {other} Pixel): Pixel für Pixel lassen sie sich nicht vergleichen.",
 
   "sessions.number": "Nr.",
   "sessions.state": "Zustand",
@@ -413,6 +432,7 @@ export const de: Record<keyof typeof en, string> = {
   "sessions.any": "alle",
   "sessions.since": "Seit",
   "sessions.none": "Noch keine Sitzungen.",
+  "sessions.no_match": "Keine Sitzung passt zur Suche.",
   "sessions.more": "Mehr zeigen",
   "sessions.archive": "Archiv (zip)",
   "sessions.delete": "Löschen",
@@ -444,6 +464,9 @@ export const de: Record<keyof typeof en, string> = {
   "rig.park_title": "Arm nach Hause",
   "rig.park_why": "Der Arm fährt auf einem geprüften, kollisionsfreien Weg nach Hause. Erst die Zelle ansehen.",
   "rig.park": "Arm nach Hause fahren",
+  "parked.at home": "Der Arm ist zu Hause.",
+  "parked.halted": "Auf dem Heimweg angehalten.",
+  "parked.another request came first": "Nicht gefahren: etwas anderes kam zuvor.",
   "jog.title": "Von Hand bewegen",
   "jog.why":
     "Der Arm bewegt sich langsam, solange ein Knopf gehalten wird, in Schritten, die wie jeder Weg auf Kollisionen geprüft sind. Den Arm ansehen, nicht den Bildschirm.",
@@ -648,6 +671,7 @@ export const de: Record<keyof typeof en, string> = {
   "result.solve_with": "Neu rechnen mit",
   "result.of_capture": "der Kalibrierung der Aufnahmen",
   "result.solve": "Neu rechnen",
+  "result.solving": "Rechnet … (Ergebnis {number} erscheint oben)",
   "calibration.fingerprint": "SHA-256 der Werte",
 
   "problem.session.action_not_allowed": "Der Zustand der Sitzung erlaubt das nicht",
@@ -691,4 +715,7 @@ export const de: Record<keyof typeof en, string> = {
   "problem.request.invalid": "Ein Wert ist nicht gültig",
   "problem.request.forbidden": "Dieser Schlüssel erlaubt das nicht",
   "problem.request.unauthenticated": "Der Schlüssel gilt nicht mehr",
+  "problem.request.expired": "Kam zu spät an und wurde nicht ausgeführt",
+  "remedy.request.expired": "Zelle und Leiste oben ansehen, dann erneut drücken.",
+  "problem.store.unwritable": "Das Journal lässt sich nicht schreiben",
 };

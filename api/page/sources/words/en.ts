@@ -8,8 +8,14 @@ export const en = {
   session: "Session",
   skip: "Skip to the content",
   "picture.failed": "not available",
-  "problem.unreachable": "The service does not answer. Check the network; the page goes on by itself when it answers.",
+  "problem.unreachable":
+    "The service did not answer: as far as this page knows, this was not carried out. Look at the cell and at the bar above, then press again.",
+  "problem.unread": "The service does not answer, so this could not be read. It is tried again by itself.",
+  "problem.unread_choice": "The service does not answer, so this could not be read. Ask for it again.",
   "viewer.only_looks": "Your key may look but not operate. STOP works with every key.",
+  "move.stale": "Not now: without a connection nothing that moves the arm is sent.",
+  "move.stopped": "Not now: the safety stop above must be acknowledged first.",
+  "move.busy": "Not now: a session uses the rig.",
 
   // Screens
   "screen.start": "New session",
@@ -53,6 +59,11 @@ export const en = {
   "bar.not_ready": "Not ready: see “Rig”",
   "bar.stopped": "Stopped: the cell must be inspected",
   "bar.nobody": "Nobody is in charge",
+  "bar.by_hand": "The arm moves without a session: moved by hand, or on its way home",
+  "bar.sending": "Being sent: {name} …",
+  "bar.arm_moves": "ARM MOVES",
+  "bar.arm_rests": "ARM AT REST",
+  "bar.arm_unknown": "ARM: NOT KNOWN",
   "bar.in_charge": "In charge: {name}",
   "bar.left": "{time} left",
   "bar.signed_out": "Not signed in",
@@ -65,6 +76,8 @@ export const en = {
     "The service has not been reached yet. STOP still tries. Use the emergency stop at the cell if you must.",
   "bar.stale":
     "No connection since {time}: what you see is old. STOP still tries; use the emergency stop at the cell if you must.",
+  "bar.rig_old":
+    "The service answers, but the state of the rig could not be read since {time}: what you see is old. STOP works all the same.",
   "bar.sign_out": "Sign out",
   "role.viewer": "viewer",
   "role.operator": "operator",
@@ -88,6 +101,8 @@ export const en = {
   "sign_in.key": "Key",
   "sign_in.button": "Sign in",
   "sign_in.wrong": "The service does not know this key.",
+  "sign_in.crowded": "Too many wrong keys came from this machine. Wait a minute, then sign in again.",
+  "sign_in.unreached": "The service does not answer: the key has not been looked at yet. It is tried again by itself.",
 
   // States, stages, actions
   "state.created": "not started",
@@ -139,6 +154,7 @@ export const en = {
   "start.start": "Start",
   "start.create": "Save without starting",
   "start.not_now": "No session can start now:",
+  "start.queue_label": "The queue needs a label: the name of the object.",
   "start.dry_run": "What will happen first",
   "start.computing": "Computing … (the first time in a cell this takes a minute)",
   "start.no_dry_run": "Shown when the rig is free.",
@@ -310,6 +326,7 @@ export const en = {
   // Camera
   "preview.live": "The camera's image now",
   "preview.last_frame": "The last image of the session that uses the rig",
+  "preview.old": "Image of {time}; none since",
   "remedy.plan.to_review": "Look at them, move them or accept them.",
   "remedy.safety.not_acknowledged": "Inspect the cell, then acknowledge the stop above.",
   "remedy.rig.not_ready": "“Rig” says what is missing; correct it and start again.",
@@ -403,9 +420,10 @@ export const en = {
   "compare.title": "Compare",
   "compare.with": "With",
   "compare.nothing": "nothing",
-  "compare.side": "Map of result {number}",
+  "compare.side": "Map of {name}",
   "compare.angle": "Angle between the normals",
   "compare.angles": "mean {mean}, median {median}, 98 % below {high}",
+  "compare.sizes": "Their images differ in size ({one} and {other} pixels): they cannot be compared pixel by pixel.",
 
   // Sessions
   "sessions.number": "No.",
@@ -418,6 +436,7 @@ export const en = {
   "sessions.any": "any",
   "sessions.since": "Since",
   "sessions.none": "No sessions yet.",
+  "sessions.no_match": "No session matches the search.",
   "sessions.more": "Show more",
   "sessions.archive": "Archive (zip)",
   "sessions.delete": "Delete",
@@ -450,6 +469,9 @@ export const en = {
   "rig.park_title": "Bring the arm home",
   "rig.park_why": "The arm moves home on a path that was checked for collisions. Look at the cell first.",
   "rig.park": "Bring the arm home",
+  "parked.at home": "The arm is at home.",
+  "parked.halted": "Stopped on its way home.",
+  "parked.another request came first": "Did not move: another request came first.",
   "jog.title": "Move by hand",
   "jog.why":
     "The arm moves slowly while a button is held, in steps that are checked for collisions like any path. Look at the arm, not at the screen.",
@@ -652,6 +674,7 @@ export const en = {
   "result.solve_with": "Solve again with",
   "result.of_capture": "the calibration of the images",
   "result.solve": "Solve again",
+  "result.solving": "Solving … (result {number} will appear above)",
   "calibration.fingerprint": "SHA-256 of the values",
 
   // Problems: what is said of each code; remedies are the service's own in English
@@ -696,4 +719,7 @@ export const en = {
   "problem.request.invalid": "A value is not valid",
   "problem.request.forbidden": "Your key does not allow this",
   "problem.request.unauthenticated": "The key is not valid any more",
+  "problem.request.expired": "It arrived too late and was not carried out",
+  "remedy.request.expired": "Look at the cell and at the bar above, then press again.",
+  "problem.store.unwritable": "The journal cannot be written",
 } as const;
