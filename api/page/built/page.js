@@ -464,7 +464,7 @@ ${this.saved?u`<p class="notice good" role="status">${this.saved}</p>`:w}`}
 ${ot(this.reading)} ${e?this.shown(e):w}`}shown(e){return u`${this.state(e)}
 ${e.entries.length===0?u`<p>${a("queue.empty")} <a href="#/start">${a("screen.start")}</a></p>`:this.table(e)}`}state(e){let t=e.state==="running";return u`<div class=${e.reason?"notice warning":"notice"} id="queue-state" data-state=${e.state}>
 <b>${a(t?"queue.running":"queue.stopped")}</b>
-${Date.parse(e.changed)>0?u`<small>${e.changed_by} · ${qe(e.changed)}</small>`:w}
+${e.changed?u`<small>${e.changed_by} · ${qe(e.changed)}</small>`:w}
 ${e.reason?u`<p>
 ${gi(e.reason.code,e.reason.title)}: ${e.reason.detail}.
 ${Ut(e.reason.code,e.reason.remedy)}

@@ -42,7 +42,7 @@ export class QueueScreen extends PageElement {
     return html`<div class=${queue.reason ? "notice warning" : "notice"} id="queue-state" data-state=${queue.state}>
       <b>${t(running ? "queue.running" : "queue.stopped")}</b>
       ${
-        Date.parse(queue.changed) > 0 // the epoch: nobody has changed it yet
+        queue.changed // null: nobody has changed it yet
           ? html`<small>${queue.changed_by} · ${when(queue.changed)}</small>`
           : nothing
       }
