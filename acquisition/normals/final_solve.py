@@ -249,7 +249,7 @@ def solve(
             "shift_m": state.shared.shift_m,
             "lamps_aside_m": state.shared.lamp_offset_m.tolist(),
             "threshold": scene.settings.shadow_threshold,
-            "interreflection": {"share": indirect / light, "scale": state.indirect_scale},
+            "interreflection": {"share": indirect / light},
             "lobe": {
                 "strength": float(terms.lobe_factor) * strength,
                 "exponent": exponent,

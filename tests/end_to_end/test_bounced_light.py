@@ -13,7 +13,7 @@ from acquisition.models import cell_config
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.normals import ObjectPlace, solve
-from acquisition.normals.indirect_light import interreflection
+from acquisition.normals.indirect_light import shadow_light
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import reach
 from acquisition.waypoints.routing import route
@@ -103,10 +103,9 @@ def graded(normal_map: NormalMap, world: World) -> grade.Grade:
 def test_interreflection_correction_improves_normals(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     world, observations = scene(name, "realistic")
     corrected = solved(observations)
-    assert corrected.notes["interreflection"]["scale"] > 0.6
     assert corrected.notes["interreflection"]["share"] > 0.01
     with monkeypatch.context() as patched:
-        patched.setattr(interreflection, "prediction_scale", lambda *_: 0.0)
+        patched.setattr(shadow_light, "shadows_show_indirect", lambda *_: False)
         uncorrected = solved(observations)
     assert graded(corrected, world).mean_deg < 0.85 * graded(uncorrected, world).mean_deg
 
@@ -115,7 +114,7 @@ def test_interreflection_correction_improves_normals(name: str, monkeypatch: pyt
 def test_interreflection_convex_object_is_hardly_corrected() -> None:
     world, observations = scene("figure", "direct")
     normal_map = solved(observations)
-    assert normal_map.notes["interreflection"]["scale"] < 0.2
+    assert normal_map.notes["interreflection"]["share"] == 0
     assert graded(normal_map, world).mean_deg < 1.5
 
 
