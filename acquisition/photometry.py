@@ -25,7 +25,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from acquisition.geometry import VIEW_FROM_CAMERA
-from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray, FloatT
 from acquisition.models.calibration import Calibration, LampLobe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
@@ -214,6 +214,21 @@ def points(ray: Float32Array, depth_m: Float32Array) -> Float32Array:
     return ray_directions(ray) * depth_m
 
 
+def depth_directions(point: FloatArray | Float32Array) -> Float32Array:
+    """`ray_directions` ∂x/∂Z (3, ...) of the pixels that show points (3, ...), view frame."""
+    return np.ascontiguousarray(-point / point[2], np.float32)
+
+
+def towards_camera(point: Float32Array) -> Float32Array:
+    """Unit vectors (3, N) to the camera from points (3, N), view frame, or against directions of rays (3, N)."""
+    return -point / np.sqrt(np.sum(point * point, axis=0))
+
+
+def strength(light: npt.NDArray[FloatT]) -> npt.NDArray[FloatT]:
+    """|s| (F, N) of light vectors s (F, 3, N)."""
+    return np.sqrt(np.einsum("fcn,fcn->fn", light, light))
+
+
 def project(calibration: Calibration, positions: npt.ArrayLike) -> FloatArray:
     """Pixels (K, 2) as column, row of points (K, 3) in m, view frame; lens distortion applied."""
     camera = np.asarray(positions, dtype=float).reshape(-1, 3) * np.diag(VIEW_FROM_CAMERA)[:3]
@@ -273,6 +288,13 @@ def facing(normal_map: NormalMap, calibration: Calibration) -> BoolArray:
 def inside(silhouette: BoolArray) -> BoolArray:
     """The object's pixels (H, W) but those of the silhouette itself, which show the table too."""
     return cv2.erode(silhouette.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
+
+
+def bounding_box(mask: BoolArray) -> tuple[slice, slice]:
+    """Bounding box of a mask as rows and columns; an empty mask's is its first pixel."""
+    indices = [np.flatnonzero(np.any(mask, axis=axis)) for axis in (1, 0)]
+    rows, columns = (slice(int(one[0]), int(one[-1]) + 1) if len(one) else slice(0, 1) for one in indices)
+    return rows, columns
 
 
 def within_graded_slant(normals: Float32Array, ray: Float32Array) -> BoolArray:

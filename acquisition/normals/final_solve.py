@@ -189,11 +189,11 @@ def solve(
         numbers.append(np.flatnonzero(mask)[block.sampled] + rows.start * shape[1])
         matrices.append(block.matrices)
     del views
-    independent = integrability.project_integrable(
+    noise_ratio = integrability.project_integrable(
         maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray
     )
     regression_share = local_regression.regress(
-        maps["normals"][window], maps["sigma_deg"][window], surface["variance"], independent
+        maps["normals"][window], maps["sigma_deg"][window], surface["variance"], noise_ratio
     )
     lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
     facing = photometry.inside(masked.mask) & photometry.within_graded_slant(maps["normals"][window], masked.ray)
@@ -340,7 +340,7 @@ def _stated_share(solution: PixelSolution, scene: Scene) -> Float32Array:
     estimate, usable = solution.estimate, solution.estimate.usable
     if scene.stated_noise is None:
         return np.ones(usable.shape[1], np.float32)
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
+    strength = photometry.strength(estimate.light) * estimate.albedo
     stated, estimated = (
         noise.single_precision().variance(solution.values, strength) + solution.extra_variance
         for noise in (scene.stated_noise, scene.noise)

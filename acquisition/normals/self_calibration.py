@@ -22,7 +22,7 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals.indirect_light.shadow_light import ShadowEquations
-from acquisition.normals.pixels import image_terms, pixel_solve, pixel_solve_kernels
+from acquisition.normals.pixels import pixel_solve, pixel_solve_kernels
 from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixels.pixel_solve import Estimate
 
@@ -159,7 +159,7 @@ def normal_equations(
     if tested is not None:
         by_parameter, parameters, parameter_sigma = tested, np.zeros(tested.shape[1]), np.zeros(tested.shape[1])
     elif terms is not None:
-        by_parameter = _by_term(estimate, present.terms)
+        by_parameter = estimate.by_parameter(present.terms)
         parameters, parameter_sigma = np.array(astuple(present.terms)), np.array(astuple(priors.terms))
     sigma = np.concatenate([[priors.shift_m], parameter_sigma])
     size = 4 * count + len(sigma)
@@ -282,20 +282,12 @@ def normal_variance(
     ]
     of_all = [np.einsum("fcn,cn->fn", by_depth, estimate.g)]
     if estimate.terms is not None:
-        of_all += list(_by_term(estimate, shared.terms).transpose(1, 0, 2))
+        of_all += list(estimate.by_parameter(shared.terms).transpose(1, 0, 2))
     right = [np.einsum("fn,fan->naf", estimate.weights * kind, estimate.light) for kind in of_each_lamp]
     right += [np.einsum("fn,fan->na", estimate.weights * kind, estimate.light)[..., None] for kind in of_all]
     moved = pixel_solve.normal_perturbation(estimate, np.concatenate(right, axis=2).astype(np.float64))
     covariance = shared.covariance[: moved.shape[2], : moved.shape[2]]
     return np.einsum("naf,fg,nag->n", moved, covariance, moved, optimize=True).astype(np.float32)
-
-
-def _by_term(estimate: Estimate, terms: ImageTerms) -> Float32Array:
-    """Derivatives (F, 6, N) of the values by the parameters of terms."""
-    view = -estimate.point / np.sqrt(np.sum(estimate.point * estimate.point, axis=0))
-    return image_terms.by_parameter(
-        terms, estimate.g, estimate.light, estimate.usable, view, estimate.response, estimate.sky
-    )
 
 
 @numba.njit(

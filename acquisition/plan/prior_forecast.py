@@ -58,7 +58,7 @@ def assumed_sphere(center: FloatArray, radius_m: float) -> Samples:
         row=number,
         column=number,
         point=np.ascontiguousarray(point, np.float32),
-        ray_direction=np.ascontiguousarray(-point / point[2], np.float32),
+        ray_direction=photometry.depth_directions(point),
         normal=np.ascontiguousarray(normal, np.float32),
         albedo=albedo,
         information=criterion.prior_information(albedo),

@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from acquisition.models.base import BoolArray, Float32Array
-from acquisition.normals.pixels.image_terms import TermValues
+from acquisition import photometry
+from acquisition.models.base import BoolArray, Float32Array, FloatT
+from acquisition.normals.pixels import image_terms
+from acquisition.normals.pixels.image_terms import ImageTerms, TermValues
 
 
 @dataclass(frozen=True)
@@ -23,10 +26,20 @@ class Estimate:
     sky: Float32Array | None = None  # (N,) sky view factor of the pixels; none: they see all of it
     terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
 
-    @property
-    def term_value(self) -> Float32Array | np.float32:
-        """What the terms beyond Lambert's contribute to the values (F, N); 0 without any."""
-        return np.float32(0) if self.terms is None else self.terms.value
+    def predicted(self, dtype: type[FloatT] = np.float32) -> npt.NDArray[FloatT]:
+        """Values (F, N) by the solution: s · g, and what the terms beyond Lambert's contribute."""
+        direct = np.einsum("fcn,cn->fn", self.light, self.g, dtype=dtype)
+        return direct if self.terms is None else direct + self.terms.value
+
+    def evaluated(self, terms: ImageTerms) -> TermValues:
+        """`image_terms.evaluate` at the solution."""
+        view = photometry.towards_camera(self.point)
+        return image_terms.evaluate(terms, self.g, self.light, self.usable, view, self.response, self.sky)
+
+    def by_parameter(self, terms: ImageTerms) -> Float32Array:
+        """`image_terms.by_parameter` (F, 6, N) at the solution."""
+        view = photometry.towards_camera(self.point)
+        return image_terms.by_parameter(terms, self.g, self.light, self.usable, view, self.response, self.sky)
 
     @property
     def highlight_variance(self) -> Float32Array | np.float32:

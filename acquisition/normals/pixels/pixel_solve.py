@@ -140,8 +140,8 @@ class Lighting:
         """Those of pixels at depth (N,) in m."""
         ray_direction = photometry.ray_directions(pixels.ray)
         point = ray_direction * depth_m
-        view = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
-        return cls(photometry.light_vectors(point, scene.lamps, scene.calibration), point, ray_direction, view)
+        light = photometry.light_vectors(point, scene.lamps, scene.calibration)
+        return cls(light, point, ray_direction, photometry.towards_camera(ray_direction))
 
 
 def classify_measurements(pixels: Pixels, values: Float32Array, light: Float32Array, threshold: float) -> Classified:
@@ -250,7 +250,7 @@ def _solve(
 
 def clamp_to_visible(normals: Float32Array, ray_direction: Float32Array) -> Float32Array:
     """Rotates normals (3, N) just far enough towards the camera that each is visible (cosine ≥ `min_view_cosine`)."""
-    axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
+    axis = photometry.towards_camera(ray_direction)
     cosine = np.sum(normals * axis, axis=0)
     least = np.float32(photometry.SETTINGS.min_view_cosine)
     visible = normals + np.maximum(least - cosine, 0) * axis

@@ -164,7 +164,7 @@ def solve(
         left = np.count_nonzero(others.usable, axis=0)
         lost_to_shadow = left + np.count_nonzero(removed, axis=0) > count
         doubtful = np.flatnonzero(
-            (left >= photometry.REDUNDANT - 1)
+            (left >= photometry.OVERDETERMINED)
             & (lost_to_shadow | (first.residual > photometry.SETTINGS.outlying_deviations))
             & (classified.peak > SETTINGS.highlight_ratio * others.peak)
         )

@@ -78,7 +78,7 @@ class ShadowImages:
         albedo reflect.
         """
         light, clipped, ray = self.estimate.light, self.pixels.clipped, photometry.ray_directions(self.pixels.ray)
-        strength = np.maximum(np.sqrt(np.einsum("fcn,fcn->fn", light, light)), np.float32(1e-9))
+        strength = np.maximum(photometry.strength(light), np.float32(1e-9))
         values = self.measured - self.estimate.nondiffuse_value
         ratio = values / strength
         largest = np.maximum(np.max(np.where(clipped, 0, ratio), axis=0), np.float32(1e-6))
@@ -157,7 +157,7 @@ def discontinuous_depth(
     number[pixels.index] = np.arange(len(pixels.index))
     tip, edge = number[equations.tip], number[equations.edge]
     ray = photometry.ray_directions(pixels.ray)
-    cosine = -np.sum(normals * ray, axis=0) / np.sqrt(np.sum(ray * ray, axis=0))
+    cosine = np.sum(normals * photometry.towards_camera(ray), axis=0)
     below, right = equations.discontinuities(pixels.image(cosine.astype(np.float32), 1.0))
     first = pixels.index[p]
     prior = np.where(np.where(slopes.across, right[first], below[first]), SETTINGS.shadow_weight, 1.0)

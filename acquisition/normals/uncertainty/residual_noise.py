@@ -99,10 +99,10 @@ class _Residuals:
     @classmethod
     def of(cls, solution: Estimate, values: Float32Array, extra: Float32Array, least_lights: int) -> "_Residuals":
         light, g = solution.light.astype(np.float64), solution.g.astype(np.float64)
-        predicted = np.einsum("fck,ck->fk", light, g) + solution.term_value
-        strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
+        strength = photometry.strength(light) * np.sqrt(np.sum(g * g, axis=0))
         used = solution.weights > 0
         used &= np.count_nonzero(used, axis=0) >= max(least_lights, photometry.OVERDETERMINED)
+        predicted = solution.predicted(np.float64)
         return cls(np.ascontiguousarray(light), values.astype(np.float64), predicted, strength, extra, used)
 
     def unleveraged(self, noise: Noise) -> tuple[FloatArray, FloatArray, BoolArray]:
