@@ -32,7 +32,7 @@ REASONS: dict[str, str] = {
         error_variance.NOISE_LINE error_variance.LINE error_variance.LINES_PX
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE term_alternatives.CODED_EXPONENTS image_terms.ROUGH_WEIGHTS image_terms.FACET_SLOPES_RAD
-        translucency.NEAR_PX local_regression.NOISE_MEAN_SQUARE""",
+        translucency.NEAR_PX""",
     "counts of unknowns, marks and definitions": """
         light_tests.NEAR
         photometry.PIXEL_UNKNOWNS image_values.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
