@@ -136,7 +136,7 @@ def solve_stack(
         mask = silhouette.segment(pyramid.albedo_bound(masked, rough, lamps, calibration), inside)
         masked = replace(masked, mask=mask)
     count = int(np.count_nonzero(masked.mask))
-    if count < SETTINGS.min_pixels or any(one.stop - one.start == 1 for one in silhouette.bounding_box(masked.mask)):
+    if count < SETTINGS.min_pixels or any(one.stop - one.start == 1 for one in photometry.bounding_box(masked.mask)):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
     factor = alternation.coarse_factor(count, 1 if channel is None else mosaic.CELL)
     table = None if place.table_depth_m is None else place.table_depth_m[rows, columns]
@@ -168,7 +168,7 @@ def _window(region: BoolArray | None, height: int, width: int) -> tuple[slice, s
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE, "the region is empty or not of the image's size: draw it round the object"
         )
-    return silhouette.bounding_box(region)
+    return photometry.bounding_box(region)
 
 
 def _centroid(masked: MaskedImages, depth_m: Float32Array) -> Float32Array:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import NormalMap
@@ -49,11 +50,11 @@ class Basis:
         shown = sample_pixels.samples(normal_map, calibration, usable, observations=observations)
         shown = replace(shown, margin=np.zeros(len(usable)))  # neighbours of different margins would speckle
         silhouette = normal_map.silhouette
-        rows, columns = np.flatnonzero(silhouette.any(axis=1)), np.flatnonzero(silhouette.any(axis=0))
-        cut = silhouette[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        rows, columns = photometry.bounding_box(silhouette)
+        cut = silhouette[rows, columns]
         step = max(1, -(-max(cut.shape) // IMAGE_PX))
         inside = cut[::step, ::step]
-        pixels = np.argwhere(inside) * step + (rows[0], columns[0])
+        pixels = np.argwhere(inside) * step + (rows.start, columns.start)
         _, nearest = KDTree(np.column_stack([shown.row, shown.column])).query(pixels)
         return cls(problem, shown, inside, np.asarray(nearest, np.intp))
 
