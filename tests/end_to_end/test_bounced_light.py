@@ -44,11 +44,8 @@ def stations() -> tuple[tuple[float, ...], ...]:
     top = int(np.argmax(units[:, 2]))
     others = np.delete(np.arange(len(units)), top)
     ring, step = np.arange(7) * 2 * np.pi / 7, 2 * np.pi / 7
-    turned = [
-        lamp_pose.nearest_distinct(geometry.direction(np.radians(50), turn + ring), units[others])
-        for turn in np.arange(24) * step / 24
-    ]
-    nearest, _ = min(turned, key=lambda one: float(np.sum(one[1] ** 2)))
+    turned = (geometry.direction(np.radians(50), turn + ring) for turn in np.arange(24) * step / 24)
+    nearest, _ = lamp_pose.nearest_pattern(turned, units[others])
     lights = [lamp_pose.light_at(within.candidates[index], within.center) for index in (top, *others[nearest])]
     return tuple(waypoint.joints for waypoint in route(lights, CELL.arm.home, CELL, CALIBRATION).waypoints)
 
