@@ -60,13 +60,12 @@ class Problem:
         half = max(len(order) // 2, photometry.SETTINGS.min_sample // 2)
         sample = partial(sample_pixels.samples, normal_map, calibration, observations=observations)
         wide = photometry.SETTINGS.integrated_depth_sigma_m
-        shots = [shot for shot in observations.shots if shot.kind == "light"]
         candidates = candidates_of(reach, surround=surround)
         return cls(
             recipe=recipe,
             reach=candidates,
-            captured=candidates.directions(positions_of([shot.light for shot in shots if shot.light is not None])),
-            exposures=[sample_pixels.of_frames(observations.frames_of(shot)) for shot in shots],
+            captured=candidates.directions(positions_of([light for _, light in observations.lit])),
+            exposures=[sample_pixels.of_frames(observations.frames_of(shot)) for shot, _ in observations.lit],
             images=PlannedImages(visibility.surface(normal_map, calibration), calibration, recipe.exposure),
             expected=ExpectedSigma.of(
                 normal_map, lamp_pose.common_direction_sigma_rad(reach.candidates, reach.center, calibration)

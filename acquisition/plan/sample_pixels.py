@@ -79,7 +79,7 @@ def of_frames(frames: Sequence[Shot]) -> list[FrameExposure]:
 def reweight(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
     """Reweights each pixel's information from the variance by which the solver weighted to the planner's, and fills in
     the mean indirect part of the images."""
-    shots = [(shot, shot.light) for shot in observations.shots if shot.kind == "light" and shot.light is not None]
+    shots = observations.lit
     if not shots or len(shots) != len(normal_map.flags):
         return sample
     shaded = planned_images.shading(sample, [light for _, light in shots], calibration)
