@@ -242,8 +242,8 @@ def _indirect_light(
     Unless it is `expected`, a few pixels decide first whether it is significant.
     """
     coarse = level.coarse
-    lit_by_lamps = measured - estimate.nondiffuse_value
-    diffuse, direct = measured - estimate.unscattered_value, direct - estimate.unscattered_value
+    lit_by_lamps = measured - estimate.beside_direct_diffuse
+    diffuse, direct = measured - estimate.nondiffuse_value, direct - estimate.nondiffuse_value
 
     def predicted(every: int) -> _IndirectLight:
         surface = Surface(depth_m, normals, estimate.albedo, level.table)
@@ -278,7 +278,7 @@ def hardly_lit(
         return estimate.albedo < np.float32(SETTINGS.least_metal_albedo * typical_albedo)
     if received is None:
         return np.zeros(values.shape[1], np.bool_)
-    return interreflection.hardly_lit(received, values - estimate.nondiffuse_value, typical_albedo)
+    return interreflection.hardly_lit(received, values - estimate.beside_direct_diffuse, typical_albedo)
 
 
 def _mixed(coarse: Pixels, normals: Float32Array, variance: Float32Array, dark: BoolArray) -> BoolArray:

@@ -362,7 +362,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     estimate = once(values, None, robust_solve.IRLS_ITERATIONS if irradiance is None else PRELIMINARY_ITERATIONS)
     if irradiance is not None:
         for iterations in (PRELIMINARY_ITERATIONS, robust_solve.IRLS_ITERATIONS):
-            other = np.sum(np.broadcast_to(estimate.unscattered_value, values.shape), axis=0)
+            other = np.sum(np.broadcast_to(estimate.nondiffuse_value, values.shape), axis=0)
             indirect = interreflection.reflected_radiosity(
                 irradiance, np.sum(measured, axis=0) - other, np.sum(values, axis=0) - other, estimate.albedo
             )

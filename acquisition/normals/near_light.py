@@ -26,7 +26,7 @@ def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -
     """Near-light photometric stereo of images with NearLights and a camera.
 
     A mask that is given is taken as the object's whole silhouette; else the object is found in the images. `thorough`
-    as of `Problem`. Raises RigError normals.infeasible as `solve_stack` does, and where lights, camera or depth are
+    as of `Hypothesis`. Raises RigError normals.infeasible as `solve_stack` does, and where lights, camera or depth are
     missing.
     """
     calibration = calibration_of(images)

@@ -72,7 +72,7 @@ class SharedParameters:
         return cls(np.zeros(count), np.zeros((count, 3)), 0.0, np.zeros((size, size)))
 
     def lamps(self, nominal: Float32Array) -> Float32Array:
-        """Lamps (F, 6) at their estimated positions, from `nominal` ones (F, 6)."""
+        """Lamps (F, 6 or 9) at their estimated positions, from `nominal` ones (F, 6 or 9)."""
         moved = nominal.copy()
         moved[:, :3] += self.lamp_offset_m
         return moved
@@ -143,7 +143,7 @@ def normal_equations(
 ) -> Equations | None:  # fmt: skip
     """Linearised least squares of the shared parameters from estimates at K pixels, each pixel's own eliminated.
 
-    `by_depth` (∂s/∂Z) (F, 3, K), `values` (F, K), `lamps` (F, 6) as estimated with; what is `present` is already
+    `by_depth` (∂s/∂Z) (F, 3, K), `values` (F, K), `lamps` (F, 6 or 9) as estimated with; what is `present` is already
     divided out of `values`, and in lamps and depth. Priors pull all towards zero; that of the intensities is widened by
     `evidence_maximised_sigma`. `tested` (F, L, K) are derivatives by parameters that are held at zero and stand in
     place of the terms'. None where too few pixels have enough lights.
@@ -201,9 +201,10 @@ def gauss_newton_step(
     estimate: Estimate, by_depth: Float32Array, values: Float32Array, lamps: Float32Array, present: SharedParameters,
     priors: Priors, offset_sigma_m: float,
 ) -> SharedParameters:  # fmt: skip
-    """Gauss–Newton step of the shared parameters from estimates at K pixels: their changes, and the covariance after.
+    """Gauss–Newton step of the shared parameters from estimates at K pixels: the fields of the result are changes, but
+    the covariance, which is that after the step.
 
-    Arguments as of `normal_equations`. The terms of the result are changes, too.
+    Arguments as of `normal_equations`.
     """
     count = len(values)
     nothing = SharedParameters.nominal(count)
@@ -227,7 +228,7 @@ def gauss_newton_step(
 
 
 def position_derivative(estimate: Estimate, lamps: Float32Array) -> Float32Array:
-    """Derivatives of values (F, 3, K) by lamp positions, per m; lamps (F, 6) keep facing the object."""
+    """Derivatives of values (F, 3, K) by lamp positions, per m; lamps (F, 6 or 9) keep facing the object."""
     away = lamps[:, :3, None] - estimate.point
     square = np.sum(away * away, axis=1, keepdims=True)
     strength = np.sqrt(np.sum(estimate.light**2, axis=1, keepdims=True) / square)
@@ -274,7 +275,7 @@ def normal_variance(
     """First-order propagation of errors of the shared parameters to the normals: variance (N,), rad², both tangential
     directions.
 
-    `by_depth` (∂s/∂Z) (F, 3, N); lamps (F, 6) as estimated.
+    `by_depth` (∂s/∂Z) (F, 3, N); lamps (F, 6 or 9) as estimated.
     """
     of_each_lamp = [
         np.einsum("fcn,cn->fn", estimate.light, estimate.g),

@@ -18,7 +18,7 @@ from acquisition.models.shot import Observations
 from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, final_solve, pyramid
 from acquisition.normals.alternatives import model_selection
-from acquisition.normals.alternatives.model_trial import Problem
+from acquisition.normals.alternatives.model_trial import Hypothesis
 from acquisition.normals.final_solve import BlockMap
 from acquisition.normals.images import colour_albedo, session_images, silhouette
 from acquisition.normals.images import grey_tile as grey_tiles
@@ -112,7 +112,7 @@ def solve_stack(
 ) -> NormalMap:
     """Solves images of any source within their window by near-light photometric stereo.
 
-    `common_lamp_errors_m` (F, 3, C) as of `lamp_pose.common_errors`; `thorough` as of `Problem`. The rest as for
+    `common_lamp_errors_m` (F, 3, C) as of `lamp_pose.common_errors`; `thorough` as of `Hypothesis`. The rest as for
     `solve`. Raises RigError normals.infeasible as `solve` does.
     """
     rows, columns = images.rows, images.columns
@@ -145,8 +145,8 @@ def solve_stack(
     if factor > 1:
         start = np.full(len(level.coarse.index), np.mean(start), np.float32)
     nominal = Scene(lamps, calibration, noise, settings, common_lamp_errors_m=common_lamp_errors_m)
-    solution, findings = model_selection.select(Problem(masked, level, start, nominal, thorough=thorough))
-    chosen = solution.problem
+    solution, findings = model_selection.select(Hypothesis(masked, level, start, nominal, thorough=thorough))
+    chosen = solution.hypothesis
     normal_map = final_solve.solve(
         chosen.masked, chosen.level, solution.state, solution.scene, size,
         capture_sigma_deg=photometry.capture_sigma_deg(findings), sharpened=translucency.KIND in chosen.corrected,

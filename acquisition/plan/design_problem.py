@@ -29,7 +29,7 @@ MAX_CANDIDATES = 300
 
 
 @dataclass(frozen=True)
-class Problem:
+class DesignProblem:
     """Sample pixels of the search, held-out pixels of all predictions, and what the images of a light depend on.
 
     The variance of the pixels that the search has used is optimistic, so no σ that is predicted is theirs.
@@ -48,7 +48,7 @@ class Problem:
     def of(
         cls, normal_map: NormalMap, observations: Observations, recipe: Recipe, reach: Reach, calibration: Calibration,
         *, region: BoolArray | None = None, surround: bool = True,
-    ) -> "Problem":  # fmt: skip
+    ) -> "DesignProblem":  # fmt: skip
         """The design problem after a solve of the images so far.
 
         `region` (H, W) are the pixels whose normals count, None: those of the full object; not to `surround` the object

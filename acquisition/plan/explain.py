@@ -20,7 +20,7 @@ from acquisition.models.result import NormalMap
 from acquisition.models.shot import Observations
 from acquisition.plan import sample_pixels
 from acquisition.plan.criterion import Samples
-from acquisition.plan.design_problem import Problem
+from acquisition.plan.design_problem import DesignProblem
 
 IMAGE_PX = 160
 """Longer side of a picture in pixels."""
@@ -38,13 +38,15 @@ class Basis:
     """What pictures need of the images so far, whatever the lights are: their pixels `inside` the object, to which they
     are cropped, show the `nearest` of P shown ones."""
 
-    problem: Problem
+    problem: DesignProblem
     shown: Samples
     inside: BoolArray  # (h, w)
     nearest: npt.NDArray[np.intp]  # (K,)
 
     @classmethod
-    def of(cls, problem: Problem, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Self:
+    def of(
+        cls, problem: DesignProblem, normal_map: NormalMap, observations: Observations, calibration: Calibration
+    ) -> Self:
         """Prepares pictures from the last result and the `problem` that was made of it."""
         usable = sample_pixels.usable(normal_map, calibration)
         shown = sample_pixels.samples(normal_map, calibration, usable, observations=observations)

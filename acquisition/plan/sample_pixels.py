@@ -55,7 +55,7 @@ def samples(
         normal=np.ascontiguousarray(normal_map.normals[rows, columns].T),
         albedo=albedo,
         information=np.ascontiguousarray(np.moveaxis(information, 0, 2)) + prior_information(albedo),
-        lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
+        light_count=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
         indirect=np.zeros_like(albedo),
         margin=shadow_margins(np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0))),
         offset_sigma_m=offset_sigma_m,

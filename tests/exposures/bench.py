@@ -80,7 +80,7 @@ class Sessions:
         lights = pilot.pattern(recipe, self.scene.dome)
         known = [self._unplanned(light, wanted) for light in lights]
         images = self._capture(lights, known, PILOT_LIGHTS)
-        problem = plan.Problem.of(self._solve(images), images, recipe, self.scene.dome, self.scene.calibration)
+        problem = plan.DesignProblem.of(self._solve(images), images, recipe, self.scene.dome, self.scene.calibration)
         chosen = plan.choose(problem, certify=False, times=self.times)
         further = [
             [self._predicted(light, wanted)] if chosen.exposures is None else list(chosen.exposures[number].frames)

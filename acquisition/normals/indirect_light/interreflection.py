@@ -91,7 +91,7 @@ def received_irradiance(
 ) -> Float32Array:  # fmt: skip
     """Indirect irradiance by horizon gathering: (F, N) in the units of y, from images `values` (F, N) as radiosity.
 
-    Calculated at every `every`-th pixel, zero at the others. `lamp` (F, 6) in the view frame, m.
+    Calculated at every `every`-th pixel, zero at the others. `lamp` (F, 6 or 9) in the view frame, m.
     """
     point, inside, affine = _height_field(pixels, surface.depth_m, surface.table)
     bright = np.float32(0) if surface.table is None else surface.table.values

@@ -47,14 +47,15 @@ class Estimate:
         return np.float32(0) if self.terms is None else self.terms.highlight_variance
 
     @property
-    def nondiffuse_value(self) -> Float32Array | np.float32:
-        """What is no diffuse reflection of the lamps' light in the values (F, N); 0 without terms."""
+    def beside_direct_diffuse(self) -> Float32Array | np.float32:
+        """What is no diffuse reflection of the lamps' light in the values (F, N): highlights, offset and reflected
+        ambient light; 0 without terms."""
         return np.float32(0) if self.terms is None else self.terms.nondiffuse + self.terms.ambient
 
     @property
-    def unscattered_value(self) -> Float32Array | np.float32:
-        """What is no diffuse reflection of any light in the values (F, N), so that no other surface receives as much
-        of it; 0 without terms."""
+    def nondiffuse_value(self) -> Float32Array | np.float32:
+        """`TermValues.nondiffuse` (F, N), what is no diffuse reflection of any light, so that no other surface receives
+        as much of it; 0 without terms."""
         return np.float32(0) if self.terms is None else self.terms.nondiffuse
 
     @property

@@ -38,8 +38,8 @@ SETTINGS = PixelSolveSettings()
 
 @dataclass(frozen=True)
 class Scene:
-    """What solves take as given: lamps (F, 6) as of `photometry.lamps`, calibration, noise model, settings, and terms
-    of image formation beyond Lambert's.
+    """What solves take as given: lamps (F, 6 or 9) as of `photometry.lamps`, calibration, noise model, settings, and
+    terms of image formation beyond Lambert's.
 
     `stated_noise` is what sensor and calibration state where `noise` is estimated; none: `noise` is. Terms that are
     none are not solved for, nor are their derivatives. `median_albedo` is that of the whole object where the pixels at
@@ -110,9 +110,9 @@ class Pixels:
 def depth_derivative(
     light: Float32Array, point: Float32Array, ray_direction: Float32Array, lamps: Float32Array
 ) -> Float32Array:
-    """Derivative ∂s/∂Z (F, 3, N) of near-light vectors with respect to depth.
+    """Derivative ∂s/∂Z (F, 3, N) of near-light vectors with respect to depth, the lobe's fall-off held constant.
 
-    Light vectors `light` (F, 3, N) at `point` (3, N), `ray_direction` = ∂x/∂Z (3, N), lamps (F, 6).
+    Light vectors `light` (F, 3, N) at `point` (3, N), `ray_direction` = ∂x/∂Z (3, N), lamps (F, 6 or 9).
     """
     out = np.empty(light.shape, np.float32)
     pixel_solve_kernels.depth_derivative(

@@ -143,7 +143,7 @@ class PixelProblem:
 def solve(
     problem: PixelProblem, clipped: BoolArray, classified: Classified, classify: Callable[[BoolArray], Classified]
 ) -> Estimate:
-    """The solution of each pixel with the lower of Cauchy's loss, from one start or two.
+    """The solution of each pixel with the least of Cauchy's loss, from one start, two, or three under many lights.
 
     `clipped` (F, N) are measurements that do not count, `classified` the others, and `classify` tells which are usable
     without some more.

@@ -60,7 +60,7 @@ class ShadowImages:
     """Images in which cast shadows are sought, at N pixels under F lamps.
 
     `measured` (F, N) are the values, `estimate` is their present solution, `indirect` (F, N) the indirect radiance in
-    them, and `lamp` (F, 6) positions and axes in the view frame, m.
+    them, and `lamp` (F, 6 or 9) positions and axes in the view frame, m.
     """
 
     pixels: Pixels
@@ -79,7 +79,7 @@ class ShadowImages:
         """
         light, clipped, ray = self.estimate.light, self.pixels.clipped, photometry.ray_directions(self.pixels.ray)
         strength = np.maximum(photometry.strength(light), np.float32(1e-9))
-        values = self.measured - self.estimate.nondiffuse_value
+        values = self.measured - self.estimate.beside_direct_diffuse
         ratio = values / strength
         largest = np.maximum(np.max(np.where(clipped, 0, ratio), axis=0), np.float32(1e-6))
         share = np.where(clipped, np.float32(1), np.maximum(ratio / largest, 0))

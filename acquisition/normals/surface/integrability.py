@@ -57,8 +57,8 @@ def project_integrable(
 ) -> float:
     """Projects unit normals (H, W, 3), view frame, onto integrable ones by least squares, and lowers their σ, in place.
 
-    It returns how large the normals' independent noise is, a variance, over what `variance` says: by the median of the
-    squared circulations, which no surface has; 1 where there are too few.
+    It returns the noise ratio, how large the noise that pixels do not share is, a variance, over what `variance` says:
+    by the median of the squared circulations, which no surface has; 1 where there are too few.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal; `variance`
     (H, W) in rad² is the part of its square that comes from errors which pixels do not share, and is lowered as well;
@@ -179,8 +179,8 @@ def _circulations(
     slope: Float32Array, limit: float, curvature_sigma: float, total: Float32Array, slack: Float32Array,
     inverse: Float32Array,
 ) -> None:  # fmt: skip
-    """Circulation of the slopes round each cell, the variance of its constraint, and 1 / the total variance; `limit`
-    and `curvature_sigma` as in the settings."""
+    """Circulation of the slopes round each cell, the variance of its constraint, and 1 / the total variance; `limit` is
+    Cauchy's scale, `curvature_sigma` as in the settings."""
     height, width = slope.shape[1:]
     for i in numba.prange(height - 1):
         for j in range(width - 1):

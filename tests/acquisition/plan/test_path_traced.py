@@ -90,7 +90,9 @@ def planned(name: str, draw: int, *, bounces: bool) -> Images:
     ]
     observations = Observations(shots=shots, darks={}, frames=scenes.Frames())
     chosen = plan.choose(
-        plan.Problem.of(solved(name, first), observations, Recipe(seed=draw), REACH, captures.calibration(PIXELS)),
+        plan.DesignProblem.of(
+            solved(name, first), observations, Recipe(seed=draw), REACH, captures.calibration(PIXELS)
+        ),
         LIGHTS - 4,
         certify=False,
     )
