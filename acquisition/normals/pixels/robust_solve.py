@@ -151,6 +151,7 @@ def solve(
     first, scale = problem.solve(classified), problem.cauchy_scale
     if scale is None or problem.iterations < IRLS_ITERATIONS:
         return first
+    first = replace(first, usable=first.usable.copy())  # `classified` stays as it is
     strength = np.maximum(np.sqrt(np.sum(problem.light * problem.light, axis=1)), np.float32(1e-9))
     ratio = np.where(classified.usable, problem.values / strength, -np.inf)
     count = np.count_nonzero(classified.usable, axis=0)
