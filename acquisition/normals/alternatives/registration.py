@@ -43,10 +43,8 @@ def register(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intensity:
     cells are registered.
     """
     if pixels.channel is not None:
-        cells, depth_m = (
-            resampling.coarsen(pixels, mosaic.CELL), resampling.coarsen_values(depth_m, pixels, mosaic.CELL)
-        )  # fmt: skip
-        found = register(cells, depth_m, scene, log_intensity)
+        of_cells_m = resampling.coarsen_values(depth_m, pixels, mosaic.CELL)
+        found = register(resampling.coarsen(pixels, mosaic.CELL), of_cells_m, scene, log_intensity)
         return replace(found, translations=mosaic.CELL * found.translations)
     values = alternation.divide_intensity(pixels.values, log_intensity)
     stack = [pixels.image(one) for one in values]
