@@ -278,7 +278,7 @@ def normal_variance(
     `by_depth` (∂s/∂Z) (F, 3, N); lamps (F, 6 or 9) as estimated.
     """
     of_each_lamp = [
-        np.einsum("fcn,cn->fn", estimate.light, estimate.g),
+        estimate.lambertian(),
         *position_derivative(estimate, lamps).transpose(1, 0, 2),
     ]
     of_all = [np.einsum("fcn,cn->fn", by_depth, estimate.g)]

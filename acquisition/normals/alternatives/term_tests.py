@@ -85,7 +85,7 @@ def scores(
     """
     terms = scene.terms or LAMBERTIAN
     present, glossy = estimate.evaluated(terms), estimate.evaluated(ImageTerms(gloss=SETTINGS.gloss_tested))
-    direct = np.maximum(np.einsum("fck,ck->fk", estimate.light, estimate.g), 0)
+    direct = np.maximum(estimate.lambertian(), 0)
     signal = direct * (np.min(scene.noise.shot) / scene.noise.shot)[:, None]  # but for a factor, which albedo absorbs
     coded = np.where(estimate.usable, direct * np.log(np.maximum(signal, LEAST_SIGNAL)), 0)
     usual = estimate.by_parameter(terms)

@@ -95,7 +95,7 @@ def equations(
 
 def umbra(pixels: Pixels, values: Float32Array, estimate: Estimate) -> BoolArray:
     """Measurements (F, N) in attached and cast shadows, all of whose neighbours are in shadow, too."""
-    direct = np.einsum("fcn,cn->fn", estimate.light, estimate.g)
+    direct = estimate.lambertian()
     dark = ((direct < 0) | (values < photometry.SETTINGS.grazing_cosine * direct)) & ~pixels.clipped
     kernel = np.ones((3, 3), np.uint8)
     return np.stack([pixels.take(cv2.erode(pixels.image(mask.astype(np.uint8)), kernel)) > 0 for mask in dark])

@@ -26,10 +26,18 @@ class Estimate:
     sky: Float32Array | None = None  # (N,) sky view factor of the pixels; none: they see all of it
     terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
 
+    def lambertian(self, dtype: type[FloatT] = np.float32) -> npt.NDArray[FloatT]:
+        """s · g (F, N), Lambert's law without its bound at zero."""
+        return np.einsum("fcn,cn->fn", self.light, self.g, dtype=dtype)
+
     def predicted(self, dtype: type[FloatT] = np.float32) -> npt.NDArray[FloatT]:
         """Values (F, N) by the solution: s · g, and what the terms beyond Lambert's contribute."""
-        direct = np.einsum("fcn,cn->fn", self.light, self.g, dtype=dtype)
-        return direct if self.terms is None else direct + self.terms.value
+        return self.lambertian(dtype) + self.term_value
+
+    @property
+    def term_value(self) -> Float32Array | np.float32:
+        """What the terms beyond Lambert's contribute to the values (F, N); 0 without any."""
+        return np.float32(0) if self.terms is None else self.terms.value
 
     def evaluated(self, terms: ImageTerms) -> TermValues:
         """`image_terms.evaluate` at the solution."""

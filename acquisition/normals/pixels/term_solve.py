@@ -97,7 +97,7 @@ def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) ->
 def _robust_cost(problem: TermProblem, estimate: Estimate) -> Float32Array:
     """Sum (N,) over images of Cauchy's loss of the residuals; what counts as shadow costs as an outlier."""
     strength = photometry.strength(estimate.light) * estimate.albedo
-    residual = problem.values - estimate.predicted()
+    residual = problem.values - estimate.lambertian() - estimate.term_value
     variance = problem.noise.variance(np.maximum(problem.values, 0), strength) + estimate.highlight_variance
     square = np.where(estimate.usable, residual**2 / variance, photometry.SETTINGS.outlying_deviations**2)
     return np.sum(np.where(problem.clipped, 0, np.log1p(square / photometry.CAUCHY_SCALE**2)), axis=0).astype(

@@ -84,7 +84,7 @@ class ShadowImages:
         largest = np.maximum(np.max(np.where(clipped, 0, ratio), axis=0), np.float32(1e-6))
         share = np.where(clipped, np.float32(1), np.maximum(ratio / largest, 0))
         facing = -np.einsum("fcn,cn->fn", light, ray) / (strength * np.linalg.norm(ray, axis=0))
-        unshadowed = np.maximum(np.einsum("fcn,cn->fn", light, self.estimate.g), 0)
+        unshadowed = np.maximum(self.estimate.lambertian(), 0)
         grazed = (facing < photometry.SETTINGS.grazing_cosine) & (4 * (values - self.indirect) > 3 * unshadowed)
         return np.where(grazed, np.maximum(share, np.float32(dark)), share)
 
