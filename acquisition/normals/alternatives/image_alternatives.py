@@ -85,11 +85,8 @@ def _worst_images(present: Solution) -> list[_WorstImage]:
     those stated, unless that image's own is far from it. None where too few are left; none is by far that fits as well
     as half of all sound captures do, with an intensity as stated: of images without noise, ratios of residuals say
     nothing. Other intensities may fit a flash in one image, which on a sheet is as good as even."""
-    coarse, nominal, log_intensity = (
-        present.hypothesis.level.coarse,
-        present.hypothesis.nominal,
-        _log_intensity(present),
-    )
+    coarse, nominal = present.hypothesis.level.coarse, present.hypothesis.nominal
+    log_intensity = _log_intensity(present)
     if np.count_nonzero(np.isfinite(present.fit.images)) <= photometry.OVERDETERMINED:
         return []
     misfits = present.fit.images
