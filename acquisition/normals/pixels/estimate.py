@@ -32,7 +32,7 @@ class Estimate:
 
     def predicted(self, dtype: type[FloatT] = np.float32) -> npt.NDArray[FloatT]:
         """Values (F, N) by the solution: s · g, and what the terms beyond Lambert's contribute."""
-        return self.lambertian(dtype) + self.term_value
+        return np.asarray(self.lambertian(dtype) + self.term_value, dtype)
 
     @property
     def term_value(self) -> Float32Array | np.float32:
