@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
@@ -116,6 +115,6 @@ def _robust(basis: FloatArray, values: FloatArray) -> _Fit | None:
             return None
         coefficients = np.asarray(np.linalg.solve(normal, basis.T @ (weights * values)), np.float64)
         residual = values - basis @ coefficients
-        fit = _Fit(coefficients, float(np.median(np.abs(residual))) / photometry.GAUSSIAN_MEDIAN_DEVIATION)
+        fit = _Fit(coefficients, 1.4826 * float(np.median(np.abs(residual))))
         weights = np.clip(1 - (residual / (2 * TUKEY_HALF_WIDTH * fit.scale + 1e-12)) ** 2, 0, None) ** 2
     return fit
