@@ -4,6 +4,7 @@ Only object pixels enter the means, and values are extrapolated over the object'
 the table's never mix in.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -54,7 +55,7 @@ def _blocks(pixels: Pixels, factor: int) -> np.ndarray:
 def _means(values: np.ndarray, number: np.ndarray) -> np.ndarray:
     """Means (..., M) of values (..., N) with each of the numbers (N,), 0 to M − 1."""
     share = 1.0 / np.bincount(number)
-    means = [np.bincount(number, one) * share for one in values.reshape(-1, len(number))]
+    means = [np.bincount(number, one) * share for one in values.reshape(math.prod(values.shape[:-1]), len(number))]
     return np.reshape(means, (*values.shape[:-1], len(share)))
 
 
