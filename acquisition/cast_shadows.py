@@ -6,10 +6,29 @@ The kernel compiles at import, into numba's cache.
 import numba
 import numpy as np
 
+from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import Float32Array, FloatArray
 
 HIDDEN = -2.0
 """Slope of clearance at which a ray is certainly in shadow whatever the uncertainty of the shape: the march ends."""
+
+
+def clearance(
+    depth: Float32Array, affine: FloatArray, point: Float32Array, lamp: Float32Array, nearest: float, start: float
+) -> Float32Array:
+    """Ray marching over a depth map (h, w) in m: least slope of clearance (K, P) of the rays from points (3, P) to
+    lamps (K, 3 or more), both in m, view frame.
+
+    Column and row are `affine` (4,), factor and offset each, of the rays in the OpenCV camera frame; `nearest` is the
+    least depth of the object, `start` the distance in m at which marches begin.
+    """
+    sign = np.diag(VIEW_FROM_CAMERA)[:3].astype(np.float32)
+    out = np.empty((len(lamp), point.shape[1]), np.float32)
+    _march(
+        depth, affine, np.ascontiguousarray(point * sign[:, None]), np.ascontiguousarray(lamp[:, :3] * sign), nearest,
+        start, out,
+    )  # fmt: skip
+    return out
 
 
 @numba.njit(
@@ -18,7 +37,7 @@ HIDDEN = -2.0
     parallel=True,
     error_model="numpy",
 )
-def clearance(
+def _march(
     depth: Float32Array,  # (h, w) m on a grid of undistorted rays; far where there is no object
     affine: FloatArray,  # (4,) column and row as factor and offset of the rays, OpenCV camera frame
     point: Float32Array,  # (3, P) m, OpenCV camera frame
@@ -27,8 +46,8 @@ def clearance(
     start: float,  # m, where a march begins
     out: Float32Array,  # (K, P)
 ) -> None:
-    """Ray marching over a depth map: least slope of clearance of each light's ray, depth above the surface over lateral
-    distance; for rays certainly in shadow, some slope below HIDDEN."""
+    """Least slope of clearance of each light's ray, depth above the surface over lateral distance; some slope below
+    HIDDEN for rays certainly in shadow, −10 for those of lamps no nearer to the camera than the point."""
     height, width = depth.shape
     for k in numba.prange(lamp.shape[0]):
         for p in range(point.shape[1]):
@@ -61,4 +80,4 @@ def clearance(
             out[k, p] = least
 
 
-KERNELS = (clearance,)
+KERNELS = (_march,)

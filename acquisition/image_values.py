@@ -152,10 +152,3 @@ def model_noise(calibration: Calibration, shot: FloatArray, floor: FloatArray, d
         ),
         direction=hypot(position, photometry.SETTINGS.depth_sigma_m) / distance_m,
     )
-
-
-def noise(
-    calibration: Calibration, exposures_s: Sequence[float], distance_m: float, ambient_dn: Sequence[float] | None = None
-) -> Noise:
-    """The noise of images with these exposure times and lamps at about `distance_m` from the object."""
-    return model_noise(calibration, *sensor_noise(calibration, exposures_s, ambient_dn), distance_m)

@@ -7,7 +7,7 @@ candidate, and a set of candidates that cannot surround the object is refused be
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -90,6 +90,12 @@ def nearest_distinct(ideal: FloatArray, units: FloatArray) -> tuple[list[int], F
         angles[row, :] = np.inf
         angles[:, column] = np.inf
     return chosen, miss
+
+
+def nearest_pattern(patterns: Iterable[FloatArray], units: FloatArray) -> tuple[list[int], FloatArray]:
+    """`nearest_distinct` of that of some patterns (M, 3) which the candidates fit best, by least squares."""
+    found = [nearest_distinct(ideal, units) for ideal in patterns]
+    return min(found, key=lambda one: float(np.sum(one[1] ** 2)))
 
 
 def light_from_tool(base_from_tool: FloatArray, calibration: Calibration) -> Light:

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from acquisition.geometry import VIEW_FROM_CAMERA
-from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray, FloatT
 from acquisition.models.calibration import Calibration, LampLobe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
@@ -39,9 +39,8 @@ class SharedSettings:
 
     depth_sigma_m: float = tuned(0.002, "m")
     """1 σ of a pixel's depth after integration: of the depth offset that is a nuisance parameter beside g in forecasts
-    and score tests, and in the direction term of noise. It takes the place of 3 mm in the former and 1.5 mm in the
-    latter; depth maps of three path-traced objects err by 0.3, 1.5 and 2.6 mm (standard deviation; prototype,
-    November 2026)."""
+    and score tests, and in the direction term of noise. Depth maps of three path-traced objects err by 0.3, 1.5 and
+    2.6 mm (standard deviation; prototype, November 2026)."""
     prior_scale: float = tuned(0.5, "of the albedo")
     """1 σ of the weak prior of g = ρn in units of the albedo: it keeps σ finite (about 40°) where no light reaches.
     Half of the albedo in both tangential directions is 0.5 √2 rad = 40°, near the 49° of a random visible normal.
@@ -62,20 +61,24 @@ class SharedSettings:
     """Cosine between normal and viewing ray, of 87°, below which slopes, lobes and normals are those at it; and of
     the normals along the outline, on average, to the directions inwards, from which an object may be hollow: 0.03 at
     most of 16 sound ones (design seeds 60 and 62), 0.02 of a glossy relief (102), which opposite lamps then fit, 0.2
-    of a hollow sheet (43). It takes the place of 0.1 in the integration of depth, 0.05 in the projection and 0.02 of
-    lobes and normals: with it and other numbers merged errors are 0.996 ± 0.002 of those before (eight families,
-    design seeds 30 and 31, eight lights by two rings, November 2026)."""
+    of a hollow sheet (43)."""
     significant_deviations: float = tuned(5.0, "σ")
     """Deviation from what is expected, in σ, that is no noise among millions of pixels: of an object from its
     background, and of a highlight from the diffuse prediction. Silhouettes of 432 simulated objects before tables have
     a mean overlap (IoU) of 0.964 with it and 0.963 with 6 (scratch evaluation, November 2026)."""
     outlying_deviations: float = tuned(3.0, "σ")
-    """Deviation, in σ, from which something counts as outlying: residuals of a pixel, whose rms then asks for a second
-    start, which costs time, a measurement in shadow, which costs a solution with gloss as much, an image's misfit
-    against the others', which is then left out on trial, its intensity under the widest prior, which is then scaled,
-    the intensity of one image, or the scatter of all, against what is stated, the noise of intensities that no sound
-    capture has, the noise of a value of which channels are clipped, light in cast shadows as from below the surface,
-    the normals of a line narrower than a pixel, and the gain of turned lamps. Of Gaussian deviations 0.3 % are larger.
+    """Deviation, in σ, from which something counts as outlying. Of Gaussian deviations 0.3 % are larger. Its uses are:
+
+    (pixels) rms residuals that ask for a second start; the cost of a measurement in shadow to a solution with gloss;
+    the end of biweights in the regression on neighbours; the normals of a line narrower than a pixel; the noise of a
+    value of which channels are clipped;
+
+    (images) a misfit against the others', by which one is left out on trial; an intensity under the widest prior, by
+    which one is scaled; intensities, of one or their scatter, against what is stated; their noise that no sound capture
+    has; measurements below zero once light from elsewhere is subtracted;
+
+    (object) its largest shift; light in cast shadows as from below the surface; the gain of turned lamps.
+
     Turned lamps gain 0–2 on sound captures and 4–13 where they are 10° off, on machined parts 1.6 (design seeds 60, 62
     and 63, ten lights, November 2026)."""
     grazing_cosine: float = tuned(0.4, "cosine")
@@ -86,13 +89,12 @@ class SharedSettings:
     0.5 in the noise alone σ is 1.6 and 2.7 times as large on a machined part and on a cluster (design seeds 45 and
     21, eight lights by two rings; scratch evaluation, November 2026)."""
     min_pixel_share: float = tuned(0.08, "share")
-    """Share of the object's pixels on which a statistic of its shadows, or of light that grazes it, has to rest. It
-    takes the place of 0.07 of the one and 0.1 of the other. Light that the walls of one recess send into their shadow
-    looks like translucency: of 4–5 % of a turned object it gave a coefficient of 1.4 (Lambertian design seed 6);
-    translucent objects that were recognised had 9 % and more. Where only edges graze, as of machined parts, errors
-    there are not those of lamp directions, and would make σ of all faces too large: P(e < σ) 0.96 in place of 0.69
-    without it (design seed 62, eight lights). As large a share of pixels, those that fit worst, is left out of the
-    misfit of the whole object: creases and the borders of shadows (decision 88)."""
+    """Share of the object's pixels on which a statistic of its shadows, or of light that grazes it, has to rest. Light
+    that the walls of one recess send into their shadow looks like translucency: of 4–5 % of a turned object it gave a
+    coefficient of 1.4 (Lambertian design seed 6); translucent objects that were recognised had 9 % and more. Where only
+    edges graze, as of machined parts, errors there are not those of lamp directions, and would make σ of all faces too
+    large: P(e < σ) 0.96 in place of 0.69 without it (design seed 62, eight lights). As large a share of pixels, those
+    that fit worst, is left out of the misfit of the whole object: creases and the borders of shadows (decision 88)."""
     edge_px: int = tuned(2, "px")
     """Pixels that an edge in the images takes: within which a sharp shadow border passes from dark to lit, below which
     a shadow is too short to tell depth, by which it has to contradict the depth, since relief is full of short shadows
@@ -214,6 +216,21 @@ def points(ray: Float32Array, depth_m: Float32Array) -> Float32Array:
     return ray_directions(ray) * depth_m
 
 
+def depth_directions(point: FloatArray | Float32Array) -> Float32Array:
+    """`ray_directions` ∂x/∂Z (3, ...) of the pixels that show points (3, ...), view frame."""
+    return np.ascontiguousarray(-point / point[2], np.float32)
+
+
+def towards_camera(point: Float32Array) -> Float32Array:
+    """Unit vectors (3, N) to the camera from points (3, N), view frame, or against directions of rays (3, N)."""
+    return -point / np.sqrt(np.sum(point * point, axis=0))
+
+
+def strength(light: npt.NDArray[FloatT]) -> npt.NDArray[FloatT]:
+    """|s| (F, N) of light vectors s (F, 3, N)."""
+    return np.sqrt(np.einsum("fcn,fcn->fn", light, light))
+
+
 def project(calibration: Calibration, positions: npt.ArrayLike) -> FloatArray:
     """Pixels (K, 2) as column, row of points (K, 3) in m, view frame; lens distortion applied."""
     camera = np.asarray(positions, dtype=float).reshape(-1, 3) * np.diag(VIEW_FROM_CAMERA)[:3]
@@ -273,6 +290,13 @@ def facing(normal_map: NormalMap, calibration: Calibration) -> BoolArray:
 def inside(silhouette: BoolArray) -> BoolArray:
     """The object's pixels (H, W) but those of the silhouette itself, which show the table too."""
     return cv2.erode(silhouette.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
+
+
+def bounding_box(mask: BoolArray) -> tuple[slice, slice]:
+    """Bounding box of a mask as rows and columns; an empty mask's is its first pixel."""
+    indices = [np.flatnonzero(np.any(mask, axis=axis)) for axis in (1, 0)]
+    rows, columns = (slice(int(one[0]), int(one[-1]) + 1) if len(one) else slice(0, 1) for one in indices)
+    return rows, columns
 
 
 def within_graded_slant(normals: Float32Array, ray: Float32Array) -> BoolArray:

@@ -46,11 +46,9 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
     slant_deg = RING_SLANT_DEG if top else SLANT_OF_THREE_DEG
     slants = np.radians([*[TOP_SLANT_DEG] * top, *[slant_deg] * around])
     azimuths = np.array([*[step / 2] * top, *np.arange(around) * step])
-    patterns = [
-        lamp_pose.nearest_distinct(geometry.direction(slants, turn + azimuths), units)
-        for turn in np.arange(AZIMUTH_STEPS) * step / AZIMUTH_STEPS
-    ]
-    chosen, miss = min(patterns, key=lambda one: float(np.sum(one[1] ** 2)))
+    turns = np.arange(AZIMUTH_STEPS) * step / AZIMUTH_STEPS
+    patterns = (geometry.direction(slants, turn + azimuths) for turn in turns)
+    chosen, miss = lamp_pose.nearest_pattern(patterns, units)
     worst_deg = float(np.degrees(np.max(miss)))
     if worst_deg > MAX_MISS_DEG:
         raise RigError(

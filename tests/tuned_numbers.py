@@ -32,7 +32,7 @@ REASONS: dict[str, str] = {
         error_variance.NOISE_LINE error_variance.LINE error_variance.LINES_PX
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE term_alternatives.CODED_EXPONENTS image_terms.ROUGH_WEIGHTS image_terms.FACET_SLOPES_RAD
-        translucency.NEAR_PX local_regression.NOISE_MEAN_SQUARE""",
+        translucency.NEAR_PX""",
     "counts of unknowns, marks and definitions": """
         light_tests.NEAR
         photometry.PIXEL_UNKNOWNS image_values.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
@@ -107,7 +107,7 @@ REASONS: dict[str, str] = {
 
 INLINE = {
     "alternation": 1, "cast_shadows": 2, "discontinuity": 1,
-    "distant": 2, "reflectance_fit": 2, "reflectance_kernels": 14, "exposure_plan": 2,
+    "distant": 2, "reflectance_fit": 2, "reflectance_kernels": 13, "exposure_plan": 2,
     "grey_tile": 1,
     "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "image_values": 1,
     "photon_transfer": 3, "pixel_solve": 1, "planned_images": 2, "planner": 2, "prior_forecast": 1,

@@ -7,6 +7,7 @@ unlike all of them, only a detail of its own size.
 import cv2
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import Float32Array
 
 HOT_SIGMA, HOT_SHARE = 8.0, 0.01
@@ -26,7 +27,7 @@ def find(dark: Float32Array, signal: Float32Array) -> tuple[tuple[int, int, str]
     From images (H, W) as shares of the range: the mean with the lamp off, and the lit one less its lamp-off mean.
     """
     away = dark - cv2.medianBlur(dark, 3)
-    sigma = 1.4826 * float(np.median(np.abs(away)))
+    sigma = float(np.median(np.abs(away))) / photometry.GAUSSIAN_MEDIAN_DEVIATION
     hot = away > max(HOT_SIGMA * sigma, HOT_SHARE)
     ring = np.ones((3, 3), np.uint8)
     ring[1, 1] = 0

@@ -6,12 +6,13 @@ right, y up, z to the camera) unless a name says otherwise; lengths m, angles ra
 """
 
 from collections.abc import Sequence
-from typing import Annotated, cast
+from typing import Annotated, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
+FloatT = TypeVar("FloatT", np.float32, np.float64)
 FloatArray = npt.NDArray[np.float64]
 Float32Array = npt.NDArray[np.float32]
 BoolArray = npt.NDArray[np.bool_]

@@ -110,6 +110,11 @@ class Observations:
     repeats: Sequence[Shot] = ()
     further: Mapping[tuple[int, int], Sequence[Shot]] = field(default_factory=dict[tuple[int, int], Sequence[Shot]])
 
+    @property
+    def lit(self) -> list[tuple[Shot, Light]]:
+        """The lit shots whose light is known, each with it."""
+        return [(shot, shot.light) for shot in self.shots if shot.kind == "light" and shot.light is not None]
+
     def frames_of(self, shot: Shot) -> Sequence[Shot]:
         """All frames of a lit shot's light: itself, and the further ones that are merged with it."""
         if shot.light_number is None:

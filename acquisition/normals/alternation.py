@@ -80,8 +80,8 @@ class AlternationResult:
     `mixed` (N,), 1 at pixels that are left out of what follows because they mix surfaces, 0 at others; the sky view
     factors (N,) of pixels, and what shadows say of ambient and stray light; the parameters shared by all pixels; the
     variance (N,), rad², of the normals by errors that all pixels share and by indirect light; indirect irradiance
-    (F, N) or none where it is insignificant, and the scale that its prediction was multiplied by; the median of the
-    pixels' albedo; the noise of coarse pixels; normals (3, M) of the coarse pixels, never others.
+    (F, N) or none where it is insignificant; the median of the pixels' albedo; the noise of coarse pixels; normals
+    (3, M) of the coarse pixels, never others.
     """
 
     depth_m: Float32Array
@@ -92,7 +92,6 @@ class AlternationResult:
     shared: SharedParameters
     shared_variance: Float32Array
     indirect_irradiance: Float32Array | None
-    indirect_scale: float
     typical_albedo: float
     noise: Noise
     normals: Float32Array
@@ -123,13 +122,11 @@ class _Sample:
 
 @dataclass(frozen=True)
 class _IndirectLight:
-    """Light from other surfaces, scaled: irradiance received and radiance sent to the camera (F, N), the latter zero
-    where it is not significant."""
+    """Light from other surfaces: irradiance received and radiance sent to the camera (F, N); none and zero where it is
+    not significant."""
 
-    irradiance: Float32Array
+    irradiance: Float32Array | None
     radiance: Float32Array
-    scale: float
-    significant: bool
 
 
 def coarse_factor(count: int, multiple: int = 1) -> int:
@@ -152,7 +149,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     nominal = replace(scene, noise=replace(scene.noise, shot=scene.noise.shot / block, floor=scene.noise.floor / block))
     present = nominal
     shared = replace(SharedParameters.nominal(len(scene.lamps)), terms=scene.terms or LAMBERTIAN)
-    indirect = _IndirectLight(np.zeros_like(coarse.values), np.zeros_like(coarse.values), 0.0, significant=False)
+    indirect = _IndirectLight(None, np.zeros_like(coarse.values))
     normals, sky = np.zeros_like(ray_direction), np.ones_like(depth)
     continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
     turn, calibrations, from_elsewhere = 0, 0, priors.terms.from_elsewhere
@@ -161,9 +158,8 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         values = measured - indirect.radiance
         estimate = pixel_solve.solve(coarse, values, depth, present)
         previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
-        received = indirect.irradiance if indirect.significant else None
         typical = _typical_albedo(estimate, shared.terms)
-        dark = hardly_lit(received, measured, estimate, nominal.terms, typical)
+        dark = hardly_lit(indirect.irradiance, measured, estimate, nominal.terms, typical)
         variance = np.where(dark, np.float32(photometry.RANDOM_NORMAL_VARIANCE), estimate.variance)
         mixed = _mixed(coarse, normals, variance, dark)
         shadow_images = None
@@ -175,14 +171,14 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], depth[chosen], nominal)
 
         indirect = _indirect_light(
-            level, measured, values, estimate, depth, normals, present, expected=indirect.significant
+            level, measured, values, estimate, depth, normals, present, expected=indirect.irradiance is not None
         )
         if from_elsewhere:
             sky = interreflection.sky_view(coarse, depth, normals, level.table)
             coarse = replace(coarse, sky=sky)
             shadows = shadow_light.equations(coarse, sky, measured, indirect.radiance, estimate, present.noise)
             priors = replace(priors, shadows=shadows)
-        direct_diffuse = not indirect.significant and not shared.terms.specular
+        direct_diffuse = indirect.irradiance is None and not shared.terms.specular
 
         values = (measured - indirect.radiance)[:, chosen]
         before = shared.shift_m
@@ -206,9 +202,8 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         shadows=shadow_light.equations(coarse, sky, measured, indirect.radiance, estimate, present.noise),
         shared=shared,
         shared_variance=_shared_normal_variance(estimate, shared, ray_direction, present.lamps, indirect.radiance),
-        indirect_irradiance=indirect.irradiance if indirect.significant else None,
-        indirect_scale=indirect.scale,
-        typical_albedo=_typical_albedo(estimate, shared.terms),
+        indirect_irradiance=indirect.irradiance,
+        typical_albedo=typical,
         noise=present.noise,
         normals=normals,
     )
@@ -247,8 +242,8 @@ def _indirect_light(
     Unless it is `expected`, a few pixels decide first whether it is significant.
     """
     coarse = level.coarse
-    lit_by_lamps = measured - estimate.nondiffuse_value
-    diffuse, direct = measured - estimate.unscattered_value, direct - estimate.unscattered_value
+    lit_by_lamps = measured - estimate.beside_direct_diffuse
+    diffuse, direct = measured - estimate.nondiffuse_value, direct - estimate.nondiffuse_value
 
     def predicted(every: int) -> _IndirectLight:
         surface = Surface(depth_m, normals, estimate.albedo, level.table)
@@ -258,17 +253,16 @@ def _indirect_light(
         radiance = interreflection.reflected_radiosity(
             irradiance, np.sum(diffuse, axis=0), np.sum(direct, axis=0), estimate.albedo
         )
-        scale = shadow_light.prediction_scale(coarse, lit_by_lamps, radiance, estimate)
-        radiance = (np.float32(scale) * radiance).astype(np.float32)
         share = np.sum(radiance[:, ::every], axis=0) / np.maximum(np.sum(diffuse[:, ::every], axis=0), 1e-6)
         significant = float(np.quantile(share, 0.98)) > 2 * photometry.SETTINGS.flat_field_sigma
-        irradiance = np.float32(scale) * irradiance
-        return _IndirectLight(irradiance, radiance if significant else np.zeros_like(radiance), scale, significant)
+        if significant and shadow_light.shadows_show_indirect(coarse, lit_by_lamps, radiance, estimate):
+            return _IndirectLight(irradiance, radiance)
+        return _IndirectLight(None, np.zeros_like(radiance))
 
     every = len(coarse.index) // PROBE_PIXELS
     if every > 1 and not expected:
         probe = predicted(every)
-        if not probe.significant:
+        if probe.irradiance is None:
             return probe
     return predicted(1)
 
@@ -284,7 +278,7 @@ def hardly_lit(
         return estimate.albedo < np.float32(SETTINGS.least_metal_albedo * typical_albedo)
     if received is None:
         return np.zeros(values.shape[1], np.bool_)
-    return interreflection.hardly_lit(received, values - estimate.nondiffuse_value, typical_albedo)
+    return interreflection.hardly_lit(received, values - estimate.beside_direct_diffuse, typical_albedo)
 
 
 def _mixed(coarse: Pixels, normals: Float32Array, variance: Float32Array, dark: BoolArray) -> BoolArray:

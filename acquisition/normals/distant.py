@@ -101,7 +101,7 @@ def _unexplained(solved: NormalMap) -> bool:
 def from_afar(images: ImageSet) -> ImageSet:
     """The same images as of near light: a camera and lamps at CAMERA_M and LAMPS_M from the object. Raises RigError
     normals.infeasible where the lights are no directions."""
-    lights, (rows, columns) = _distant(images), silhouette.bounding_box(images.mask)
+    lights, (rows, columns) = _distant(images), photometry.bounding_box(images.mask)
     focal = CAMERA_M * max(rows.stop - rows.start, columns.stop - columns.start) / OBJECT_SIZE_M
     middle = (columns.start + columns.stop - 1) / 2, (rows.start + rows.stop - 1) / 2
     strength = lights.intensities.mean(axis=1)

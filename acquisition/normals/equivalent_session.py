@@ -16,7 +16,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.normals import near_light
-from acquisition.normals.images.image_set import ImageSet, NearLights
+from acquisition.normals.images.image_set import ImageSet
 
 EXPOSURE = 0.8
 """Fraction of full scale that the brightest pixels of images from elsewhere count as exposed to."""
@@ -44,9 +44,7 @@ class EquivalentSession:
 def of_near(images: ImageSet, normal_map: NormalMap) -> EquivalentSession:
     """Near-light images and the normal map that they were solved to. Raises RigError normals.infeasible without lights'
     positions or camera."""
-    if not isinstance(images.lights, NearLights):
-        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the lamps' positions, these are directions")
-    lights = images.lights
+    lights = near_light.lights_of(images)
     nothing = EquivalentSession(
         normal_map, Observations(shots=[], darks={}, frames=_NoFrames()), near_light.calibration_of(images)
     )

@@ -189,11 +189,11 @@ def solve(
         numbers.append(np.flatnonzero(mask)[block.sampled] + rows.start * shape[1])
         matrices.append(block.matrices)
     del views
-    independent = integrability.project_integrable(
+    noise_ratio = integrability.project_integrable(
         maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray
     )
     regression_share = local_regression.regress(
-        maps["normals"][window], maps["sigma_deg"][window], surface["variance"], independent
+        maps["normals"][window], maps["sigma_deg"][window], surface["variance"], noise_ratio
     )
     lights_used, stated_share = surface.pop("lights"), surface.pop("stated_share")
     facing = photometry.inside(masked.mask) & photometry.within_graded_slant(maps["normals"][window], masked.ray)
@@ -249,7 +249,7 @@ def solve(
             "shift_m": state.shared.shift_m,
             "lamps_aside_m": state.shared.lamp_offset_m.tolist(),
             "threshold": scene.settings.shadow_threshold,
-            "interreflection": {"share": indirect / light, "scale": state.indirect_scale},
+            "interreflection": {"share": indirect / light},
             "lobe": {
                 "strength": float(terms.lobe_factor) * strength,
                 "exponent": exponent,
@@ -340,7 +340,7 @@ def _stated_share(solution: PixelSolution, scene: Scene) -> Float32Array:
     estimate, usable = solution.estimate, solution.estimate.usable
     if scene.stated_noise is None:
         return np.ones(usable.shape[1], np.float32)
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
+    strength = photometry.strength(estimate.light) * estimate.albedo
     stated, estimated = (
         noise.single_precision().variance(solution.values, strength) + solution.extra_variance
         for noise in (scene.stated_noise, scene.noise)
@@ -362,7 +362,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     estimate = once(values, None, robust_solve.IRLS_ITERATIONS if irradiance is None else PRELIMINARY_ITERATIONS)
     if irradiance is not None:
         for iterations in (PRELIMINARY_ITERATIONS, robust_solve.IRLS_ITERATIONS):
-            other = np.sum(np.broadcast_to(estimate.unscattered_value, values.shape), axis=0)
+            other = np.sum(np.broadcast_to(estimate.nondiffuse_value, values.shape), axis=0)
             indirect = interreflection.reflected_radiosity(
                 irradiance, np.sum(measured, axis=0) - other, np.sum(values, axis=0) - other, estimate.albedo
             )

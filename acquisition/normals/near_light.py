@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition import lamp_pose
+from acquisition import lamp_pose, photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
-from acquisition.normals.images import colour_albedo, colour_channels, silhouette
+from acquisition.normals.images import colour_albedo, colour_channels
 from acquisition.normals.images.image_set import ImageSet, NearLights
 from acquisition.normals.images.normalised_images import ImageBlock, Images, held_if_small, row_blocks
 from acquisition.normals.solve import ObjectPlace, solve_stack
@@ -26,7 +26,7 @@ def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -
     """Near-light photometric stereo of images with NearLights and a camera.
 
     A mask that is given is taken as the object's whole silhouette; else the object is found in the images. `thorough`
-    as of `Problem`. Raises RigError normals.infeasible as `solve_stack` does, and where lights, camera or depth are
+    as of `Hypothesis`. Raises RigError normals.infeasible as `solve_stack` does, and where lights, camera or depth are
     missing.
     """
     calibration = calibration_of(images)
@@ -51,7 +51,7 @@ def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -
 
 def _with_colours(normal_map: NormalMap, images: ImageSet) -> NormalMap:
     """The result with each channel's albedo (H, W, 3), from lit measurements without highlights."""
-    light = _lights(images).of_channels(images.channels)
+    light = lights_of(images).of_channels(images.channels)
     colours = np.zeros((images.height, images.width, 3), np.float32)
     for rows in row_blocks(images.height):
         if not np.any(normal_map.mask[rows]):
@@ -66,8 +66,8 @@ def _with_colours(normal_map: NormalMap, images: ImageSet) -> NormalMap:
 
 def windowed_images(images: ImageSet) -> Images:
     """Normalises the images within the mask's window: y = 1 is a white surface facing the lamp at its reference."""
-    lights = _lights(images)
-    rows, columns = silhouette.bounding_box(images.mask)
+    lights = lights_of(images)
+    rows, columns = photometry.bounding_box(images.mask)
     read = images.read_noise_e / images.full_well_e / lights.intensity
     floor = (read**2 + _quantisation_step(images) ** 2 / 12) / images.channels
     middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
@@ -83,7 +83,8 @@ def windowed_images(images: ImageSet) -> Images:
     )
 
 
-def _lights(images: ImageSet) -> NearLights:
+def lights_of(images: ImageSet) -> NearLights:
+    """The images' lights. Raises RigError normals.infeasible where they are directions."""
     if not isinstance(images.lights, NearLights):
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE, "near light needs the lamps' positions, these lights are directions"
@@ -93,7 +94,7 @@ def _lights(images: ImageSet) -> NearLights:
 
 def _quantisation_step(images: ImageSet) -> FloatArray:
     """Quantisation step (F,) of each image's values; floats have none."""
-    intensity = _lights(images).intensity
+    intensity = lights_of(images).intensity
     return np.zeros_like(intensity) if images.full_scale <= 1 else 1 / (images.full_scale * intensity)
 
 
@@ -124,9 +125,9 @@ def calibration_of(images: ImageSet) -> Calibration:
 
     Raises RigError normals.infeasible where one of them is missing.
     """
-    lights, camera = images.lights, images.camera
-    if camera is None or not isinstance(lights, NearLights):
-        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs a calibrated camera and the lamps' positions")
+    lights, camera = lights_of(images), images.camera
+    if camera is None:
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs a calibrated camera")
     identity = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     top = max(images.full_scale, 255.0)
     first, second, third = (tuple(float(value) for value in row) for row in camera.matrix)

@@ -128,6 +128,6 @@ def albedo_bound(
         values, clipped, _ = masked.images.read(rows.start, rows.stop)
         point = photometry.points(masked.ray[:, rows], depth_m[rows]).reshape(3, -1)
         light = photometry.light_vectors(point, lamps, calibration)
-        strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light)).reshape(values.shape)
+        strength = photometry.strength(light).reshape(values.shape)
         out[rows] = np.max(np.where(clipped, np.inf, values / np.maximum(strength, 1e-6)), axis=0)
     return out if masked.channel is None else mosaic.least_cell_mean(out)

@@ -22,7 +22,7 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals.indirect_light.shadow_light import ShadowEquations
-from acquisition.normals.pixels import image_terms, pixel_solve, pixel_solve_kernels
+from acquisition.normals.pixels import pixel_solve, pixel_solve_kernels
 from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixels.pixel_solve import Estimate
 
@@ -72,7 +72,7 @@ class SharedParameters:
         return cls(np.zeros(count), np.zeros((count, 3)), 0.0, np.zeros((size, size)))
 
     def lamps(self, nominal: Float32Array) -> Float32Array:
-        """Lamps (F, 6) at their estimated positions, from `nominal` ones (F, 6)."""
+        """Lamps (F, 6 or 9) at their estimated positions, from `nominal` ones (F, 6 or 9)."""
         moved = nominal.copy()
         moved[:, :3] += self.lamp_offset_m
         return moved
@@ -143,7 +143,7 @@ def normal_equations(
 ) -> Equations | None:  # fmt: skip
     """Linearised least squares of the shared parameters from estimates at K pixels, each pixel's own eliminated.
 
-    `by_depth` (∂s/∂Z) (F, 3, K), `values` (F, K), `lamps` (F, 6) as estimated with; what is `present` is already
+    `by_depth` (∂s/∂Z) (F, 3, K), `values` (F, K), `lamps` (F, 6 or 9) as estimated with; what is `present` is already
     divided out of `values`, and in lamps and depth. Priors pull all towards zero; that of the intensities is widened by
     `evidence_maximised_sigma`. `tested` (F, L, K) are derivatives by parameters that are held at zero and stand in
     place of the terms'. None where too few pixels have enough lights.
@@ -159,7 +159,7 @@ def normal_equations(
     if tested is not None:
         by_parameter, parameters, parameter_sigma = tested, np.zeros(tested.shape[1]), np.zeros(tested.shape[1])
     elif terms is not None:
-        by_parameter = _by_term(estimate, present.terms)
+        by_parameter = estimate.by_parameter(present.terms)
         parameters, parameter_sigma = np.array(astuple(present.terms)), np.array(astuple(priors.terms))
     sigma = np.concatenate([[priors.shift_m], parameter_sigma])
     size = 4 * count + len(sigma)
@@ -201,9 +201,10 @@ def gauss_newton_step(
     estimate: Estimate, by_depth: Float32Array, values: Float32Array, lamps: Float32Array, present: SharedParameters,
     priors: Priors, offset_sigma_m: float,
 ) -> SharedParameters:  # fmt: skip
-    """Gauss–Newton step of the shared parameters from estimates at K pixels: their changes, and the covariance after.
+    """Gauss–Newton step of the shared parameters from estimates at K pixels: the fields of the result are changes, but
+    the covariance, which is that after the step.
 
-    Arguments as of `normal_equations`. The terms of the result are changes, too.
+    Arguments as of `normal_equations`.
     """
     count = len(values)
     nothing = SharedParameters.nominal(count)
@@ -227,7 +228,7 @@ def gauss_newton_step(
 
 
 def position_derivative(estimate: Estimate, lamps: Float32Array) -> Float32Array:
-    """Derivatives of values (F, 3, K) by lamp positions, per m; lamps (F, 6) keep facing the object."""
+    """Derivatives of values (F, 3, K) by lamp positions, per m; lamps (F, 6 or 9) keep facing the object."""
     away = lamps[:, :3, None] - estimate.point
     square = np.sum(away * away, axis=1, keepdims=True)
     strength = np.sqrt(np.sum(estimate.light**2, axis=1, keepdims=True) / square)
@@ -274,7 +275,7 @@ def normal_variance(
     """First-order propagation of errors of the shared parameters to the normals: variance (N,), rad², both tangential
     directions.
 
-    `by_depth` (∂s/∂Z) (F, 3, N); lamps (F, 6) as estimated.
+    `by_depth` (∂s/∂Z) (F, 3, N); lamps (F, 6 or 9) as estimated.
     """
     of_each_lamp = [
         estimate.by_lamps,
@@ -282,21 +283,13 @@ def normal_variance(
     ]
     of_all = [np.einsum("fcn,cn->fn", by_depth, estimate.g)]
     if estimate.terms is not None:
-        of_all += list(_by_term(estimate, shared.terms).transpose(1, 0, 2))
+        of_all += list(estimate.by_parameter(shared.terms).transpose(1, 0, 2))
     rows = estimate.rows
     right = [np.einsum("fn,fan->naf", estimate.weights * kind, rows) for kind in of_each_lamp]
     right += [np.einsum("fn,fan->na", estimate.weights * kind, rows)[..., None] for kind in of_all]
     moved = pixel_solve.normal_perturbation(estimate, np.concatenate(right, axis=2).astype(np.float64))
     covariance = shared.covariance[: moved.shape[2], : moved.shape[2]]
     return np.einsum("naf,fg,nag->n", moved, covariance, moved, optimize=True).astype(np.float32)
-
-
-def _by_term(estimate: Estimate, terms: ImageTerms) -> Float32Array:
-    """Derivatives (F, 6, N) of the values by the parameters of terms."""
-    view = -estimate.point / np.sqrt(np.sum(estimate.point * estimate.point, axis=0))
-    return image_terms.by_parameter(
-        terms, estimate.g, estimate.light, estimate.usable, view, estimate.response, estimate.sky
-    )
 
 
 @numba.njit(

@@ -18,7 +18,7 @@ from acquisition.models.shot import Observations
 from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, final_solve, pyramid
 from acquisition.normals.alternatives import model_selection
-from acquisition.normals.alternatives.model_trial import Problem
+from acquisition.normals.alternatives.model_trial import Hypothesis
 from acquisition.normals.final_solve import BlockMap
 from acquisition.normals.images import colour_albedo, session_images, silhouette
 from acquisition.normals.images import grey_tile as grey_tiles
@@ -113,7 +113,7 @@ def solve_stack(
 ) -> NormalMap:
     """Solves images of any source within their window by near-light photometric stereo.
 
-    `common_lamp_errors_m` (F, 3, C) as of `lamp_pose.common_errors`; `thorough` as of `Problem`. The rest as for
+    `common_lamp_errors_m` (F, 3, C) as of `lamp_pose.common_errors`; `thorough` as of `Hypothesis`. The rest as for
     `solve`. Raises RigError normals.infeasible as `solve` does.
     """
     rows, columns = images.rows, images.columns
@@ -137,7 +137,7 @@ def solve_stack(
         mask = silhouette.segment(pyramid.albedo_bound(masked, rough, lamps, calibration), inside)
         masked = replace(masked, mask=mask)
     count = int(np.count_nonzero(masked.mask))
-    if count < SETTINGS.min_pixels or any(one.stop - one.start == 1 for one in silhouette.bounding_box(masked.mask)):
+    if count < SETTINGS.min_pixels or any(one.stop - one.start == 1 for one in photometry.bounding_box(masked.mask)):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
     factor = alternation.coarse_factor(count, 1 if channel is None else mosaic.CELL)
     table = None
@@ -148,8 +148,8 @@ def solve_stack(
     if factor > 1:
         start = np.full(len(level.coarse.index), np.mean(start), np.float32)
     nominal = Scene(lamps, calibration, noise, settings, common_lamp_errors_m=common_lamp_errors_m)
-    solution, findings = model_selection.select(Problem(masked, level, start, nominal, thorough=thorough))
-    chosen = solution.problem
+    solution, findings = model_selection.select(Hypothesis(masked, level, start, nominal, thorough=thorough))
+    chosen = solution.hypothesis
     normal_map = final_solve.solve(
         chosen.masked, chosen.level, solution.state, solution.scene, size,
         capture_sigma_deg=photometry.capture_sigma_deg(findings), sharpened=translucency.KIND in chosen.corrected,
@@ -171,7 +171,7 @@ def _window(region: BoolArray | None, height: int, width: int) -> tuple[slice, s
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE, "the region is empty or not of the image's size: draw it round the object"
         )
-    return silhouette.bounding_box(region)
+    return photometry.bounding_box(region)
 
 
 def _centroid(masked: MaskedImages, depth_m: Float32Array) -> Float32Array:

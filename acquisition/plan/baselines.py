@@ -65,12 +65,11 @@ def _nearest_pattern(method: Method, count: int, recipe: Recipe, units: FloatArr
         "drbohlav": np.radians(DRBOHLAV_SLANT_DEG),
         "paper": np.max(geometry.slant_azimuth(units)[0]),
     }
-    ideals = [
+    ideals = (
         two_rings(count, turn) if method == "two-rings" else ring(count, slants[method], turn)
         for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS
-    ]
-    found = [lamp_pose.nearest_distinct(ideal, units) for ideal in ideals]
-    chosen, miss = min(found, key=lambda one: float(np.sum(one[1] ** 2)))
+    )
+    chosen, miss = lamp_pose.nearest_pattern(ideals, units)
     return chosen, np.degrees(miss)
 
 

@@ -39,7 +39,7 @@ class Samples:
     normal: Float32Array  # (3, P)
     albedo: Float32Array  # (P,)
     information: FloatArray  # (4, 4, P) of (g, ζ), weak prior included
-    lit: Float32Array  # (P,) images so far in which the pixel is lit
+    light_count: Float32Array  # (P,) images so far in which the pixel is lit
     indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
     margin: FloatArray  # (P,) by which cosine of incidence and slope of clearance exceed a shadow's threshold if lit
     offset_sigma_m: float = field(default_factory=lambda: photometry.SETTINGS.depth_sigma_m)  # depth offset of ζ = 1
@@ -52,7 +52,7 @@ class Posterior:
 
     covariance: FloatArray  # (4, 4, P) of (g, ζ)
     variance: FloatArray  # (P,) rad², of the normal
-    lit: FloatArray  # (P,) lights visible from the pixel, captured ones included
+    light_count: FloatArray  # (P,) lights visible from the pixel, captured ones included
 
     @property
     def loss(self) -> float:
@@ -84,7 +84,9 @@ class Candidates:
         covariance = np.moveaxis(np.linalg.inv(np.moveaxis(information, 2, 0)), 0, 2)
         of_g, normal = covariance[:3, :3], sample.normal
         across = np.trace(of_g) - np.einsum("ap,abp,bp->p", normal, of_g, normal)
-        return Posterior(covariance, np.maximum(across, 1e-12) / sample.albedo**2, sample.lit + weight @ visible)
+        return Posterior(
+            covariance, np.maximum(across, 1e-12) / sample.albedo**2, sample.light_count + weight @ visible
+        )
 
     def scan(self, present: Posterior, *, slope: bool = False) -> FloatArray:
         """Rank-one update (Sherman–Morrison): the loss (K,) with each one of the lights added to the present posterior;

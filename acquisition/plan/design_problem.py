@@ -29,7 +29,7 @@ MAX_CANDIDATES = 300
 
 
 @dataclass(frozen=True)
-class Problem:
+class DesignProblem:
     """Sample pixels of the search, held-out pixels of all predictions, and what the images of a light depend on.
 
     The variance of the pixels that the search has used is optimistic, so no σ that is predicted is theirs.
@@ -48,7 +48,7 @@ class Problem:
     def of(
         cls, normal_map: NormalMap, observations: Observations, recipe: Recipe, reach: Reach, calibration: Calibration,
         *, region: BoolArray | None = None, surround: bool = True,
-    ) -> "Problem":  # fmt: skip
+    ) -> "DesignProblem":  # fmt: skip
         """The design problem after a solve of the images so far.
 
         `region` (H, W) are the pixels whose normals count, None: those of the full object; not to `surround` the object
@@ -60,13 +60,12 @@ class Problem:
         half = max(len(order) // 2, photometry.SETTINGS.min_sample // 2)
         sample = partial(sample_pixels.samples, normal_map, calibration, observations=observations)
         wide = photometry.SETTINGS.integrated_depth_sigma_m
-        shots = [shot for shot in observations.shots if shot.kind == "light"]
         candidates = candidates_of(reach, surround=surround)
         return cls(
             recipe=recipe,
             reach=candidates,
-            captured=candidates.directions(positions_of([shot.light for shot in shots if shot.light is not None])),
-            exposures=[sample_pixels.of_frames(observations.frames_of(shot)) for shot in shots],
+            captured=candidates.directions(positions_of([light for _, light in observations.lit])),
+            exposures=[sample_pixels.of_frames(observations.frames_of(shot)) for shot, _ in observations.lit],
             images=PlannedImages(visibility.surface(normal_map, calibration), calibration, recipe.exposure),
             expected=ExpectedSigma.of(
                 normal_map, lamp_pose.common_direction_sigma_rad(reach.candidates, reach.center, calibration)

@@ -1,15 +1,16 @@
 """σ expected of a result after planned lights: the variance components of a result, as far as the images so far tell.
 
-    σ² = (1 + B m (κ − 1)) (v + L²) + S² + E²
+    σ² = 1 / (1/w + 1/V²),   w = (1 + B m (κ − 1)) (v + 2 L²) + S² + E²
 
-v is the posterior's variance and m the number of lights that will reach the pixel. κ − 1 is the mean of ε + ε̄ of the
-images so far over all pixels that face the camera, since few images have few residuals, in place of each pixel's own;
-what raises it is shared by images, so that its part does not fall with their number. L is what the calibration
-leaves uncertain of all lamps alike, E that of normals which nothing checks: by fewer than four lights, or in a capture
-of which something is wrong (`photometry.capture_sigma_deg`). S is what creases, detail and lines make of σ in the
-images so far, mean over the pixels; without it the mean error that is forecast is 0.61 of what is found, with it 0.83,
-lines left out (geometric means of 16 plans of eight lights, design seeds 46 and 47; scratch evaluation,
-November 2026). As in a result, σ stays below that of a normal of which nothing is known.
+v is the posterior's variance, of both tangential directions, and m the number of lights that will reach the pixel.
+κ − 1 is the mean of ε + ε̄ of the images so far over all pixels that face the camera, since few images have few
+residuals, in place of each pixel's own; what raises it is shared by images, so that its part does not fall with their
+number. L is what the calibration leaves uncertain of all lamps alike, per axis, E that of normals which nothing checks:
+by fewer than four lights, or in a capture of which something is wrong (`photometry.capture_sigma_deg`). S is what
+creases, detail and lines make of σ in the images so far, mean over the pixels; without it the mean error that is
+forecast is 0.61 of what is found, with it 0.83, lines left out (geometric means of 16 plans of eight lights, design
+seeds 46 and 47; scratch evaluation, November 2026). V is 1 σ of a normal of which nothing is known
+(`photometry.bounded_variance`), as in a result.
 """
 
 from dataclasses import dataclass
@@ -52,8 +53,8 @@ class ExpectedSigma:
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
         """Expected σ (P,) in degrees of pixels with a posterior."""
         settings = photometry.SETTINGS
-        factor = 1 + settings.misfit_factor * posterior.lit * (self.misfit - 1)
-        few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, settings.unchecked_sigma_deg**2, 0.0)
+        factor = 1 + settings.misfit_factor * posterior.light_count * (self.misfit - 1)
+        few = np.where(posterior.light_count <= photometry.PIXEL_UNKNOWNS, settings.unchecked_sigma_deg**2, 0.0)
         # Both tangential directions of a normal, as the posterior's variance counts them.
         shared = 2 * self.calibration_rad**2
         of_model = few + self.capture_deg**2 + self.structure_deg**2

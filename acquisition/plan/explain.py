@@ -13,13 +13,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import NormalMap
 from acquisition.models.shot import Observations
 from acquisition.plan import sample_pixels
 from acquisition.plan.criterion import Samples
-from acquisition.plan.design_problem import Problem
+from acquisition.plan.design_problem import DesignProblem
 
 IMAGE_PX = 160
 """Longer side of a picture in pixels."""
@@ -37,23 +38,25 @@ class Basis:
     """What pictures need of the images so far, whatever the lights are: their pixels `inside` the object, to which they
     are cropped, show the `nearest` of P shown ones."""
 
-    problem: Problem
+    problem: DesignProblem
     shown: Samples
     inside: BoolArray  # (h, w)
     nearest: npt.NDArray[np.intp]  # (K,)
 
     @classmethod
-    def of(cls, problem: Problem, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Self:
+    def of(
+        cls, problem: DesignProblem, normal_map: NormalMap, observations: Observations, calibration: Calibration
+    ) -> Self:
         """Prepares pictures from the last result and the `problem` that was made of it."""
         usable = sample_pixels.usable(normal_map, calibration)
         shown = sample_pixels.samples(normal_map, calibration, usable, observations=observations)
         shown = replace(shown, margin=np.zeros(len(usable)))  # neighbours of different margins would speckle
         silhouette = normal_map.silhouette
-        rows, columns = np.flatnonzero(silhouette.any(axis=1)), np.flatnonzero(silhouette.any(axis=0))
-        cut = silhouette[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        rows, columns = photometry.bounding_box(silhouette)
+        cut = silhouette[rows, columns]
         step = max(1, -(-max(cut.shape) // IMAGE_PX))
         inside = cut[::step, ::step]
-        pixels = np.argwhere(inside) * step + (rows[0], columns[0])
+        pixels = np.argwhere(inside) * step + (rows.start, columns.start)
         _, nearest = KDTree(np.column_stack([shown.row, shown.column])).query(pixels)
         return cls(problem, shown, inside, np.asarray(nearest, np.intp))
 

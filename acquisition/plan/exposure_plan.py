@@ -19,7 +19,7 @@ from acquisition.models.light_plan import FrameExposure, LightExposure
 from acquisition.models.recipe import Exposure
 from acquisition.models.tuned import tuned
 from acquisition.plan import planned_images
-from acquisition.plan.design_problem import Problem
+from acquisition.plan.design_problem import DesignProblem
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class CaptureTimes:
         return sum(self.move_s + self.of_light(one) for one in lights) + sum(times) + len(times) * self.frame_s
 
 
-def choose(problem: Problem, positions: FloatArray, times: CaptureTimes | None) -> list[LightExposure] | None:
+def choose(problem: DesignProblem, positions: FloatArray, times: CaptureTimes | None) -> list[LightExposure] | None:
     """The exposures of lights at positions (M, 3), each with its time, and with its gain at the held-out pixels.
 
     None where the recipe has fixed exposures, or nothing is known of the capture's `times`.
@@ -109,7 +109,7 @@ def options(automatic_s: float, wanted: Exposure, times: CaptureTimes) -> list[l
 
 
 def _descend(
-    problem: Problem, positions: FloatArray, choices: Sequence[list[list[FrameExposure]]], times: CaptureTimes
+    problem: DesignProblem, positions: FloatArray, choices: Sequence[list[list[FrameExposure]]], times: CaptureTimes
 ) -> list[list[FrameExposure]]:  # fmt: skip
     """Coordinate descent of loss · time^0.63 over the exposure options of each light."""
     sample, count = problem.search_sample, len(positions)

@@ -103,7 +103,7 @@ def shading(
     """Shading of the sample pixels by lights, with the cast shadows of a `surface`, where one is given."""
     lamp = photometry.lamps(lights)
     light = photometry.light_vectors(sample.point, lamp, calibration)
-    length = np.sqrt(np.einsum("fcp,fcp->fp", light, light))
+    length = photometry.strength(light)
     distance = np.sqrt(np.sum((lamp[:, :3, None] - sample.point[None]) ** 2, axis=1))
     cosine = np.einsum("fcp,cp->fp", light, sample.normal) / np.maximum(length, 1e-9)
     seen = cosine - MIN_COSINE > sample.margin

@@ -8,12 +8,12 @@ from scipy import optimize
 from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import ForecastPoint, LightPlan
 from acquisition.plan import baselines, criterion, exposure_plan, optimise, relaxation
-from acquisition.plan.design_problem import Problem
+from acquisition.plan.design_problem import DesignProblem
 from acquisition.plan.exposure_plan import CaptureTimes
 
 
 def choose(
-    problem: Problem, count: int | None = None, *, certify: bool = True, times: CaptureTimes | None = None,
+    problem: DesignProblem, count: int | None = None, *, certify: bool = True, times: CaptureTimes | None = None,
     forecast_counts: Sequence[int] = (),
 ) -> LightPlan:  # fmt: skip
     """Sequential Bayesian design: the `count` lights that lower the mean σ most, given the images so far.
@@ -43,7 +43,7 @@ def choose(
         f"mean σ {problem.before.mean_deg:.2f}° so far, {planned.mean_deg:.2f}° expected with these lights, "
         f"{problem.predict(problem.reach.candidates[rings]).mean_deg:.2f}° with two rings"
     ]
-    undetermined = float(np.mean(problem.search_sample.lit < criterion.MIN_LIGHTS))
+    undetermined = float(np.mean(problem.search_sample.light_count < criterion.MIN_LIGHTS))
     if len(problem.captured) and undetermined > 0.5:
         notes.append(
             f"{undetermined:.0%} of the pixels were lit by fewer than {criterion.MIN_LIGHTS} lights so far: the "
@@ -71,7 +71,7 @@ def choose(
     return plan.model_copy(update=_certificate(problem, chosen, rings)) if certify else plan
 
 
-def forecast(problem: Problem, counts: Sequence[int]) -> list[ForecastPoint]:
+def forecast(problem: DesignProblem, counts: Sequence[int]) -> list[ForecastPoint]:
     """Expected mean σ after each of `counts` further lights (ascending), by a search for each and isotonic regression.
 
     A light more makes no normal less certain: where σ rises, it is by which of the held-out pixels the fewer lights
@@ -86,13 +86,13 @@ def forecast(problem: Problem, counts: Sequence[int]) -> list[ForecastPoint]:
     ]
 
 
-def _search(problem: Problem, count: int) -> tuple[list[int], list[int]]:
+def _search(problem: DesignProblem, count: int) -> tuple[list[int], list[int]]:
     """Numbers of the best candidates, of those that complete the captured lights to two rings."""
     patterns = baselines.two_ring_completions(problem.captured, problem.reach.units, count)
     return optimise.search(problem.options, patterns, count, problem.recipe.seed), patterns[0]
 
 
-def _certificate(problem: Problem, chosen: list[int], pattern: list[int]) -> dict[str, float | str]:
+def _certificate(problem: DesignProblem, chosen: list[int], pattern: list[int]) -> dict[str, float | str]:
     """Efficiency of plan and two rings against the relaxation's lower bound, as fields of `LightPlan`.
 
     The certificate is of the posterior: variances that no light lowers would pull all efficiencies towards 1.

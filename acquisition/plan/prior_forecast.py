@@ -20,7 +20,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.route import Reach
 from acquisition.plan import baselines, criterion, design_problem, planner
 from acquisition.plan.criterion import Samples
-from acquisition.plan.design_problem import Problem, positions_of
+from acquisition.plan.design_problem import DesignProblem, positions_of
 from acquisition.plan.expected_sigma import ExpectedSigma
 from acquisition.plan.planned_images import PlannedImages
 
@@ -58,11 +58,11 @@ def assumed_sphere(center: FloatArray, radius_m: float) -> Samples:
         row=number,
         column=number,
         point=np.ascontiguousarray(point, np.float32),
-        ray_direction=np.ascontiguousarray(-point / point[2], np.float32),
+        ray_direction=photometry.depth_directions(point),
         normal=np.ascontiguousarray(normal, np.float32),
         albedo=albedo,
         information=criterion.prior_information(albedo),
-        lit=none,
+        light_count=none,
         indirect=none,
         margin=np.zeros(SAMPLE_PIXELS),
     )
@@ -73,7 +73,7 @@ def forecast(
 ) -> PriorForecast:
     """Bayesian design for an unseen object: expected σ of the assumed sphere against the number of images.
 
-    From the pilot's number, or a pattern's smallest, to `shown_lights` or the recipe's own. `first_lights` are those of
+    From the pilot's number, or a pattern's smallest, to `SHOWN_LIGHTS` or the recipe's own. `first_lights` are those of
     the recipe's first pass, `radius_m` is the assumed sphere's. Raises RigError plan.infeasible when the arm reaches
     too few positions for the recipe's lights.
     """
@@ -84,9 +84,9 @@ def forecast(
     sample = replace(
         piloted.sample,
         information=piloted.sample.information + np.einsum("kap,kbp->abp", row, row),
-        lit=np.sum(piloted.visible, axis=0, dtype=np.float32),
+        light_count=np.sum(piloted.visible, axis=0, dtype=np.float32),
     )
-    problem = Problem(
+    problem = DesignProblem(
         recipe=recipe,
         reach=candidates,
         captured=candidates.directions(positions_of(known)),

@@ -56,7 +56,7 @@ def samples(
         normal=np.ascontiguousarray(normal_map.normals[rows, columns].T),
         albedo=albedo,
         information=np.ascontiguousarray(np.moveaxis(information, 0, 2)) + prior_information(albedo),
-        lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
+        light_count=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
         indirect=np.zeros_like(albedo),
         margin=shadow_margins(np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0))),
         offset_sigma_m=offset_sigma_m,
@@ -80,7 +80,7 @@ def of_frames(frames: Sequence[Shot]) -> list[FrameExposure]:
 def reweight(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
     """Reweights each pixel's information from the variance by which the solver weighted to the planner's, and fills in
     the mean indirect part of the images."""
-    shots = [(shot, shot.light) for shot in observations.shots if shot.kind == "light" and shot.light is not None]
+    shots = observations.lit
     if not shots:
         return sample
     if len(shots) != len(normal_map.flags):

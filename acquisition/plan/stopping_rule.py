@@ -15,7 +15,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import ForecastPoint, LightPlan
 from acquisition.models.tuned import tuned
 from acquisition.plan import planner
-from acquisition.plan.design_problem import Problem
+from acquisition.plan.design_problem import DesignProblem
 from acquisition.plan.exposure_plan import CaptureTimes
 
 COUNTS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 28, 40, 76)
@@ -39,7 +39,7 @@ class StoppingRuleSettings:
 SETTINGS = StoppingRuleSettings()
 
 
-def plan_to_target(problem: Problem, achieved_deg: float, times: CaptureTimes | None = None) -> LightPlan:
+def plan_to_target(problem: DesignProblem, achieved_deg: float, times: CaptureTimes | None = None) -> LightPlan:
     """Sequential design towards the recipe's `target_sigma_deg`: the next lights, or an empty plan with a `conclusion`.
 
     `achieved_deg` is the mean σ so far of the pixels that count, `times` as of `choose`. Raises RigError

@@ -1,7 +1,7 @@
 """Cast-shadow visibility by ray marching over the reconstructed depth map.
 
-The depth map is resampled without distortion, coarse enough to be fast and to smooth its noise; where there is no
-object, the depth is large. A ray's clearance is the least slope at which it passes over the surface.
+The depth map is resampled without distortion, by nearest neighbours on a grid that is coarse enough to be fast; where
+there is no object, the depth is large. A ray's clearance is the least slope at which it passes over the surface.
 """
 
 from collections.abc import Sequence
@@ -29,29 +29,17 @@ class Surface:
     nearest: float
 
     def clearance(self, point: Float32Array, lamp: Float32Array) -> Float32Array:
-        """Ray marching: least slope of clearance (K, P) of the rays from points (3, P) to lamps (K, 3 or more), both in
-        m, view frame."""
-        sign = np.array([1.0, -1.0, -1.0], np.float32)
-        out = np.empty((len(lamp), point.shape[1]), np.float32)
-        cast_shadows.clearance(
-            self.depth,
-            self.camera[[0, 0, 1, 1], [0, 2, 1, 2]],
-            np.ascontiguousarray(point * sign[:, None]),
-            np.ascontiguousarray(lamp[:, :3] * sign),
-            self.nearest,
-            1.5 / self.camera[0, 0] * self.nearest,
-            out,
-        )
-        return out
+        """`cast_shadows.clearance` (K, P) of the rays from points (3, P) to lamps (K, 6 or 9)."""
+        affine, start = self.camera[[0, 0, 1, 1], [0, 2, 1, 2]], 1.5 / self.camera[0, 0] * self.nearest
+        return cast_shadows.clearance(self.depth, affine, point, lamp, self.nearest, start)
 
 
 def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
     """The surface of a normal map that has some finite depth."""
     solved = normal_map.mask & (normal_map.depth > 0) & np.isfinite(normal_map.depth)
-    rows, columns = np.flatnonzero(solved.any(axis=1)), np.flatnonzero(solved.any(axis=0))
-    corners = rays_at(
-        calibration, np.array([rows[0], rows[0], rows[-1], rows[-1]]), np.array([columns[0], columns[-1]] * 2)
-    )
+    rows, columns = photometry.bounding_box(solved)
+    top, bottom, left, right = rows.start, rows.stop - 1, columns.start, columns.stop - 1
+    corners = rays_at(calibration, np.array([top, top, bottom, bottom]), np.array([left, right] * 2))
     low, high = corners.min(axis=1), corners.max(axis=1)
     pitch = float(np.max(high - low)) / MAP_SIZE
     size, first = np.ceil((high - low) / pitch).astype(int) + 3, low - pitch

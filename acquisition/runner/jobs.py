@@ -125,7 +125,7 @@ def further_lights(
     region_mask = _region_mask(region_file, calibration)
     times = _capture_times(cell, _routes(result.parent.parent, int(result.name)))
     achieved_deg = recipe.target_sigma_deg and photometry.mean_sigma_deg(normal_map, calibration, region_mask)
-    problem = plan.Problem.of(normal_map, observations, recipe, reach, calibration, region=region_mask)
+    problem = plan.DesignProblem.of(normal_map, observations, recipe, reach, calibration, region=region_mask)
     if achieved_deg is None:
         chosen = plan.choose(problem, times=times, forecast_counts=FORECAST_COUNTS)
     else:

@@ -16,7 +16,7 @@ from acquisition.formats import export
 from acquisition.models.base import FloatArray, Vector3
 from acquisition.models.light_forecast import ForecastInput, LightForecast, PlacedLight
 from acquisition.models.route import Refusal
-from acquisition.plan.design_problem import Problem
+from acquisition.plan.design_problem import DesignProblem
 from acquisition.plan.explain import Basis
 from acquisition.waypoints.reach import ReachMap, refusals
 
@@ -79,7 +79,7 @@ def _basis(given: ForecastInput, reach: ReachMap) -> Basis | None:
         return None
     normal_map, observations, calibration = export.read(given.result), given.observations, given.calibration
     mask = None if given.region_file is None else region.decode_mask(given.region_file.read_bytes(), calibration)
-    problem = Problem.of(normal_map, observations, given.recipe, reach, calibration, region=mask)
+    problem = DesignProblem.of(normal_map, observations, given.recipe, reach, calibration, region=mask)
     return Basis.of(problem, normal_map, observations, calibration)
 
 

@@ -165,7 +165,7 @@ def run(request: PlanRequest) -> dict[str, Any]:
         console.print("solving the pilot", style="dim")
         session = capture.solved(pilot)
     reach, offer = _reach(request, capture, session, offer)
-    problem = plan.Problem.of(
+    problem = plan.DesignProblem.of(
         session.normal_map, session.observations, capture.recipe, reach, session.calibration, surround=offer is None
     )
     chosen = plan.choose(problem, request.count, forecast_counts=FORECAST_COUNTS)

@@ -43,8 +43,8 @@ def test_sensor_noise_agrees_with_counted_electrons(level: float) -> None:
 
     lit = read(level * sensor.full_scale_dn * sensor.gain_e_per_dn)
     values = image_values.normalised(lit, read(0.0), seconds, known)
-    noise = image_values.noise(known, [seconds], 0.45)
-    predicted = noise.shot[0] * value + noise.floor[0]
+    shot, floor = image_values.sensor_noise(known, [seconds])
+    predicted = shot[0] * value + floor[0]
     assert np.mean(values) == pytest.approx(value, abs=4 * np.sqrt(predicted / count))
     assert np.var(values) == pytest.approx(predicted, rel=0.02)
 
@@ -61,7 +61,8 @@ def test_noise_lamp_errors_give_intensity_and_direction_terms() -> None:
         * (1 + rng.normal(0, known.intensity_sigma, count))
         * (1 + rng.normal(0, photometry.SETTINGS.flat_field_sigma, count))
     )
-    noise = image_values.noise(known, [10.0], r)  # long enough that electrons do not matter
+    sensor = image_values.sensor_noise(known, [10.0])  # long enough that electrons do not matter
+    noise = image_values.model_noise(known, *sensor, r)
     assert np.std(s[2]) == pytest.approx(noise.intensity, rel=0.03)
     across = np.hypot(np.std(s[0]), photometry.SETTINGS.depth_sigma_m / r)
     assert across == pytest.approx(noise.direction, rel=0.03)
@@ -79,7 +80,7 @@ def test_noise_variance_adds_its_four_terms() -> None:
 
 def test_sensor_noise_ambient_adds_shot_noise_twice() -> None:
     known = scenes.calibration(32)
-    without, with_it = (image_values.noise(known, [0.02], 0.45, [ambient]).floor[0] for ambient in (0.0, 100.0))
+    without, with_it = (image_values.sensor_noise(known, [0.02], [ambient])[1][0] for ambient in (0.0, 100.0))
     scale = image_values.electrons_per_value(known, 0.02)
     assert (with_it - without) * scale**2 == pytest.approx(2 * 100.0 * known.sensor.gain_e_per_dn)
 

@@ -45,7 +45,7 @@ def test_plan_time(
     monkeypatch.setattr(design_problem, "SAMPLE_PIXELS", samples)
 
     def choose() -> float | None:
-        problem = plan.Problem.of(normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration)
+        problem = plan.DesignProblem.of(normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration)
         return plan.choose(problem, lights, certify=certify, forecast_counts=counts).predicted_sigma_deg
 
     predicted = benchmark.pedantic(choose, rounds=3, warmup_rounds=1)
@@ -61,7 +61,7 @@ def test_forecast_time(benchmark: BenchmarkFixture, counts: tuple[int, ...]) -> 
 
     def forecast() -> list[ForecastPoint]:
         return plan.forecast(
-            plan.Problem.of(normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration), counts
+            plan.DesignProblem.of(normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration), counts
         )
 
     points = benchmark.pedantic(forecast, rounds=3, warmup_rounds=1)

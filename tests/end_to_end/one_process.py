@@ -67,7 +67,9 @@ class Session:
         lights = pilot.pattern(recipe, dome)
         self._take(0, LightPlan(lights=lights, method="pilot", reasons=["pilot"] * len(lights)))
         known = self._solved()
-        chosen = plan.choose(plan.Problem.of(known, self._observations, recipe, dome, self._calibration), certify=False)
+        chosen = plan.choose(
+            plan.DesignProblem.of(known, self._observations, recipe, dome, self._calibration), certify=False
+        )
         levels = jobs.expected_levels(known, chosen.lights, self._calibration)
         self._take(1, chosen.model_copy(update={"levels_per_s": levels}))
         return self._solved()

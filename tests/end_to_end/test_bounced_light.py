@@ -13,7 +13,7 @@ from acquisition.models import cell_config
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.normals import ObjectPlace, solve
-from acquisition.normals.indirect_light import interreflection
+from acquisition.normals.indirect_light import shadow_light
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import reach
 from acquisition.waypoints.routing import route
@@ -44,11 +44,8 @@ def stations() -> tuple[tuple[float, ...], ...]:
     top = int(np.argmax(units[:, 2]))
     others = np.delete(np.arange(len(units)), top)
     ring, step = np.arange(7) * 2 * np.pi / 7, 2 * np.pi / 7
-    turned = [
-        lamp_pose.nearest_distinct(geometry.direction(np.radians(50), turn + ring), units[others])
-        for turn in np.arange(24) * step / 24
-    ]
-    nearest, _ = min(turned, key=lambda one: float(np.sum(one[1] ** 2)))
+    turned = (geometry.direction(np.radians(50), turn + ring) for turn in np.arange(24) * step / 24)
+    nearest, _ = lamp_pose.nearest_pattern(turned, units[others])
     lights = [lamp_pose.light_at(within.candidates[index], within.center) for index in (top, *others[nearest])]
     return tuple(waypoint.joints for waypoint in route(lights, CELL.arm.home, CELL, CALIBRATION).waypoints)
 
@@ -103,10 +100,9 @@ def graded(normal_map: NormalMap, world: World) -> grade.Grade:
 def test_interreflection_correction_improves_normals(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     world, observations = scene(name, "realistic")
     corrected = solved(observations)
-    assert corrected.notes["interreflection"]["scale"] > 0.6
     assert corrected.notes["interreflection"]["share"] > 0.01
     with monkeypatch.context() as patched:
-        patched.setattr(interreflection, "prediction_scale", lambda *_: 0.0)
+        patched.setattr(shadow_light, "shadows_show_indirect", lambda *_: False)
         uncorrected = solved(observations)
     assert graded(corrected, world).mean_deg < 0.85 * graded(uncorrected, world).mean_deg
 
@@ -115,7 +111,7 @@ def test_interreflection_correction_improves_normals(name: str, monkeypatch: pyt
 def test_interreflection_convex_object_is_hardly_corrected() -> None:
     world, observations = scene("figure", "direct")
     normal_map = solved(observations)
-    assert normal_map.notes["interreflection"]["scale"] < 0.2
+    assert normal_map.notes["interreflection"]["share"] == 0
     assert graded(normal_map, world).mean_deg < 1.5
 
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition import pilot, plan
+from acquisition import photometry, pilot, plan
 from acquisition.capture import check, exposure
 from acquisition.models.light_plan import FrameExposure, Light
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.normals.images import session_images, silhouette
+from acquisition.normals.images import session_images
 from acquisition.normals.solve import solve_stack
 from acquisition.normals.uncertainty import sensor_estimate
 from acquisition.plan.exposure_plan import CaptureTimes
@@ -80,7 +80,7 @@ class Sessions:
         lights = pilot.pattern(recipe, self.scene.dome)
         known = [self._unplanned(light, wanted) for light in lights]
         images = self._capture(lights, known, PILOT_LIGHTS)
-        problem = plan.Problem.of(self._solve(images), images, recipe, self.scene.dome, self.scene.calibration)
+        problem = plan.DesignProblem.of(self._solve(images), images, recipe, self.scene.dome, self.scene.calibration)
         chosen = plan.choose(problem, certify=False, times=self.times)
         further = [
             [self._predicted(light, wanted)] if chosen.exposures is None else list(chosen.exposures[number].frames)
@@ -138,7 +138,7 @@ class Sessions:
     def _solve(self, images: Observations) -> NormalMap:
         """Solves with the object's mask given: dark parts are as dark as the table, and look alike."""
         shared, known = self.scene.geometry, self.scene.calibration
-        rows, columns = silhouette.bounding_box(shared.region)
+        rows, columns = photometry.bounding_box(shared.region)
         known = sensor_estimate.estimate(images, known, rows, columns).calibration
         return solve_stack(
             session_images.read(images, known, rows, columns), known, SolveSettings(),

@@ -6,7 +6,7 @@ import numpy as np
 
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.light_plan import Light
-from acquisition.normals import Images
+from acquisition.normals.images.normalised_images import ImageBlock, Images
 from tests.path_traced import bench
 
 
@@ -65,9 +65,8 @@ def capture(
     axis = bench.CENTER - nominal
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     scale = SENSOR.full_scale_dn * seconds
-    stack = Images.of(
-        values=(dn / scale[:, None, None]).astype(np.float32),
-        clipped=dn >= 0.985 * SENSOR.full_scale_dn,
+    stack = Images(
+        read=ImageBlock((dn / scale[:, None, None]).astype(np.float32), dn >= 0.985 * SENSOR.full_scale_dn).rows,
         lights=tuple(
             Light(position=tuple(one.tolist()), axis=tuple(look.tolist()))
             for one, look in zip(nominal, axis, strict=True)

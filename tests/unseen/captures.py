@@ -15,7 +15,7 @@ import numpy as np
 from acquisition import geometry, image_values
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
-from acquisition.normals import Images
+from acquisition.normals.images.normalised_images import ImageBlock, Images
 from hardware_sim import families
 from tests.unseen.faults import NONE, Fault
 from tests.unseen.scenes import INTENSITY_SIGMA, POSITION_SIGMA_M, TARGET, Scene
@@ -37,9 +37,8 @@ class Capture:
         """The images of some of the lights."""
         s, block = self.stack, self.stack.whole
         lights = tuple(s.lights[k] for k in chosen)
-        return Images.of(
-            block.values[chosen], block.clipped[chosen], lights, s.rows, s.columns, s.shot[chosen], s.floor[chosen]
-        )
+        some = ImageBlock(block.values[chosen], block.clipped[chosen])
+        return Images(some.rows, lights, s.rows, s.columns, s.shot[chosen], s.floor[chosen])
 
 
 def capture(scene: Scene, positions: np.ndarray, draw: int = 0, fault: Fault = NONE) -> Capture:
@@ -71,9 +70,9 @@ def capture(scene: Scene, positions: np.ndarray, draw: int = 0, fault: Fault = N
         Light(position=tuple(place.tolist()), axis=tuple(axis.tolist()))
         for place, axis in zip(nominal, scene.axes(nominal), strict=True)
     )
-    stack = Images.of(
-        values=(dn / scale[:, None, None]).astype(np.float32),
-        clipped=dn >= image_values.SATURATION_SHARE * sensor.full_scale_dn,
+    clipped = dn >= image_values.SATURATION_SHARE * sensor.full_scale_dn
+    stack = Images(
+        read=ImageBlock((dn / scale[:, None, None]).astype(np.float32), clipped).rows,
         lights=lights,
         rows=slice(0, scene.pixels),
         columns=slice(0, scene.pixels),

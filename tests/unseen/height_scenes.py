@@ -13,10 +13,11 @@ from acquisition import photometry
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.normals import Images, pyramid
+from acquisition.normals import pyramid
 from acquisition.normals.images import grey_tile, silhouette
 from acquisition.normals.images.grey_tile import GreyTile
 from acquisition.normals.images.image_set import DistantLights, ImageSet
+from acquisition.normals.images.normalised_images import ImageBlock, Images
 from acquisition.normals.surface import integration
 from hardware_sim import families, sensor
 from tests.acquisition import scenes
@@ -63,7 +64,8 @@ def before_table(seed: int) -> Callable[[], Errors]:
     values = np.array([scenes.lit(true, one) for one in lights]) * (1 + 0.01 * rng.normal(size=(len(lights), 1, 1)))
     values += 0.003 * rng.normal(size=values.shape)
     window, none = slice(0, PIXELS), np.zeros(len(lights))
-    images = Images.of(values.astype(np.float32), values > np.inf, tuple(lights), window, window, none, none)
+    block = ImageBlock(values.astype(np.float32), values > np.inf)
+    images = Images(block.rows, tuple(lights), window, window, none, none)
     ray = photometry.rays(known, window, window)
     masked = pyramid.MaskedImages(images, np.ones_like(true.mask), ray)
     depth = np.full(true.mask.shape, TABLE_DEPTH - 0.03, np.float32)

@@ -81,7 +81,7 @@ def pilot_lights(scene: Scene, azimuth: int, azimuths: int) -> np.ndarray:
 
 def planned(scene: Scene, solved: NormalMap, first: Capture, count: int, azimuth: int) -> Planned:
     """The product's plan of `count` lights in all from the pilot's capture."""
-    problem = plan.Problem.of(solved, observations(first), Recipe(seed=azimuth), Dome(scene), first.calibration)
+    problem = plan.DesignProblem.of(solved, observations(first), Recipe(seed=azimuth), Dome(scene), first.calibration)
     chosen = plan.choose(problem, count - len(first.stack.lights), certify=False)
     return Planned(places(chosen.lights), chosen.predicted_sigma_deg or float("nan"))
 

@@ -16,7 +16,7 @@ import numpy as np
 from acquisition import plan
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.plan import exposure_plan
-from acquisition.plan.design_problem import Problem
+from acquisition.plan.design_problem import DesignProblem
 from tests.tuned_numbers import Number
 from tests.unseen import patterns, reports, run, stages
 from tests.unseen.captures import capture
@@ -36,10 +36,12 @@ class Planned:
         self.solved = run.solve(scene, self.first)
         self.oracle = patterns.oracle(scene, self.solved, self.first)
 
-    def problem(self, recipe: Recipe, *, oracle: bool = False) -> Problem:
+    def problem(self, recipe: Recipe, *, oracle: bool = False) -> DesignProblem:
         """The design problem after the pilot, of the true or of the solved shape."""
         normal_map, observations = self.oracle if oracle else self.solved, patterns.observations(self.first)
-        return plan.Problem.of(normal_map, observations, recipe, patterns.Dome(self.scene), self.first.calibration)
+        return plan.DesignProblem.of(
+            normal_map, observations, recipe, patterns.Dome(self.scene), self.first.calibration
+        )
 
     def figures(self, exposure: Exposure, stage: Stage | None = None) -> dict[str, float]:
         """Error and forecast of the plan with a number changed."""

@@ -199,7 +199,7 @@ def _solve(scene: Scene, count: int, fault: str | None) -> dict[str, np.ndarray]
     def record(*maps: np.ndarray, capture_deg: float, sharpened: bool) -> ErrorVariance:
         found = original(*maps, capture_deg=capture_deg, sharpened=sharpened)
         *of_components, _ = maps
-        parts = error_variance.components(*of_components, whole=found.typical_excess)
+        parts = error_variance.components(*of_components, typical=found.typical_excess)
         parts[CHANGE] = error_variance.crease_deg2(of_components[-1], np.isfinite(maps[0]))
         recorded.append(parts)
         return found

@@ -64,7 +64,7 @@ class Session:
             found, observations = self.solved(lights)
             known = self.true.calibration
             achieved_deg = photometry.mean_sigma_deg(found, known)
-            problem = plan.Problem.of(found, observations, recipe, self.reach, known)
+            problem = plan.DesignProblem.of(found, observations, recipe, self.reach, known)
             more = plan.plan_to_target(problem, achieved_deg).lights
             if not more:
                 return {

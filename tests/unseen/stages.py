@@ -132,8 +132,9 @@ def _no_discontinuity(*_: object) -> None:
     """In place of `discontinuity.discontinuous_depth`: the shadows contradict nothing."""
 
 
-def _no_scale(*_: object) -> float:
-    return 0.0
+def _not_shown(*_: object) -> bool:
+    """In place of `shadow_light.shadows_show_indirect`."""
+    return False
 
 
 def _no_alternative(*_: object) -> list[Alternative]:
@@ -174,7 +175,7 @@ STAGES = (
     Stage(
         "interreflection",
         "Indirect light is never significant, so that none is subtracted and none is in σ.",
-        (Patch(shadow_light, "prediction_scale", _no_scale),),
+        (Patch(shadow_light, "shadows_show_indirect", _not_shown),),
     ),
     Stage(
         "noise from residuals",

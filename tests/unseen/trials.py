@@ -18,7 +18,7 @@ import numpy as np
 
 from acquisition.normals.alternatives import lamp_alternatives, model_selection, model_trial, term_alternatives
 from acquisition.normals.alternatives.alternative import Alternative
-from acquisition.normals.alternatives.model_trial import Problem, Solution
+from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 
 Line = dict[str, object]
 
@@ -55,9 +55,9 @@ def recorded() -> Generator[Record]:
     record = Record()
     solve, accepted = model_selection.solve, Alternative.accepted
 
-    def recording_solve(problem: Problem) -> Solution:
-        solution = solve(problem)
-        if not problem.corrected and solution.scores is not None:
+    def recording_solve(hypothesis: Hypothesis) -> Solution:
+        solution = solve(hypothesis)
+        if not hypothesis.corrected and solution.scores is not None:
             of_term = vars(solution.scores)
             record.scores = {name: (float(one.gain), float(one.step)) for name, one in of_term.items()}
         return solution
@@ -70,7 +70,7 @@ def recorded() -> Generator[Record]:
                 float(self.step),
                 float(terms.roughness + terms.ambient + terms.offset + terms.gloss + terms.metal),
                 float(trial.fit.misfit / before.fit.misfit),
-                float(trial.fit.share / before.fit.share),
+                float(trial.fit.relative_residual / before.fit.relative_residual),
                 bool(verdict),
                 float(trial.fit.loss / before.fit.loss),
             )

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from acquisition import photometry
 from acquisition.formats.export import lights_used
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import ATTACHED, CAST, LIT, SATURATED, NormalMap
-from acquisition.normals.images import memory_mapped, silhouette
+from acquisition.normals.images import memory_mapped
 
 MAX_SIDE_PX = 460
 """Longer side of a picture, px."""
@@ -117,7 +118,7 @@ def shares(normal_map: NormalMap) -> list[list[float]]:
 def _window(mask: BoolArray) -> tuple[slice, slice]:
     if not np.any(mask):
         return slice(0, mask.shape[0]), slice(0, mask.shape[1])
-    rows, columns = silhouette.bounding_box(mask)
+    rows, columns = photometry.bounding_box(mask)
     more = 1 + round(MARGIN_SHARE * (max(rows.stop - rows.start, columns.stop - columns.start) - 1))
     return (
         slice(max(0, rows.start - more), min(mask.shape[0], rows.stop + more)),

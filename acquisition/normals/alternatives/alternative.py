@@ -11,33 +11,39 @@ from dataclasses import dataclass, replace
 from acquisition import photometry
 from acquisition.models.result import ModelFinding
 from acquisition.normals.alternatives import model_trial
-from acquisition.normals.alternatives.model_trial import Problem, Solution
+from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.pixels.image_terms import ImageTerms
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another model: kind, sentence and amount for its finding, the problem to solve, and when its fit is accepted.
+    """Another model: kind, sentence and amount for its finding, the hypothesis to solve, and when its fit is accepted.
 
-    `worse_at_most`: its misfit over that before; some have rules of their own (`accepted`), and are only `demanded` by
-    it. `coding`: exponent by which it changes the values. `leaves_out`: it leaves an image out. `by_loss`: the loss
-    tells, not the misfit. `term`: the one of `ImageTerms` that it estimates. `step`: what one step promised of it from
-    zero, of which half is found, at a hardly worse misfit where the loss falls, or the fit is `better`. `silent`: it
-    corrects the solver, not the capture. `sound_enough`: its fit need not be better than a sound one, because a test
-    demands it that does not look at residuals. `least_images`: fewer leave residuals that do not tell it from others.
-    `decisive`: once it is by far the best so far, only other decisive ones are tried.
+    - `worse_at_most`: the misfit over that before up to which it is accepted. Some kinds have rules of their own
+      (`accepted`); above `better_at_least` it says that a test demands the alternative (`demanded`).
+    - `coding`: the exponent by which it changes the values; 1: it does not.
+    - `term`: the one of `ImageTerms` that it estimates; empty: none.
+    - `step`: the value of the term that one Newton step of the score test predicts; 0: no score demands it. Accepted if
+      the estimate exceeds half of it and the misfit is at most 1/`slightly_better` of that before (at most equal where
+      the loss does not fall); otherwise only if the misfit falls to `better`.
+    - `unreported`: it corrects the solver, not the capture, and there is no finding of it.
+    - `independently_tested`: a test demands it that does not look at residuals; any sound fit is accepted.
+    - `least_images`: with fewer images residuals do not tell it from other models.
+    - `decisive`: once it is by far the best so far, only other decisive ones are tried.
+    - `leaves_out`: it leaves an image out.
+    - `by_loss`: accepted by the loss, not the misfit.
     """
 
     kind: str
     message: str
-    problem: Problem
+    hypothesis: Hypothesis
     worse_at_most: float
     value: float | None = None
     coding: float = 1.0
     term: str = ""
     step: float = 0.0
-    silent: bool = False
-    sound_enough: bool = False
+    unreported: bool = False
+    independently_tested: bool = False
     least_images: int = photometry.REDUNDANT
     decisive: bool = False
     leaves_out: bool = False
@@ -46,11 +52,11 @@ class Alternative:
     @property
     def demanded(self) -> bool:
         """Whether a test demands it, and not the poor fit alone."""
-        return self.sound_enough or self.worse_at_most > model_trial.SETTINGS.better_at_least
+        return self.independently_tested or self.worse_at_most > model_trial.SETTINGS.better_at_least
 
-    def told_by(self, images: int) -> bool:
-        """Whether so many images can demand it: a test that does not look at residuals needs none."""
-        return self.sound_enough or images >= self.least_images
+    def has_enough_images(self, images: int) -> bool:
+        """Whether so many images tell it from other models: a test that does not look at residuals needs none."""
+        return self.independently_tested or images >= self.least_images
 
     def accepted(self, before: Solution, trial: Solution) -> bool:
         """Whether a trial replaces the solution before it: the object is in its place, or nearer to it than before
@@ -62,14 +68,17 @@ class Alternative:
             return False
         if before.unjudged:
             return after.probability > model_trial.SETTINGS.min_probability
-        if self.sound_enough and not trial.badly_fitting:
+        if self.independently_tested and not trial.badly_fitting:
             return True
         if self.by_loss:
             return after.loss <= self.worse_at_most * before_fit.loss
         if self.term == "roughness":
             return terms.roughness / self.step > 0.5 and after.loss < before_fit.loss
         if self.term == "metal":
-            return after.loss < before_fit.loss and after.share <= model_trial.SETTINGS.better * before_fit.share
+            return (
+                after.loss < before_fit.loss
+                and after.relative_residual <= model_trial.SETTINGS.better * before_fit.relative_residual
+            )
         if self.coding != 1:
             return self._linearises(before, trial)
         if self.step != 0:
@@ -80,10 +89,10 @@ class Alternative:
             return False
         if self.worse_at_most > model_trial.SETTINGS.better_at_least:
             # Light between the walls of a matt vessel has a score as of gloss, which explains nothing of it.
-            return self.term != "gloss" or after.share <= before_fit.share
+            return self.term != "gloss" or after.relative_residual <= before_fit.relative_residual
         return (
             after.probability > model_trial.SETTINGS.min_probability
-            and after.share <= self.worse_at_most * before_fit.share
+            and after.relative_residual <= self.worse_at_most * before_fit.relative_residual
         )
 
     def _ruled_out(self, before: Solution, trial: Solution) -> bool:
@@ -106,9 +115,9 @@ class Alternative:
         fall where the score does not point to a coding, since a wrong shape may fit what is linear already.
         """
         least, before_fit, after = model_trial.SETTINGS.better_at_least, before.fit, trial.fit
-        loss, share = after.loss / before_fit.loss, after.share / before_fit.share
+        loss, share = after.loss / before_fit.loss, after.relative_residual / before_fit.relative_residual
         sound = after.probability > model_trial.SETTINGS.min_probability
-        if before.problem.term_sigma.from_elsewhere and max(loss, share) <= model_trial.SETTINGS.better:
+        if before.hypothesis.term_sigma.from_elsewhere and max(loss, share) <= model_trial.SETTINGS.better:
             return True  # without light from elsewhere, which explained the same shadows, and worse
         if before.seems_coded:
             most = model_trial.SETTINGS.better if sound or loss <= least**2 else least
@@ -124,7 +133,9 @@ class Alternative:
         if self.term != "metal" or before.unjudged:
             return True
         most, before_fit, after = model_trial.SETTINGS.better_at_least, before.fit, trial.fit
-        return after.share <= most * before_fit.share and after.loss <= most**2 * before_fit.loss
+        return (
+            after.relative_residual <= most * before_fit.relative_residual and after.loss <= most**2 * before_fit.loss
+        )
 
     def finding(self, terms: ImageTerms, *, convincing: bool = True) -> ModelFinding:
         """The finding of an accepted trial, with the amount that was estimated in the end."""

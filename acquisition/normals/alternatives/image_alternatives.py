@@ -14,7 +14,7 @@ from acquisition.models.base import BoolArray, FloatArray
 from acquisition.normals import alternation, self_calibration
 from acquisition.normals.alternatives import changed_images, light_tests, model_trial
 from acquisition.normals.alternatives.alternative import Alternative
-from acquisition.normals.alternatives.model_trial import Problem, Solution
+from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.uncertainty import goodness_of_fit
 
 MOVED, INTENSITIES = "moved object", "intensities"
@@ -30,19 +30,19 @@ def moved_object(present: Solution) -> list[Alternative]:
     surface made up for a part of it before, in most pixels. It falls to 0.88 at most in 80 of 84 trials of captures
     that moved by 2 pixels, in one of 149 others, of one with a flash (design seeds 419–474, eight lights by two rings).
     """
-    problem = present.problem
+    hypothesis = present.hypothesis
     # Registration takes time: not of what would not be tried.
-    if MOVED in problem.corrected or len(present.scene.lamps) < photometry.REDUNDANT or not problem.thorough:
+    if MOVED in hypothesis.corrected or len(present.scene.lamps) < photometry.REDUNDANT or not hypothesis.thorough:
         return []
     if not present.poor and present.registration.residual_ratio >= 1:
         return []
-    moves = problem.level.factor * present.registration.translations
+    moves = hypothesis.level.factor * present.registration.translations
     distance = float(np.max(np.linalg.norm(moves, axis=1)))
     if distance <= 0.5:  # an image's own translation is uncertain by half a pixel
         return []
     message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
-    spacing = 1 if problem.masked.channel is None else mosaic.CELL
-    registered = problem.reread(changed_images.translated(problem.masked.images, moves, spacing))
+    spacing = 1 if hypothesis.masked.channel is None else mosaic.CELL
+    registered = hypothesis.reread(changed_images.translated(hypothesis.masked.images, moves, spacing))
     return [Alternative(MOVED, message, registered, model_trial.SETTINGS.better, distance, by_loss=True)]
 
 
@@ -53,8 +53,8 @@ def bad_image(present: Solution) -> list[Alternative]:
 
     Images that were scaled beside it are as they were: a bad one makes others seem too dark or too bright.
     """
-    problem, unscaled, better = present.problem, _unscaled(present.problem), model_trial.SETTINGS.better
-    scaled = np.broadcast_to(problem.factors, len(present.scene.lamps)) != 1
+    hypothesis, unscaled, better = present.hypothesis, _unscaled(present.hypothesis), model_trial.SETTINGS.better
+    scaled = np.broadcast_to(hypothesis.factors, len(present.scene.lamps)) != 1
     doubted = {one: one.outlying or bool(scaled[one.number]) for one in _worst_images(present)}
     return [
         Alternative(
@@ -85,15 +85,16 @@ def _worst_images(present: Solution) -> list[_WorstImage]:
     those stated, unless that image's own is far from it. None where too few are left; none is by far that fits as well
     as half of all sound captures do, with an intensity as stated: of images without noise, ratios of residuals say
     nothing. Other intensities may fit a flash in one image, which on a sheet is as good as even."""
-    coarse, nominal, log_intensity = present.problem.level.coarse, present.problem.nominal, _log_intensity(present)
+    coarse, nominal = present.hypothesis.level.coarse, present.hypothesis.nominal
+    log_intensity = _log_intensity(present)
     if np.count_nonzero(np.isfinite(present.fit.images)) <= photometry.OVERDETERMINED:
         return []
     misfits = present.fit.images
     worst = int(np.nanargmax(misfits))
     usual = float(np.nanmedian(np.delete(misfits, worst)))
     outlying = {worst: bool(misfits[worst] > photometry.SETTINGS.outlying_deviations * usual)}
-    stated = np.zeros_like(log_intensity)
-    for intensity, far in ((log_intensity, stated != 0), (stated, _far_intensities(present))):
+    stated, none = np.zeros_like(log_intensity), np.zeros(len(log_intensity), np.bool_)
+    for intensity, far in ((log_intensity, none), (stated, _far_intensities(present))):
         values = alternation.divide_intensity(coarse.values, intensity)
         found = light_tests.worst_image(
             replace(coarse, values=values), present.state.depth_m, nominal.lamps, nominal.calibration
@@ -101,20 +102,20 @@ def _worst_images(present: Solution) -> list[_WorstImage]:
         if found is not None and not far[found.number]:
             by_far = found.residual_share <= model_trial.SETTINGS.better_at_least
             outlying[found.number] = by_far or outlying.get(found.number, False)
-    if np.any(factors := np.abs(np.log(present.problem.factors))):
+    if np.any(factors := np.abs(np.log(present.hypothesis.factors))):
         outlying.setdefault(int(np.argmax(factors)), False)
     most = photometry.SETTINGS.outlying_deviations * nominal.calibration.intensity_sigma
     doubtful = (misfits > goodness_of_fit.SETTINGS.median_misfit) | (np.abs(log_intensity) > most)
     return [_WorstImage(number, bool(by_far and doubtful[number])) for number, by_far in outlying.items()]
 
 
-def _unscaled(problem: Problem) -> Problem:
-    """The problem before images were scaled."""
-    if np.all(problem.factors == 1):
-        return problem
-    factors = np.broadcast_to(problem.factors, len(problem.nominal.lamps))
-    before = problem.reread(changed_images.scaled(problem.masked.images, 1 / factors))
-    return replace(before, factors=1.0, corrected=tuple(kind for kind in problem.corrected if kind != INTENSITIES))
+def _unscaled(hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis before images were scaled."""
+    if np.all(hypothesis.factors == 1):
+        return hypothesis
+    factors = np.broadcast_to(hypothesis.factors, len(hypothesis.nominal.lamps))
+    before = hypothesis.reread(changed_images.scaled(hypothesis.masked.images, 1 / factors))
+    return replace(before, factors=1.0, corrected=tuple(kind for kind in hypothesis.corrected if kind != INTENSITIES))
 
 
 def other_intensities(present: Solution) -> list[Alternative]:
@@ -124,7 +125,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
         return []
     factors = np.where(far, np.exp(_log_intensity(present)), 1.0)
     names = ", ".join(f"image {n + 1} ({factors[n] - 1:+.0%})" for n in np.flatnonzero(far))
-    scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
+    scaled = present.hypothesis.reread(changed_images.scaled(present.hypothesis.masked.images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
     # The descent before has put most of the factors right already: noise decides which of the two fits better.
@@ -133,7 +134,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
 
 def _far_intensities(present: Solution) -> BoolArray:
     """Images (F,) whose intensity is outlying under the widest prior that it has; none where most are."""
-    widest = self_calibration.SIGMA_FACTORS[-1] * present.problem.nominal.calibration.intensity_sigma
+    widest = self_calibration.SIGMA_FACTORS[-1] * present.hypothesis.nominal.calibration.intensity_sigma
     far = np.abs(_log_intensity(present)) > photometry.SETTINGS.outlying_deviations * widest
     return far & (np.count_nonzero(far) <= len(far) // 2)
 
@@ -148,7 +149,9 @@ def held_shift(present: Solution) -> list[Alternative]:
     the camera it drifted by 70 mm, and the misfit rose from 1.3 to 2.5."""
     if not present.poor:
         return []
-    held = replace(present.problem, shift_sigma_m=0.0)
+    held = replace(present.hypothesis, shift_sigma_m=0.0)
     return [
-        Alternative("shift", "the object is held at its stated place", held, model_trial.SETTINGS.better, silent=True)
+        Alternative(
+            "shift", "the object is held at its stated place", held, model_trial.SETTINGS.better, unreported=True
+        )
     ]

@@ -15,11 +15,11 @@ from acquisition.normals import self_calibration
 from acquisition.normals.alternatives import image_alternatives, light_tests, model_trial, term_alternatives
 from acquisition.normals.alternatives.alternative import Alternative, decisive
 from acquisition.normals.alternatives.light_tests import IntegrableAxes
-from acquisition.normals.alternatives.model_trial import Problem, Solution
+from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 
 AXES, TURNED, SCORED, REFINED = "axes of the lamps", "turned lamps", "scored turn", "angle of turned lamps"
-"""Kind of the finding, and marks of a problem whose lamps were turned by an angle, by that of a score, and turned once
-more."""
+"""Kind of the finding, and marks of a hypothesis whose lamps were turned by an angle, by that of a score, and turned
+once more."""
 
 REFINEMENTS, REFINED_DEG = 2, 0.5
 """Times that such an angle is measured again, a fifth of it being left each time, and what is left, degrees, that ends
@@ -36,23 +36,25 @@ def other_axes(present: Solution) -> list[Alternative]:
     opposite lamps better. Of metal that fits they are tried only where the circulation is significant, because
     highlights alone fit a surface under other axes as well.
     """
-    problem, coarse, normals = present.problem, present.problem.level.coarse, present.state.normals
+    hypothesis, coarse, normals = present.hypothesis, present.hypothesis.level.coarse, present.state.normals
     found, scored = light_tests.integrable_axes(coarse, normals), _scored_axes(present)
-    if photometry.METAL in problem.corrected and not (present.badly_fitting or found.sure):
+    if photometry.METAL in hypothesis.corrected and not (present.badly_fitting or found.sure):
         return []
-    if TURNED in problem.corrected:
+    if TURNED in hypothesis.corrected:
         # The normals of turned lamps are not turned by quite as much, since light from near fits others worse.
-        again = sum(kind.startswith(REFINED) for kind in problem.corrected) + 1
+        again = sum(kind.startswith(REFINED) for kind in hypothesis.corrected) + 1
         left_deg = light_tests.turn_deg(found.unmirrored)
-        if SCORED in problem.corrected and present.scores is not None:  # by likelihood alone: evidence is there already
+        if (
+            SCORED in hypothesis.corrected and present.scores is not None
+        ):  # by likelihood alone: evidence is there already
             left_deg = float(np.degrees(present.scores.turn.step))
         if again > REFINEMENTS or abs(left_deg) < REFINED_DEG:
             return []
         axes = light_tests.turned_by(left_deg)
-        return [_relit(problem, f"{REFINED} {again}", axes, 1.0, sound_enough=True, silent=True)]
-    turned = replace(problem, corrected=(*problem.corrected, TURNED))
+        return [_relit(hypothesis, f"{REFINED} {again}", axes, 1.0, independently_tested=True, unreported=True)]
+    turned = replace(hypothesis, corrected=(*hypothesis.corrected, TURNED))
     alternatives = [
-        _relit(turned, AXES, sign * axes, 1.0 if sure else model_trial.SETTINGS.better, sound_enough=sure)
+        _relit(turned, AXES, sign * axes, 1.0 if sure else model_trial.SETTINGS.better, independently_tested=sure)
         for axes, sure in ((one, found.sure and one is found.best) for one in found.turned)
         for sign in _signs(present, axes)
     ]
@@ -74,7 +76,7 @@ def _quarter_turns(present: Solution, found: IntegrableAxes) -> list[Alternative
     Of 30 captures under mirrored lamps (design seeds 460 and 463, eight lights by two rings) least squares left
     0.27–1.08 of the residual under the axes that were accepted, 1.00–1.80 under others; 1.4–2.3 of a sound groove.
     """
-    problem, coarse = present.problem, present.problem.level.coarse
+    hypothesis, coarse = present.hypothesis, present.hypothesis.level.coarse
     if not _near(present):
         return _quarter_turns_of_far_lamps(present, found)
     trials, most = (found.quarter, -found.quarter), model_trial.SETTINGS.better
@@ -89,13 +91,13 @@ def _quarter_turns(present: Solution, found: IntegrableAxes) -> list[Alternative
         elif present.well_fitting:
             # Light from near does not fit a raised object for a hollow one.
             return []
-    return [_relit(problem, AXES, axes, most) for axes in trials if _likely(problem, axes)]
+    return [_relit(hypothesis, AXES, axes, most) for axes in trials if _likely(hypothesis, axes)]
 
 
 def _near(present: Solution) -> bool:
     """Whether lamps are so near that their light tells hollow from raised."""
-    problem = present.problem
-    return light_tests.near(problem.level.coarse, problem.start_m, problem.nominal.lamps)
+    hypothesis = present.hypothesis
+    return light_tests.near(hypothesis.level.coarse, hypothesis.start_m, hypothesis.nominal.lamps)
 
 
 def _signs(present: Solution, axes: FloatArray) -> tuple[int, ...]:
@@ -111,7 +113,7 @@ def _outwardness(present: Solution, axes: FloatArray) -> float | None:
     """Outwardness of the normals under distant lamps of other axes (2, 2), with which they turn."""
     normals = present.state.normals.copy()
     normals[:2] = axes.astype(np.float32) @ normals[:2]
-    return light_tests.outwardness(normals, light_tests.outline(present.problem.level.coarse))
+    return light_tests.outwardness(normals, light_tests.outline(present.hypothesis.level.coarse))
 
 
 def _quarter_turns_of_far_lamps(present: Solution, found: IntegrableAxes) -> list[Alternative]:
@@ -129,15 +131,15 @@ def _quarter_turns_of_far_lamps(present: Solution, found: IntegrableAxes) -> lis
     elif not found.sure:
         return []
     (sign,) = _signs(present, axes)
-    return [_relit(present.problem, AXES, sign * axes, 1.0, sound_enough=True)]
+    return [_relit(present.hypothesis, AXES, sign * axes, 1.0, independently_tested=True)]
 
 
-def _likely(problem: Problem, axes: FloatArray) -> bool:
+def _likely(hypothesis: Hypothesis, axes: FloatArray) -> bool:
     """Whether images fit the start under the lamps' axes multiplied by a matrix (2, 2) not far worse than as stated."""
-    nominal = problem.nominal
+    nominal = hypothesis.nominal
     others = light_tests.transformed(nominal.lamps, axes)
     residual = light_tests.relative_residual(
-        problem.level.coarse, problem.start_m, nominal.lamps, others, nominal.calibration
+        hypothesis.level.coarse, hypothesis.start_m, nominal.lamps, others, nominal.calibration
     )
     return residual <= 1 / model_trial.SETTINGS.better
 
@@ -174,11 +176,19 @@ def _others(present: Solution, *, unscored: bool) -> list[Alternative]:
 
 
 def _relit(
-    problem: Problem, kind: str, axes: FloatArray, most: float, *, sound_enough: bool = False, silent: bool = False
+    hypothesis: Hypothesis,
+    kind: str,
+    axes: FloatArray,
+    most: float,
+    *,
+    independently_tested: bool = False,
+    unreported: bool = False,
 ) -> Alternative:
     """The lamps' axes multiplied by a matrix (2, 2)."""
-    relit = problem.with_axes(axes)
-    return Alternative(kind, _axes_sentence(axes), relit, most, sound_enough=sound_enough, silent=silent)
+    relit = hypothesis.with_axes(axes)
+    return Alternative(
+        kind, _axes_sentence(axes), relit, most, independently_tested=independently_tested, unreported=unreported
+    )
 
 
 def _axes_sentence(axes: FloatArray) -> str:
@@ -193,14 +203,14 @@ def _axes_sentence(axes: FloatArray) -> str:
 
 def swapped_lamps(present: Solution) -> list[Alternative]:
     """Two lamps exchanged, where least squares fits much better then; four images are explained by any lamps."""
-    problem, nominal = present.problem, present.problem.nominal
+    hypothesis, nominal = present.hypothesis, present.hypothesis.nominal
     doubted = present.poor or image_alternatives.one_outlies(present)
     if not doubted or len(nominal.lamps) < photometry.REDUNDANT:
         return []
     swap = min(
         (
-            light_tests.swapped_pair(problem.level.coarse, depth_m, nominal.lamps, nominal.calibration)
-            for depth_m in (problem.start_m, present.state.depth_m)
+            light_tests.swapped_pair(hypothesis.level.coarse, depth_m, nominal.lamps, nominal.calibration)
+            for depth_m in (hypothesis.start_m, present.state.depth_m)
         ),
         key=lambda one: one.residual_share,
     )
@@ -209,4 +219,4 @@ def swapped_lamps(present: Solution) -> list[Alternative]:
     order = np.arange(len(nominal.lamps))
     order[[swap.first, swap.second]] = swap.second, swap.first
     message = f"the lamps of images {swap.first + 1} and {swap.second + 1} are swapped: they are exchanged"
-    return [Alternative("swapped lamps", message, problem.with_lamps_of(order), 1.0)]
+    return [Alternative("swapped lamps", message, hypothesis.with_lamps_of(order), 1.0)]

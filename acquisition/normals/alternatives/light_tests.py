@@ -85,7 +85,7 @@ def outwardness(normals: Float32Array, rim: Outline) -> float | None:
 
 
 def near(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array) -> bool:
-    """Whether the object at depth (N,), m, is so wide for the distance of its lamps (F, 6) that their light tells
+    """Whether the object at depth (N,), m, is so wide for the distance of its lamps (F, 6 or 9) that their light tells
     hollow from raised."""
     points = photometry.points(pixels.ray, depth_m)
     distances = np.linalg.norm(lamps[:, :3] - np.mean(points, axis=1), axis=1)
@@ -197,8 +197,7 @@ def turn_deg(axes: FloatArray) -> float:
 
 
 def transformed(lamps: Float32Array, axes: FloatArray) -> Float32Array:
-    """Lamps (F, 6) or (F, 9) with the image-plane axes of positions, optical axes and tilts transformed by a matrix
-    (2, 2)."""
+    """Lamps (F, 6 or 9) with the image-plane axes of places, optical axes and tilts transformed by a matrix (2, 2)."""
     out = lamps.copy()
     matrix = axes.astype(np.float32)
     for first in range(0, lamps.shape[1], 3):
@@ -235,8 +234,8 @@ def swapped_pair(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, cal
 def relative_residual(
     pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, others: Float32Array, calibration: Calibration
 ) -> float:
-    """Least-squares residual under `others` (F, 6) over that under `lamps`, as of `swapped_pair`, at depth (N,), m: 1
-    of light from far, which fits under mirrored and turned lamps alike."""
+    """Least-squares residual under `others` (F, 6 or 9) over that under `lamps`, as of `swapped_pair`, at depth (N,),
+    m: 1 of light from far, which fits under mirrored and turned lamps alike."""
     after, before = (_residual(*_equations(pixels, depth_m, one, calibration)) for one in (others, lamps))
     return after / max(before, 1e-12)
 

@@ -23,7 +23,7 @@ from acquisition.normals.alternatives import (
     term_tests,
 )
 from acquisition.normals.alternatives.alternative import Alternative
-from acquisition.normals.alternatives.model_trial import Problem, Solution
+from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.self_calibration import Priors
 
 ALTERNATIVES: tuple[Callable[[Solution], list[Alternative]], ...] = (
@@ -39,41 +39,41 @@ ALTERNATIVES: tuple[Callable[[Solution], list[Alternative]], ...] = (
 """All kinds of alternatives in the order in which they are tried, the surest tests first."""
 
 
-def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
+def select(hypothesis: Hypothesis) -> tuple[Solution, list[ModelFinding]]:
     """Solves the coarse level by the plain model, and by others as tests demand them; what was found about the images,
     corrected findings first."""
-    present = solve(problem)
+    present = solve(hypothesis)
     accepted: list[tuple[Alternative, bool]] = []
     no_better: set[str] = set()
     while (trial := _best_trial(present, no_better)) is not None:
         alternative, solution = trial
-        accepted = [one for one in accepted if one[0].kind in alternative.problem.corrected]  # others are undone
+        accepted = [one for one in accepted if one[0].kind in alternative.hypothesis.corrected]  # others are undone
         accepted.append((alternative, alternative.convincing(present, solution)))
         present = solution
     terms = present.state.shared.terms
     findings = [
         one.finding(terms, convincing=convincing)
         for one, convincing in accepted
-        if not (one.silent or term_alternatives.vanished(one, terms))
+        if not (one.unreported or term_alternatives.vanished(one, terms))
     ]
     return present, sorted(findings + remaining(present), key=lambda one: not one.corrected)
 
 
-def solve(problem: Problem) -> Solution:
+def solve(hypothesis: Hypothesis) -> Solution:
     """Descent on the coarse level, noise of single pixels from a sample, fit and scores."""
-    level, nominal = problem.level, problem.nominal
+    level, nominal = hypothesis.level, hypothesis.nominal
     stated = nominal.calibration
     priors = Priors(
-        stated.intensity_sigma, stated.lamp_position_sigma_m, problem.shift_sigma_m, problem.term_sigma,
+        stated.intensity_sigma, stated.lamp_position_sigma_m, hypothesis.shift_sigma_m, hypothesis.term_sigma,
         nominal.common_lamp_errors_m,
     )  # fmt: skip
-    state = alternation.refine(level, problem.start_m, nominal, priors)
+    state = alternation.refine(level, hypothesis.start_m, nominal, priors)
     scene = replace(nominal, lamps=state.shared.lamps(nominal.lamps), terms=nominal.terms and state.shared.terms)
     scene, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
     fit = sample.fit(sample.solution, nominal.noise)
     priors = replace(priors, shadows=state.shadows)
     scores = term_tests.scores(sample.solution.estimate, sample.solution.values, scene, state.shared, priors)
-    return Solution(problem, state, scene, sample, fit, scores)
+    return Solution(hypothesis, state, scene, sample, fit, scores)
 
 
 def remaining(solution: Solution) -> list[ModelFinding]:
@@ -127,14 +127,14 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
 
     What a poor fit alone calls for is not tried again once it has fitted no better: its kind is added to `no_better`.
     """
-    tried = set(present.problem.corrected)
+    tried = set(present.hypothesis.corrected)
     for propose in ALTERNATIVES:
         alternatives = [
             alternative
             for alternative in propose(present)
             if alternative.kind not in tried
             and (alternative.demanded or alternative.kind not in no_better)
-            and alternative.told_by(len(present.scene.lamps))
+            and alternative.has_enough_images(len(present.scene.lamps))
         ]
         accepted: list[tuple[Alternative, Solution]] = []
         best: tuple[Alternative, Solution] | None = None
@@ -156,8 +156,8 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
 
 
 def _trial(alternative: Alternative) -> Solution:
-    problem = alternative.problem
-    return solve(replace(problem, corrected=(*problem.corrected, alternative.kind)))
+    hypothesis = alternative.hypothesis
+    return solve(replace(hypothesis, corrected=(*hypothesis.corrected, alternative.kind)))
 
 
 def _without_codings_of_roughness(accepted: list[tuple[Alternative, Solution]]) -> list[tuple[Alternative, Solution]]:
@@ -174,7 +174,9 @@ def _without_codings_of_roughness(accepted: list[tuple[Alternative, Solution]]) 
     return [
         (alternative, trial)
         for alternative, trial in accepted
-        if alternative.coding == 1 or trial.fit.loss <= most * rough.loss or trial.fit.share <= rough.share
+        if alternative.coding == 1
+        or trial.fit.loss <= most * rough.loss
+        or trial.fit.relative_residual <= rough.relative_residual
     ]
 
 
@@ -215,11 +217,13 @@ def _decides(before: Solution, trial: Solution) -> bool:
     need not be compared with others."""
     most = model_trial.SETTINGS.better_at_least
     return (
-        not trial.poor and trial.fit.misfit <= most * before.fit.misfit and trial.fit.share <= most * before.fit.share
+        not trial.poor
+        and trial.fit.misfit <= most * before.fit.misfit
+        and trial.fit.relative_residual <= most * before.fit.relative_residual
     )
 
 
 def _residuals(accepted: tuple[Alternative, Solution]) -> float:
     """Residuals of a trial in units of the noise, times those in units of the values, as if these were not coded."""
     alternative, trial = accepted
-    return trial.fit.misfit * trial.fit.share / alternative.coding
+    return trial.fit.misfit * trial.fit.relative_residual / alternative.coding

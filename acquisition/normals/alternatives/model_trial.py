@@ -1,7 +1,7 @@
 """A model of the images to be tried, and its solution with its fit.
 
 Tests propose alternatives (`lamp_alternatives`, `term_alternatives`, `image_alternatives`) and a selection solves them
-(`model_selection`); what both speak of is here, the problem that a descent starts from and the solution, and in
+(`model_selection`); what both speak of is here, the hypothesis that a descent starts from and the solution, and in
 `alternative`, what makes it accepted.
 """
 
@@ -98,7 +98,7 @@ ROUGH = ImageTerms(roughness=0.2)
 
 
 @dataclass(frozen=True)
-class Problem:
+class Hypothesis:
     """What a descent starts from: images, coarse level, depth at its pixels (N,), nominal scene, 1 σ of the terms that
     are estimated, and of the object's shift in m; the kinds of faults that are already corrected in it, and the factors
     (F,) that its images were divided by. `thorough`: alternatives are tried that only a poor fit calls for, and
@@ -114,7 +114,7 @@ class Problem:
     factors: FloatArray | float = 1.0
     thorough: bool = True
 
-    def reread(self, images: Images) -> "Problem":
+    def reread(self, images: Images) -> "Hypothesis":
         """The same object in changed images, with their sensor noise."""
         masked = replace(self.masked, images=images)
         count = int(np.count_nonzero(masked.mask))
@@ -128,14 +128,14 @@ class Problem:
             nominal=replace(self.nominal, noise=noise),
         )
 
-    def with_axes(self, axes: FloatArray) -> "Problem":
+    def with_axes(self, axes: FloatArray) -> "Hypothesis":
         """The same images under lamps whose axes are multiplied by a matrix (2, 2), and the errors they share."""
         lamps, common = light_tests.transformed(self.nominal.lamps, axes), self.nominal.common_lamp_errors_m
         if common is not None:
             common = np.concatenate([np.einsum("ij,fjc->fic", axes, common[:, :2]), common[:, 2:]], axis=1)
         return replace(self, nominal=replace(self.nominal, lamps=lamps, common_lamp_errors_m=common))
 
-    def with_lamps_of(self, order: np.ndarray) -> "Problem":
+    def with_lamps_of(self, order: np.ndarray) -> "Hypothesis":
         """The same images, each under the lamp of the image of the number in `order` (F,)."""
         lamps, common = self.nominal.lamps[order], self.nominal.common_lamp_errors_m
         common = None if common is None else common[order]
@@ -147,7 +147,7 @@ class Solution:
     """A descent's result with its scene (lamps, noise and terms as estimated), the sample of pixels that its fit is
     judged by, the fit, and the scores of terms."""
 
-    problem: Problem
+    hypothesis: Hypothesis
     state: AlternationResult
     scene: Scene
     sample: SolvedSample
@@ -157,7 +157,7 @@ class Solution:
     @property
     def moved_m(self) -> float:
         """How far the object's mean depth is from where it was stated, m."""
-        return float(np.mean(self.state.depth_m) - np.mean(self.problem.start_m))
+        return float(np.mean(self.state.depth_m) - np.mean(self.hypothesis.start_m))
 
     @property
     def out_of_place(self) -> bool:
@@ -174,7 +174,7 @@ class Solution:
     @property
     def intensities_scatter(self) -> bool:
         """Whether the intensities' standard deviation is outlying: others than stated may fit a bad image."""
-        stated, counts = self.problem.nominal.calibration.intensity_sigma, np.isfinite(self.fit.images)
+        stated, counts = self.hypothesis.nominal.calibration.intensity_sigma, np.isfinite(self.fit.images)
         return bool(np.std(self.state.shared.log_intensity[counts]) > photometry.SETTINGS.outlying_deviations * stated)
 
     @property
@@ -222,22 +222,22 @@ class Solution:
     @cached_property
     def shading(self) -> Float32Array:
         """Shading (F, M) of the coarse pixels by lamps of nominal intensity, which the albedo multiplies."""
-        calibration = self.problem.nominal.calibration
+        calibration = self.hypothesis.nominal.calibration
         return translucency.shading(
-            self.problem.level.coarse, self.state.depth_m, self.state.normals, self.scene.lamps, calibration
+            self.hypothesis.level.coarse, self.state.depth_m, self.state.normals, self.scene.lamps, calibration
         )
 
     @cached_property
     def registration(self) -> Registration:
         """The images registered with one another on the coarse grid."""
         return registration.register(
-            self.problem.level.coarse, self.state.depth_m, self.scene, self.state.shared.log_intensity
+            self.hypothesis.level.coarse, self.state.depth_m, self.scene, self.state.shared.log_intensity
         )
 
     @cached_property
     def leak(self) -> Leak | None:
         """Light in cast shadows as from below the surface; none where there are too few of them."""
-        coarse = self.problem.level.coarse
+        coarse = self.hypothesis.level.coarse
         mask = coarse.image(np.ones(len(coarse.index), np.bool_))
         over = surface_diffusion.graph(mask, coarse.image(coarse.ray), coarse.image(self.state.depth_m))
         values = alternation.divide_intensity(coarse.values, self.state.shared.log_intensity)
@@ -248,7 +248,7 @@ class Solution:
         """Misfit of the sample solved again as `ROUGH` over that as Lambertian, with what pixels share as it is:
         that may have taken up so much of the roughness that no score is left."""
         again = (replace(self.scene, terms=terms) for terms in (None, ROUGH))
-        stated = self.problem.nominal.noise
+        stated = self.hypothesis.nominal.noise
         plain, rough = (self.sample.fit(self.sample.solved_again(scene), stated).misfit for scene in again)
         return rough / plain
 
@@ -260,8 +260,8 @@ class Solution:
         Relief of the size of a pixel fits better where most of each image is ambient light. That leaves 13 and 1.1 %
         of two reliefs below zero, which erred by 13 and 21°; true ambient light of 3 and 10 % leaves 0.04 % of five
         captures at most (design seeds 371–386, eight lights by two rings). A single bad image may be darker."""
-        solution, noise = self.sample.solution, self.problem.nominal.noise.single_precision()
-        elsewhere, shared = solution.estimate.nondiffuse_value, photometry.SETTINGS
+        solution, noise = self.sample.solution, self.hypothesis.nominal.noise.single_precision()
+        elsewhere, shared = solution.estimate.beside_direct_diffuse, photometry.SETTINGS
         variance = noise.variance(np.maximum(solution.measured, 0), np.zeros_like(solution.measured))
         error = np.sqrt(variance + (np.float32(shared.predicted_light_sigma) * elsewhere) ** 2)
         below = solution.measured - elsewhere < -np.float32(shared.outlying_deviations) * error
@@ -277,4 +277,4 @@ class Solution:
     def poor(self) -> bool:
         """Whether the fit is so bad, or so little of it is left to judge, that costly alternatives are worth a
         trial."""
-        return self.problem.thorough and (self.unjudged or self.badly_fitting or self.at_end_of_range)
+        return self.hypothesis.thorough and (self.unjudged or self.badly_fitting or self.at_end_of_range)

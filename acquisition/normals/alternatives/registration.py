@@ -43,9 +43,8 @@ def register(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intensity:
     cells are registered.
     """
     if pixels.channel is not None:
-        cells = resampling.coarsen(replace(pixels, ray=np.concatenate([pixels.ray, depth_m[None]])), mosaic.CELL)
-        means = replace(cells, ray=cells.ray[:2].copy())
-        found = register(means, cells.ray[2].copy(), scene, log_intensity)
+        of_cells_m = resampling.coarsen_values(depth_m, pixels, mosaic.CELL)
+        found = register(resampling.coarsen(pixels, mosaic.CELL), of_cells_m, scene, log_intensity)
         return replace(found, translations=mosaic.CELL * found.translations)
     values = alternation.divide_intensity(pixels.values, log_intensity)
     stack = [pixels.image(one) for one in values]
@@ -58,11 +57,10 @@ def register(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intensity:
         )
         estimate = pixel_solve.solve(pixels, moved.astype(np.float32), depth_m, scene)
         residuals.append(float(np.median(estimate.residual)))
-        predicted = np.einsum("fcn,cn->fn", estimate.light, estimate.g) + estimate.term_value
         step = np.array(
             [
                 _step(pixels.image(one), pixels.image(model), core & _lit(pixels, usable))
-                for one, model, usable in zip(moved, predicted, estimate.usable, strict=True)
+                for one, model, usable in zip(moved, estimate.predicted(), estimate.usable, strict=True)
             ]
         )
         before, total = total, single_move(total + step)

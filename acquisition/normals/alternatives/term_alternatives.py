@@ -15,7 +15,7 @@ from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, self_calibration
 from acquisition.normals.alternatives import changed_images, image_alternatives, model_trial
 from acquisition.normals.alternatives.alternative import Alternative, decisive
-from acquisition.normals.alternatives.model_trial import Problem, Solution
+from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.alternatives.term_tests import TermScore, TermScores
 from acquisition.normals.indirect_light import surface_diffusion, translucency
 from acquisition.normals.indirect_light.surface_diffusion import SurfaceGraph
@@ -85,14 +85,14 @@ FROM_ELSEWHERE = frozenset(kind for name, (kind, _) in TERMS.items() if name in 
 def other_formation(present: Solution) -> list[Alternative]:
     """Terms, and a coding, that the score tests demand; in a poor fit also the coding, metal, and ambient and stray
     light from other starts."""
-    problem = present.problem
-    if problem.nominal.terms is not None:
+    hypothesis = present.hypothesis
+    if hypothesis.nominal.terms is not None:
         return [*gloss(present), *scored_terms(present), *coded(present)]
     alternatives = [*gloss(present), *scored_terms(present), *metal(present), *coded(present)]
     if present.poor:
         for name, start in SECOND_STARTS:
             terms = replace(LAMBERTIAN, **{name: start})
-            alternatives.append(_with_term(problem, name, terms, model_trial.SETTINGS.better_at_least))
+            alternatives.append(_with_term(hypothesis, name, terms, model_trial.SETTINGS.better_at_least))
     return alternatives
 
 
@@ -106,15 +106,15 @@ def scored_terms(present: Solution) -> list[Alternative]:
     0.010, of an offset 0.003 at most of 44 sound rough captures; design seeds 401–437). Where shadows tell ambient from
     stray light, the other one is not tried.
     """
-    problem, scores = present.problem, present.scores
-    known = problem.nominal.terms
+    hypothesis, scores = present.hypothesis, present.scores
+    known = hypothesis.nominal.terms
     if scores is None:
         return []
     if known is not None and (known.metal > 0 or present.seems_coded):
         return []
-    rough = problem.term_sigma.roughness > 0
+    rough = hypothesis.term_sigma.roughness > 0
     names = [] if rough or (known is not None and known.specular) else ["roughness"]
-    if not problem.term_sigma.from_elsewhere:
+    if not hypothesis.term_sigma.from_elsewhere:
         names += ["ambient", "offset"]
     demanded: list[Alternative] = []
     for name in names:
@@ -123,11 +123,11 @@ def scored_terms(present: Solution) -> list[Alternative]:
         if name == "roughness":
             least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
         if tried_gain(scores, name) > least and not _outdone(name, present):
-            demanded.append(_with_term(problem, name, known or LAMBERTIAN, 1.0, score.step))
+            demanded.append(_with_term(hypothesis, name, known or LAMBERTIAN, 1.0, score.step))
         elif name == "roughness" and known is None and _fits_as_rough(present):
-            demanded.append(_with_term(problem, name, LAMBERTIAN, 1.0, model_trial.ROUGH.roughness))
+            demanded.append(_with_term(hypothesis, name, LAMBERTIAN, 1.0, model_trial.ROUGH.roughness))
     if known is None and _excess_subtracted(scores):
-        demanded.append(_with_term(problem, "offset", LAMBERTIAN, 1.0, scores.offset.step))
+        demanded.append(_with_term(hypothesis, "offset", LAMBERTIAN, 1.0, scores.offset.step))
     return decisive(demanded)
 
 
@@ -168,27 +168,28 @@ def coded(present: Solution) -> list[Alternative]:
     exponents = CODED_EXPONENTS if present.seems_coded else usual
     settings = model_trial.SETTINGS
     most = settings.better if present.may_be_coded else settings.better_at_least
-    problem = _without_light_from_elsewhere(present.problem)
+    hypothesis = _without_light_from_elsewhere(present.hypothesis)
     return [
         Alternative(
             CODED, f"the images are not linear: values are taken to the power of {exponent}",
-            problem.reread(changed_images.linearised(problem.masked.images, exponent)), most, exponent, coding=exponent,
+            hypothesis.reread(changed_images.linearised(hypothesis.masked.images, exponent)), most, exponent,
+            coding=exponent,
         )
         for exponent in exponents
     ]  # fmt: skip
 
 
-def _without_light_from_elsewhere(problem: Problem) -> Problem:
-    """The problem before ambient and stray light were estimated, as which a coding, that lifts shadows, is taken."""
-    terms, sigma = problem.nominal.terms, problem.term_sigma
+def _without_light_from_elsewhere(hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis before ambient and stray light were estimated, as which a coding, that lifts shadows, is taken."""
+    terms, sigma = hypothesis.nominal.terms, hypothesis.term_sigma
     if not sigma.from_elsewhere:
-        return problem
+        return hypothesis
     left = None if terms is None else replace(terms, ambient=0.0, offset=0.0)
     return replace(
-        problem,
-        nominal=replace(problem.nominal, terms=None if left == LAMBERTIAN else left),
+        hypothesis,
+        nominal=replace(hypothesis.nominal, terms=None if left == LAMBERTIAN else left),
         term_sigma=replace(sigma, ambient=0.0, offset=0.0),
-        corrected=tuple(kind for kind in problem.corrected if kind not in FROM_ELSEWHERE),
+        corrected=tuple(kind for kind in hypothesis.corrected if kind not in FROM_ELSEWHERE),
     )
 
 
@@ -208,8 +209,10 @@ def gloss(present: Solution) -> list[Alternative]:
     A dielectric that halves the misfit decides: of 115 matt captures with a fault (gamma, ambient and stray light,
     mirrored lamps, a flash, moved; design seeds 70, 71 and 73, eight lights) it leaves 0.60 at least.
     """
-    known = present.problem.nominal.terms
-    if present.scores is None or (known is not None and (known.specular or present.problem.term_sigma.roughness > 0)):
+    known = present.hypothesis.nominal.terms
+    if present.scores is None or (
+        known is not None and (known.specular or present.hypothesis.term_sigma.roughness > 0)
+    ):
         return []
     rough = tried_gain(present.scores, "roughness") > self_calibration.STRONG_EVIDENCE
     found = tried_gain(present.scores, "gloss") > (0.0 if rough else self_calibration.STRONG_EVIDENCE)
@@ -218,24 +221,24 @@ def gloss(present: Solution) -> list[Alternative]:
     most = 1.0 if found else model_trial.SETTINGS.better_at_least
     known = known or LAMBERTIAN
     starts = replace(known, gloss=GLOSS_START), replace(known, gloss=GLOSS_START, strength=1.0)
-    dielectric, other = (_with_term(present.problem, "gloss", one, most) for one in starts)
+    dielectric, other = (_with_term(present.hypothesis, "gloss", one, most) for one in starts)
     return [replace(dielectric, least_images=photometry.OVERDETERMINED, decisive=True), other]
 
 
 def metal(present: Solution) -> list[Alternative]:
     """Metal, in a poor fit of a surface that no other term describes yet."""
-    if present.problem.nominal.terms is not None or not present.poor:
+    if present.hypothesis.nominal.terms is not None or not present.poor:
         return []
     start = ImageTerms(metal=METAL_START)
-    return [_with_term(present.problem, "metal", start, model_trial.SETTINGS.better_at_least)]
+    return [_with_term(present.hypothesis, "metal", start, model_trial.SETTINGS.better_at_least)]
 
 
-def _with_term(problem: Problem, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
+def _with_term(hypothesis: Hypothesis, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
     """One of `TERMS` estimated from a start, with what else the start has and is estimated already, accepted up to
     `most` of the misfit; roughness and metal by their loss."""
     estimated = {name} | {field.name for field in fields(start) if getattr(start, field.name) > 0}
-    sigma = replace(problem.term_sigma, **{one: getattr(SETTINGS.term_sigma, one) for one in estimated})
-    changed = replace(problem, nominal=replace(problem.nominal, terms=start), term_sigma=sigma)
+    sigma = replace(hypothesis.term_sigma, **{one: getattr(SETTINGS.term_sigma, one) for one in estimated})
+    changed = replace(hypothesis, nominal=replace(hypothesis.nominal, terms=start), term_sigma=sigma)
     return Alternative(*TERMS[name], changed, most, term=name, step=step)
 
 
@@ -246,13 +249,13 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     solved, which mirrors lamps into shadows, nor after ambient or stray light, which falls there, too, nor of a surface
     that has drifted away, whose shadows fall elsewhere.
     """
-    problem, level = present.problem, present.problem.level
+    hypothesis, level = present.hypothesis, present.hypothesis.level
     others = {translucency.KIND, TERMS["gloss"][0], TERMS["metal"][0], *FROM_ELSEWHERE}
-    if others & set(problem.corrected):
+    if others & set(hypothesis.corrected):
         return []
-    scores = present.scores if problem.nominal.terms is None else None
+    scores = present.scores if hypothesis.nominal.terms is None else None
     glossy = scores is not None and tried_gain(scores, "gloss") > model_trial.SETTINGS.min_gain
-    if present.out_of_place or glossy or not problem.thorough:
+    if present.out_of_place or glossy or not hypothesis.thorough:
         return []
     leak = present.leak
     if leak is None or not leak.sought or image_alternatives.one_outlies(present):
@@ -260,21 +263,21 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     length_px = level.factor * leak.length_px
     # Noise of neighbours alike: what a block of the coarse grid has, not a pixel's own.
     gain = max(surface_diffusion.noise_gain(length_px), surface_diffusion.noise_gain(leak.length_px))
-    sharpened = changed_images.sharpened(problem.masked.images, *_full_surface(present), length_px, gain)
+    sharpened = changed_images.sharpened(hypothesis.masked.images, *_full_surface(present), length_px, gain)
     length_mm = (
-        1000 * length_px * float(np.mean(present.state.depth_m)) / problem.nominal.calibration.camera_matrix[0][0]
+        1000 * length_px * float(np.mean(present.state.depth_m)) / hypothesis.nominal.calibration.camera_matrix[0][0]
     )
     message = f"light spreads by {length_mm:.1f} mm below the surface, or images are out of focus: they are sharpened"
     return [
         Alternative(
-            translucency.KIND, message, problem.reread(sharpened), model_trial.SETTINGS.clearly_worse, length_mm
+            translucency.KIND, message, hypothesis.reread(sharpened), model_trial.SETTINGS.clearly_worse, length_mm
         )
     ]
 
 
 def _full_surface(present: Solution) -> tuple[SurfaceGraph, Float32Array]:
     """Graph and albedo (h, w) of all object pixels, from the coarse solution."""
-    masked, level, state = present.problem.masked, present.problem.level, present.state
+    masked, level, state = present.hypothesis.masked, present.hypothesis.level, present.state
     albedo, depth = np.zeros(masked.mask.shape, np.float32), np.zeros(masked.mask.shape, np.float32)
     for rows in masked.blocks():
         pixels = masked.pixels(rows)

@@ -15,8 +15,8 @@ from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import self_calibration
 from acquisition.normals.alternatives import light_tests
-from acquisition.normals.pixels import image_terms, pixel_solve
-from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms, TermValues
+from acquisition.normals.pixels import pixel_solve
+from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixels.pixel_solve import Estimate, Scene
 from acquisition.normals.self_calibration import Equations, Priors, SharedParameters
 
@@ -83,23 +83,15 @@ def scores(
 
     `scene` has the lamps as estimated, `shared` what is divided out. None where too few pixels have enough lights.
     """
-    ray_direction = np.ascontiguousarray(-estimate.point / estimate.point[2], np.float32)
-    axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
-
-    def evaluated(terms: ImageTerms) -> TermValues:
-        return image_terms.evaluate(
-            terms, estimate.g, estimate.light, estimate.usable, axis, estimate.response, estimate.sky
-        )
-
-    present, glossy = evaluated(scene.terms or LAMBERTIAN), evaluated(ImageTerms(gloss=SETTINGS.gloss_tested))
-    direct = np.maximum(np.einsum("fck,ck->fk", estimate.light, estimate.g), 0)
+    terms = scene.terms or LAMBERTIAN
+    present, glossy = estimate.evaluated(terms), estimate.evaluated(ImageTerms(gloss=SETTINGS.gloss_tested))
+    direct = np.maximum(estimate.lambertian(), 0)
     signal = direct * (np.min(scene.noise.shot) / scene.noise.shot)[:, None]  # but for a factor, which albedo absorbs
     coded = np.where(estimate.usable, direct * np.log(np.maximum(signal, LEAST_SIGNAL)), 0)
-    usual = image_terms.by_parameter(
-        scene.terms or LAMBERTIAN, estimate.g, estimate.light, estimate.usable, axis, estimate.response, estimate.sky
-    )
+    usual = estimate.by_parameter(terms)
     turned = np.where(estimate.usable, np.einsum("fck,ck->fk", _light_by_turn(estimate.point, scene), estimate.g), 0)
     columns = np.stack([*np.moveaxis(usual[:, :3], 1, 0), glossy.value, coded, turned], axis=1, dtype=np.float32)
+    ray_direction = photometry.depth_directions(estimate.point)
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
     equations = self_calibration.normal_equations(
         replace(estimate, terms=present), by_depth, values, scene.lamps, shared, priors,

@@ -15,6 +15,7 @@ import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.normals.pixels import pixel_solve_kernels
+from acquisition.photometry import GAUSSIAN_MEDIAN_DEVIATION
 
 GGX_ROUGHNESS = np.array([0.08, 0.16, 0.32, 0.64])
 """GGX roughness α of the lobes, in octaves."""
@@ -229,7 +230,7 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
             basis(n, light, diffuse_form, roughness, model)
             _residuals(y, model, c, residual)
             ordered = np.sort(np.abs(residual) * np.sqrt(base))
-            spread = max(1.4826 * ordered[size - used + used // 2], least)
+            spread = max(ordered[size - used + used // 2] / GAUSSIAN_MEDIAN_DEVIATION, least)
             squared = (cauchy * spread) ** 2
         damping = 1e-3
         loss = 1e30

@@ -17,7 +17,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.result import ModelFinding
 from acquisition.models.shot import Observations, Shot
 from acquisition.models.tuned import tuned
-from acquisition.normals.images import session_images, silhouette
+from acquisition.normals.images import session_images
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def measure(observations: Observations, calibration: Calibration, tile: GreyTile
     Raises RigError normals.infeasible as `session_images.read` does.
     """
     shots, lights = zip(*session_images.lit_shots(observations), strict=True)
-    rows, columns = silhouette.bounding_box(tile.mask)
+    rows, columns = photometry.bounding_box(tile.mask)
     inside = tile.mask[rows, columns]
     point = photometry.points(photometry.rays(calibration, rows, columns), tile.depth_m[rows, columns])[:, inside]
     lamps = photometry.lamps(lights)

@@ -56,14 +56,6 @@ class Images:
     shot: FloatArray
     floor: FloatArray
 
-    @classmethod
-    def of(
-        cls, values: Float32Array, clipped: BoolArray, lights: tuple[Light, ...], rows: slice, columns: slice,
-        shot: FloatArray, floor: FloatArray,
-    ) -> "Images":  # fmt: skip
-        """Images in memory: values y and clipped pixels (F, h, w)."""
-        return cls(ImageBlock(values, clipped).rows, lights, rows, columns, shot, floor)
-
     @property
     def height(self) -> int:
         """How many rows the window has."""

@@ -17,7 +17,7 @@ from acquisition.normals.images.normalised_images import ImageBlock, Images
 
 def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
     """The lit shots, each with its light. Raises RigError normals.infeasible when there are fewer than three."""
-    shots = [(shot, shot.light) for shot in observations.shots if shot.kind == "light" and shot.light is not None]
+    shots = observations.lit
     normalised_images.refuse_few(len(shots))
     if not np.all(np.isfinite([light.position for _, light in shots])):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "a light's position is not a number: measure the pose again")

@@ -50,13 +50,6 @@ WITHIN_SIGMA = 0.683
 """Share of normally distributed values within 1 σ."""
 
 
-def bounding_box(mask: BoolArray) -> tuple[slice, slice]:
-    """Bounding box of a mask as rows and columns; an empty mask's is its first pixel."""
-    indices = [np.flatnonzero(np.any(mask, axis=axis)) for axis in (1, 0)]
-    rows, columns = (slice(int(one[0]), int(one[-1]) + 1) if len(one) else slice(0, 1) for one in indices)
-    return rows, columns
-
-
 def largest_component(mask: BoolArray) -> BoolArray:
     """Largest 4-connected component of a mask, its holes filled."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)

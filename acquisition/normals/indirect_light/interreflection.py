@@ -91,7 +91,7 @@ def received_irradiance(
 ) -> Float32Array:  # fmt: skip
     """Indirect irradiance by horizon gathering: (F, N) in the units of y, from images `values` (F, N) as radiosity.
 
-    Calculated at every `every`-th pixel, zero at the others. `lamp` (F, 6) in the view frame, m.
+    Calculated at every `every`-th pixel, zero at the others. `lamp` (F, 6 or 9) in the view frame, m.
     """
     point, inside, affine = _height_field(pixels, surface.depth_m, surface.table)
     bright = np.float32(0) if surface.table is None else surface.table.values
@@ -228,13 +228,10 @@ def _wall_radiosity(
     )
     if shape[0] == 0:
         return np.zeros((0, interreflection_kernels.LEVELS, count), np.float32)
-    sign, depth = np.array([1.0, -1.0, -1.0], np.float32), np.ascontiguousarray(-point[..., 2])
-    clearance, nearest = np.empty((count, len(walls.point)), np.float32), float(np.min(depth))
-    cast_shadows.clearance(
-        depth, affine, np.ascontiguousarray((walls.point * sign).T), np.ascontiguousarray(lamp[:, :3] * sign), nearest,
-        nearest / affine[0], clearance,
-    )  # fmt: skip
-    light = photometry.light_vectors(np.ascontiguousarray(walls.point.T), lamp, calibration)
+    depth = np.ascontiguousarray(-point[..., 2])
+    nearest = float(np.min(depth))
+    clearance = cast_shadows.clearance(depth, affine, walls.point.T, lamp, nearest, nearest / affine[0])
+    light = photometry.light_vectors(walls.point.T, lamp, calibration)
     irradiance = np.clip(np.einsum("fcn,nc->nf", light, walls.normal), 0, None) * (clearance.T > 0)
     direct = np.ascontiguousarray(walls.albedo[:, None] * irradiance, np.float32)  # einsum may answer by columns
     indirect = np.empty_like(direct)

@@ -59,14 +59,14 @@ class ShadowEquations:
         return cls(np.zeros((2, 2)), np.zeros(2))
 
 
-def prediction_scale(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
-    """1 where shadows in measured `values` (F, N) show the predicted indirect light (F, N), else 0.
+def shadows_show_indirect(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> bool:
+    """Whether shadows in measured `values` (F, N) show the predicted indirect light (F, N).
 
     They do where they hold `grazing_cosine` of it: where there is only direct light, they are black. Shadows,
     weighted by the prediction, decide only whether there is indirect light: they understate its amount while the shape
     is still wrong.
     """
-    return float(_shadow_ratio(pixels, values, predicted, estimate) >= photometry.SETTINGS.grazing_cosine)
+    return _shadow_ratio(pixels, values, predicted, estimate) >= photometry.SETTINGS.grazing_cosine
 
 
 def equations(
@@ -95,7 +95,7 @@ def equations(
 
 def umbra(pixels: Pixels, values: Float32Array, estimate: Estimate) -> BoolArray:
     """Measurements (F, N) in attached and cast shadows, all of whose neighbours are in shadow, too."""
-    direct = np.einsum("fcn,cn->fn", estimate.light, estimate.g)
+    direct = estimate.lambertian()
     dark = ((direct < 0) | (values < photometry.SETTINGS.grazing_cosine * direct)) & ~pixels.clipped
     kernel = np.ones((3, 3), np.uint8)
     return np.stack([pixels.take(cv2.erode(pixels.image(mask.astype(np.uint8)), kernel)) > 0 for mask in dark])

@@ -68,11 +68,10 @@ MIN_LIGHTS = 3
 
 @dataclass(frozen=True)
 class Leak:
-    """Regression of light in shadows on what a mean free path predicts: coefficient and standard error at `tested_px`,
-    and the mean free path in pixels at which the coefficient is 1, 0 where it is insignificant or below the least."""
+    """Regression of light in shadows on what a mean free path predicts: the coefficient at `TESTED_PX`, and the mean
+    free path in pixels at which it is 1, 0 where it is insignificant or below the least."""
 
     coefficient: float
-    standard_error: float
     length_px: float
 
     @property
@@ -107,9 +106,9 @@ def leak(pixels: Pixels, values: Float32Array, shading: Float32Array, over: Surf
     observed = np.concatenate([_relative(one, one.image) for one in shadows])
     coefficient, error = _regressed(shadows, observed, over, TESTED_PX, cell)
     if coefficient < photometry.SETTINGS.outlying_deviations * error:
-        return Leak(coefficient, error, 0.0)
+        return Leak(coefficient, 0.0)
     coefficients = [_regressed(shadows, observed, over, length, cell)[0] for length in LENGTHS_PX]
-    return Leak(coefficient, error, _length_at_one(np.array(coefficients)))
+    return Leak(coefficient, _length_at_one(np.array(coefficients)))
 
 
 def shading(
@@ -132,7 +131,7 @@ def albedo_and_lit(values: Float32Array, shading: Float32Array) -> tuple[Float32
 
 
 def _length_at_one(coefficients: FloatArray) -> float:
-    """Where coefficients at `lengths_px`, which fall with the length, reach 1: log–log interpolation."""
+    """Where coefficients at `LENGTHS_PX`, which fall with the length, reach 1: log–log interpolation."""
     if coefficients[0] <= 1:
         return 0.0
     above = int(np.argmax(coefficients <= 1)) if np.any(coefficients <= 1) else len(coefficients)
@@ -166,7 +165,7 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
 
 
 def _cells(pixels: Pixels) -> np.ndarray:
-    """Number (h, w) of the cell of a `grid` × `grid` grid over the object's bounding box."""
+    """Number (h, w) of the cell of a `GRID` × `GRID` grid over the object's bounding box."""
     row, column = np.unravel_index(pixels.index, pixels.shape)
     cell = np.zeros(pixels.shape, int)
     height, width = np.ptp(row) + 1, np.ptp(column) + 1

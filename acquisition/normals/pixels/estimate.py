@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from acquisition.models.base import BoolArray, Float32Array
-from acquisition.normals.pixels.image_terms import TermValues
+from acquisition import photometry
+from acquisition.models.base import BoolArray, Float32Array, FloatT
+from acquisition.normals.pixels import image_terms
+from acquisition.normals.pixels.image_terms import ImageTerms, TermValues
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,14 @@ class Estimate:
     sky: Float32Array | None = None  # (N,) sky view factor of the pixels; none: they see all of it
     terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
 
+    def lambertian(self, dtype: type[FloatT] = np.float32) -> npt.NDArray[FloatT]:
+        """s · g (F, N), Lambert's law without its bound at zero."""
+        return np.einsum("fcn,cn->fn", self.light, self.g, dtype=dtype)
+
+    def predicted(self, dtype: type[FloatT] = np.float32) -> npt.NDArray[FloatT]:
+        """Values (F, N) by the solution: s · g, and what the terms beyond Lambert's contribute."""
+        return np.asarray(self.lambertian(dtype) + self.term_value, dtype)
+
     @property
     def rows(self) -> Float32Array:
         """Design rows (F, 3, N): derivatives s + ∂h/∂g of the values by g, h being the terms beyond Lambert's."""
@@ -31,13 +42,22 @@ class Estimate:
     @property
     def by_lamps(self) -> Float32Array:
         """What the lamps' intensities multiply in the values (F, N): all but ambient light and offset."""
-        direct = np.einsum("fcn,cn->fn", self.light, self.g)
-        return direct if self.terms is None else direct + self.terms.from_lamps
+        return self.lambertian() if self.terms is None else self.lambertian() + self.terms.from_lamps
 
     @property
     def term_value(self) -> Float32Array | np.float32:
         """What the terms beyond Lambert's contribute to the values (F, N); 0 without any."""
         return np.float32(0) if self.terms is None else self.terms.value
+
+    def evaluated(self, terms: ImageTerms) -> TermValues:
+        """`image_terms.evaluate` at the solution."""
+        view = photometry.towards_camera(self.point)
+        return image_terms.evaluate(terms, self.g, self.light, self.usable, view, self.response, self.sky)
+
+    def by_parameter(self, terms: ImageTerms) -> Float32Array:
+        """`image_terms.by_parameter` (F, 6, N) at the solution."""
+        view = photometry.towards_camera(self.point)
+        return image_terms.by_parameter(terms, self.g, self.light, self.usable, view, self.response, self.sky)
 
     @property
     def highlight_variance(self) -> Float32Array | np.float32:
@@ -45,14 +65,15 @@ class Estimate:
         return np.float32(0) if self.terms is None else self.terms.highlight_variance
 
     @property
-    def nondiffuse_value(self) -> Float32Array | np.float32:
-        """What is no diffuse reflection of the lamps' light in the values (F, N); 0 without terms."""
+    def beside_direct_diffuse(self) -> Float32Array | np.float32:
+        """What is no diffuse reflection of the lamps' light in the values (F, N): highlights, offset and reflected
+        ambient light; 0 without terms."""
         return np.float32(0) if self.terms is None else self.terms.nondiffuse + self.terms.ambient
 
     @property
-    def unscattered_value(self) -> Float32Array | np.float32:
-        """What is no diffuse reflection of any light in the values (F, N), so that no other surface receives as much
-        of it; 0 without terms."""
+    def nondiffuse_value(self) -> Float32Array | np.float32:
+        """`TermValues.nondiffuse` (F, N), what is no diffuse reflection of any light, so that no other surface receives
+        as much of it; 0 without terms."""
         return np.float32(0) if self.terms is None else self.terms.nondiffuse
 
     @property

@@ -192,8 +192,8 @@ def by_parameter(
 def _directions(g: Float32Array, light: Float32Array) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
     """Albedo (N,), unit normal (3, N), |s| (F, N) and unit directions to the lamps (F, 3, N)."""
     albedo = np.sqrt(np.sum(g * g, axis=0))
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    lamp = light / np.maximum(strength, np.float32(1e-9))[:, None]
+    strength = photometry.strength(light)
+    lamp = np.asarray(light / np.maximum(strength, np.float32(1e-9))[:, None], np.float32)
     return albedo, g / np.maximum(albedo, np.float32(1e-9)), strength, lamp
 
 

@@ -38,8 +38,8 @@ SETTINGS = PixelSolveSettings()
 
 @dataclass(frozen=True)
 class Scene:
-    """What solves take as given: lamps (F, 6) as of `photometry.lamps`, calibration, noise model, settings, and terms
-    of image formation beyond Lambert's.
+    """What solves take as given: lamps (F, 6 or 9) as of `photometry.lamps`, calibration, noise model, settings, and
+    terms of image formation beyond Lambert's.
 
     `stated_noise` is what sensor and calibration state where `noise` is estimated; none: `noise` is. Terms that are
     none are not solved for, nor are their derivatives. `median_albedo` is that of the whole object where the pixels at
@@ -110,9 +110,9 @@ class Pixels:
 def depth_derivative(
     light: Float32Array, point: Float32Array, ray_direction: Float32Array, lamps: Float32Array
 ) -> Float32Array:
-    """Derivative ∂s/∂Z (F, 3, N) of near-light vectors with respect to depth.
+    """Derivative ∂s/∂Z (F, 3, N) of near-light vectors with respect to depth, the lobe's fall-off held constant.
 
-    Light vectors `light` (F, 3, N) at `point` (3, N), `ray_direction` = ∂x/∂Z (3, N), lamps (F, 6).
+    Light vectors `light` (F, 3, N) at `point` (3, N), `ray_direction` = ∂x/∂Z (3, N), lamps (F, 6 or 9).
     """
     out = np.empty(light.shape, np.float32)
     pixel_solve_kernels.depth_derivative(
@@ -140,8 +140,8 @@ class Lighting:
         """Those of pixels at depth (N,) in m."""
         ray_direction = photometry.ray_directions(pixels.ray)
         point = ray_direction * depth_m
-        view = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
-        return cls(photometry.light_vectors(point, scene.lamps, scene.calibration), point, ray_direction, view)
+        light = photometry.light_vectors(point, scene.lamps, scene.calibration)
+        return cls(light, point, ray_direction, photometry.towards_camera(ray_direction))
 
 
 def classify_measurements(pixels: Pixels, values: Float32Array, light: Float32Array, threshold: float) -> Classified:
@@ -250,7 +250,7 @@ def _solve(
 
 def clamp_to_visible(normals: Float32Array, ray_direction: Float32Array) -> Float32Array:
     """Rotates normals (3, N) just far enough towards the camera that each is visible (cosine ≥ `min_view_cosine`)."""
-    axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
+    axis = photometry.towards_camera(ray_direction)
     cosine = np.sum(normals * axis, axis=0)
     least = np.float32(photometry.SETTINGS.min_view_cosine)
     visible = normals + np.maximum(least - cosine, 0) * axis

@@ -190,10 +190,10 @@ def depth_derivative(
     light: Float32Array,  # (F, 3, N)
     point: Float32Array,  # (3, N)
     ray_direction: Float32Array,  # (3, N) ∂x/∂Z
-    lamp: Float32Array,  # (F, 6)
+    lamp: Float32Array,  # (F, 6 or 9)
     out: Float32Array,  # (F, 3, N) ∂s/∂Z = −|s|/r (a − 3 d̂ (d̂·a)), d̂ = s/|s|
 ) -> None:
-    """Derivative of near-light vectors by depth, into `out`."""
+    """Derivative of near-light vectors by depth, but for the lobe's fall-off, into `out`."""
     for block in numba.prange((light.shape[2] + BLOCK_PIXELS - 1) // BLOCK_PIXELS):
         start = block * BLOCK_PIXELS
         stop = min(start + BLOCK_PIXELS, light.shape[2])

@@ -4,6 +4,7 @@ Only object pixels enter the means, and values are extrapolated over the object'
 the table's never mix in.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -24,27 +25,38 @@ def coarsen(pixels: Pixels, factor: int) -> Pixels:
     """
     if factor == 1:
         return pixels
-    height, width = -(-pixels.shape[0] // factor), -(-pixels.shape[1] // factor)
-    row, column = np.unravel_index(pixels.index, pixels.shape)
-    block = (row // factor) * width + column // factor
-    index, inverse = np.unique(block, return_inverse=True)
-    share = 1.0 / np.bincount(inverse)
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        return np.stack([np.bincount(inverse, one) * share for one in values])
-
-    extra = None if pixels.extra is None else (mean(pixels.extra) * share).astype(np.float32)
-
+    index, number = np.unique(_blocks(pixels, factor), return_inverse=True)
+    extra = None
+    if pixels.extra is not None:
+        extra = (_means(pixels.extra, number) * (1.0 / np.bincount(number))).astype(np.float32)
     return replace(
         pixels,
-        shape=(height, width),
+        shape=(-(-pixels.shape[0] // factor), -(-pixels.shape[1] // factor)),
         index=index,
-        ray=mean(pixels.ray).astype(np.float32),
-        values=mean(pixels.values).astype(np.float32),
-        clipped=mean(pixels.clipped) > 0,
+        ray=_means(pixels.ray, number).astype(np.float32),
+        values=_means(pixels.values, number).astype(np.float32),
+        clipped=_means(pixels.clipped, number) > 0,
         channel=None,
         extra=extra,
     )
+
+
+def coarsen_values(values: Float32Array, pixels: Pixels, factor: int) -> Float32Array:
+    """Block means (..., M) of values (..., N) at the pixels, in the order of those of `coarsen`."""
+    return _means(values, np.unique(_blocks(pixels, factor), return_inverse=True)[1]).astype(np.float32)
+
+
+def _blocks(pixels: Pixels, factor: int) -> np.ndarray:
+    """Flat index (N,) in the coarse grid of each pixel's block."""
+    row, column = np.unravel_index(pixels.index, pixels.shape)
+    return (row // factor) * -(-pixels.shape[1] // factor) + column // factor
+
+
+def _means(values: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """Means (..., M) of values (..., N) with each of the numbers (N,), 0 to M − 1."""
+    share = 1.0 / np.bincount(number)
+    means = [np.bincount(number, one) * share for one in values.reshape(math.prod(values.shape[:-1]), len(number))]
+    return np.reshape(means, (*values.shape[:-1], len(share)))
 
 
 def block_means(image: Float32Array, factor: int) -> Float32Array:

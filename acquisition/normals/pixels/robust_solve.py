@@ -143,7 +143,7 @@ class PixelProblem:
 def solve(
     problem: PixelProblem, clipped: BoolArray, classified: Classified, classify: Callable[[BoolArray], Classified]
 ) -> Estimate:
-    """The solution of each pixel with the lower of Cauchy's loss, from one start or two.
+    """The solution of each pixel with the least of Cauchy's loss, from one start, two, or three under many lights.
 
     `clipped` (F, N) are measurements that do not count, `classified` the others, and `classify` tells which are usable
     without some more.
@@ -151,6 +151,7 @@ def solve(
     first, scale = problem.solve(classified), problem.cauchy_scale
     if scale is None or problem.iterations < IRLS_ITERATIONS:
         return first
+    first = replace(first, usable=first.usable.copy())  # `classified` stays as it is
     strength = np.maximum(np.sqrt(np.sum(problem.light * problem.light, axis=1)), np.float32(1e-9))
     ratio = np.where(classified.usable, problem.values / strength, -np.inf)
     count = np.count_nonzero(classified.usable, axis=0)
@@ -164,7 +165,7 @@ def solve(
         left = np.count_nonzero(others.usable, axis=0)
         lost_to_shadow = left + np.count_nonzero(removed, axis=0) > count
         doubtful = np.flatnonzero(
-            (left >= photometry.REDUNDANT - 1)
+            (left >= photometry.OVERDETERMINED)
             & (lost_to_shadow | (first.residual > photometry.SETTINGS.outlying_deviations))
             & (classified.peak > SETTINGS.highlight_ratio * others.peak)
         )

@@ -39,8 +39,8 @@ METAL_STARTS = 4
 @dataclass(frozen=True)
 class TermProblem:
     """Pixels to solve with terms: values and which are clipped (F, N), light vectors (F, 3, N), unit directions to the
-    camera (3, N), noise, the terms, the solve `once` with given values of the terms, and values (N,) of white at a
-    mosaic's sites."""
+    camera (3, N), noise, the terms, the solve `once` with given values of the terms; values (N,) of white at a mosaic's
+    sites and the pixels' sky view factors (N,), none: ones."""
 
     values: Float32Array
     clipped: BoolArray
@@ -61,7 +61,7 @@ def rounds(terms: ImageTerms) -> int:
 def solve(problem: TermProblem) -> Estimate:
     """The pixels' estimates with their terms: from facing the camera, of gloss and metal from several starts."""
     light = problem.light
-    strength = np.maximum(np.sqrt(np.einsum("fcn,fcn->fn", light, light)), np.float32(1e-9))
+    strength = np.maximum(photometry.strength(light), np.float32(1e-9))
     ratio = np.where(problem.clipped, 0, problem.values / strength)
     peak = np.max(ratio, axis=0)
     facing = (problem.view * peak).astype(np.float32)
@@ -84,24 +84,20 @@ def solve(problem: TermProblem) -> Estimate:
 
 def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) -> Estimate:
     """All rounds of solves; the first with the terms `first` at g of `start` (3, N)."""
-    light, view = problem.light, problem.view
 
-    def values(estimate: Estimate) -> TermValues:
-        return image_terms.evaluate(
-            problem.terms, estimate.g, light, estimate.usable, view, problem.response, problem.sky
-        )
+    def values(terms: ImageTerms, g: Float32Array, usable: BoolArray) -> TermValues:
+        return image_terms.evaluate(terms, g, problem.light, usable, problem.view, problem.response, problem.sky)
 
-    everywhere = np.ones_like(problem.clipped)
-    estimate = problem.once(image_terms.evaluate(first, start, light, everywhere, view, problem.response, problem.sky))
+    estimate = problem.once(values(first, start, np.ones_like(problem.clipped)))
     for _ in range(rounds(problem.terms) - 1):
-        estimate = problem.once(values(estimate))
-    return replace(estimate, terms=values(estimate))
+        estimate = problem.once(values(problem.terms, estimate.g, estimate.usable))
+    return replace(estimate, terms=values(problem.terms, estimate.g, estimate.usable))
 
 
 def _robust_cost(problem: TermProblem, estimate: Estimate) -> Float32Array:
     """Sum (N,) over images of Cauchy's loss of the residuals; what counts as shadow costs as an outlier."""
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
-    residual = problem.values - np.einsum("fcn,cn->fn", estimate.light, estimate.g) - estimate.term_value
+    strength = photometry.strength(estimate.light) * estimate.albedo
+    residual = problem.values - estimate.lambertian() - estimate.term_value
     variance = problem.noise.variance(np.maximum(problem.values, 0), strength) + estimate.highlight_variance
     square = np.where(estimate.usable, residual**2 / variance, photometry.SETTINGS.outlying_deviations**2)
     return np.sum(np.where(problem.clipped, 0, np.log1p(square / photometry.CAUCHY_SCALE**2)), axis=0).astype(

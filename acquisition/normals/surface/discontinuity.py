@@ -60,7 +60,7 @@ class ShadowImages:
     """Images in which cast shadows are sought, at N pixels under F lamps.
 
     `measured` (F, N) are the values, `estimate` is their present solution, `indirect` (F, N) the indirect radiance in
-    them, and `lamp` (F, 6) positions and axes in the view frame, m.
+    them, and `lamp` (F, 6 or 9) positions and axes in the view frame, m.
     """
 
     pixels: Pixels
@@ -78,13 +78,13 @@ class ShadowImages:
         albedo reflect.
         """
         light, clipped, ray = self.estimate.light, self.pixels.clipped, photometry.ray_directions(self.pixels.ray)
-        strength = np.maximum(np.sqrt(np.einsum("fcn,fcn->fn", light, light)), np.float32(1e-9))
-        values = self.measured - self.estimate.nondiffuse_value
+        strength = np.maximum(photometry.strength(light), np.float32(1e-9))
+        values = self.measured - self.estimate.beside_direct_diffuse
         ratio = values / strength
         largest = np.maximum(np.max(np.where(clipped, 0, ratio), axis=0), np.float32(1e-6))
         share = np.where(clipped, np.float32(1), np.maximum(ratio / largest, 0))
         facing = -np.einsum("fcn,cn->fn", light, ray) / (strength * np.linalg.norm(ray, axis=0))
-        unshadowed = np.maximum(np.einsum("fcn,cn->fn", light, self.estimate.g), 0)
+        unshadowed = np.maximum(self.estimate.lambertian(), 0)
         grazed = (facing < photometry.SETTINGS.grazing_cosine) & (4 * (values - self.indirect) > 3 * unshadowed)
         return np.where(grazed, np.maximum(share, np.float32(dark)), share)
 
@@ -157,7 +157,7 @@ def discontinuous_depth(
     number[pixels.index] = np.arange(len(pixels.index))
     tip, edge = number[equations.tip], number[equations.edge]
     ray = photometry.ray_directions(pixels.ray)
-    cosine = -np.sum(normals * ray, axis=0) / np.sqrt(np.sum(ray * ray, axis=0))
+    cosine = np.sum(normals * photometry.towards_camera(ray), axis=0)
     below, right = equations.discontinuities(pixels.image(cosine.astype(np.float32), 1.0))
     first = pixels.index[p]
     prior = np.where(np.where(slopes.across, right[first], below[first]), SETTINGS.shadow_weight, 1.0)

@@ -57,8 +57,8 @@ def project_integrable(
 ) -> float:
     """Projects unit normals (H, W, 3), view frame, onto integrable ones by least squares, and lowers their σ, in place.
 
-    It returns how large the normals' independent noise is, a variance, over what `variance` says: by the median of the
-    squared circulations, which no surface has; 1 where there are too few.
+    It returns the noise ratio, how large the noise that pixels do not share is, a variance, over what `variance` says:
+    by the median of the squared circulations, which no surface has; 1 where there are too few.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal; `variance`
     (H, W) in rad² is the part of its square that comes from errors which pixels do not share, and is lowered as well;
@@ -84,14 +84,20 @@ def project_integrable(
         left = left[first:last]
         squares.append(relative)
         normals[start:stop] = strip[first:last]
-        weakly_checked = sigma_deg[start:stop] > photometry.SETTINGS.weakly_checked_sigma_deg
-        removed = np.where(weakly_checked, 0, (1 - left) * before[first:last])
-        sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - removed))
-        variance[start:stop] -= removed
+        add_variance(sigma_deg[start:stop], variance[start:stop], (left - 1) * before[first:last])
     found = np.concatenate(squares) if squares else np.zeros(0, np.float32)
     if len(found) < photometry.SETTINGS.min_sample:
         return 1.0
     return float(np.median(found)) / photometry.GAUSSIAN_MEDIAN_DEVIATION**2
+
+
+def add_variance(sigma_deg: Float32Array, variance: Float32Array, change: Float32Array) -> None:
+    """Adds a change (h, w), rad², of the variance that pixels do not share to that `variance` and to the square of
+    `sigma_deg`, in place; none where σ says that an error comes from too few lights, and is shared."""
+    weakly_checked = sigma_deg > photometry.SETTINGS.weakly_checked_sigma_deg
+    change = np.where(weakly_checked, 0, change).astype(np.float32)
+    sigma_deg[:] = np.degrees(np.sqrt(np.maximum(np.radians(sigma_deg) ** 2 + change, 0)))
+    variance += change
 
 
 def _project_strip(
@@ -173,8 +179,8 @@ def _circulations(
     slope: Float32Array, limit: float, curvature_sigma: float, total: Float32Array, slack: Float32Array,
     inverse: Float32Array,
 ) -> None:  # fmt: skip
-    """Circulation of the slopes round each cell, the variance of its constraint, and 1 / the total variance; `limit`
-    and `curvature_sigma` as in the settings."""
+    """Circulation of the slopes round each cell, the variance of its constraint, and 1 / the total variance; `limit` is
+    Cauchy's scale, `curvature_sigma` as in the settings."""
     height, width = slope.shape[1:]
     for i in numba.prange(height - 1):
         for j in range(width - 1):

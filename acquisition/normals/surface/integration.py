@@ -68,13 +68,13 @@ def depth(
 
 
 def confidence(variance: Float32Array) -> Float32Array:
-    """Confidence weight of normals, 0–1, from their variance in rad² over both tangential directions, in place: a half
-    where it is that of normals that are weakly checked."""
-    variance /= np.float32(np.radians(photometry.SETTINGS.weakly_checked_sigma_deg) ** 2)
-    variance += 1
-    np.divide(1, variance, out=variance)
-    variance += np.float32(1e-3)
-    return variance
+    """Confidence weight of normals, 0–1, from their variance in rad² over both tangential directions: a half where
+    it is that of normals that are weakly checked."""
+    out = variance / np.float32(np.radians(photometry.SETTINGS.weakly_checked_sigma_deg) ** 2)
+    out += 1
+    np.divide(1, out, out=out)
+    out += np.float32(1e-3)
+    return out
 
 
 def orthographic_depth(

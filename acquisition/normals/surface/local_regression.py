@@ -22,6 +22,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import Float32Array
+from acquisition.normals.surface import integrability
 
 RADIUS_PX = 3
 """Pixels to either side that are fitted; time goes with its square. Errors of 112 captures of design seeds 205–225
@@ -30,10 +31,6 @@ RADIUS_PX = 3
 
 ROUNDS = 3
 """Weighted fits, each with the residuals of the one before."""
-
-NOISE_MEAN_SQUARE = 0.78
-"""χ₀²: mean of squared residuals of two components, in units of their variance, under their own biweights: x of an
-exponential distribution, weighed by (1 − x/9)² below 9."""
 
 LEAST_WEIGHT = 6.0
 """Sum of biweights below which a fit of three parameters says nothing of its residuals."""
@@ -45,18 +42,26 @@ STRIP_ROWS, CHUNK_COLUMNS = 256, 256
 """Rows that are fitted at once, and columns, whose sums stay in the processor's cache."""
 
 
-def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, independent: float) -> float:
+def noise_mean_square(most: float) -> float:
+    """χ₀²: mean of squared residuals of two components, in units of their variance, under their own biweights: x of an
+    exponential distribution, weighed by (1 − x/m)² below m = `most`; to two digits."""
+    tail = np.exp(-most)
+    weighted = 1 - 4 / most + 6 / most**2 - (2 / most + 6 / most**2) * tail
+    return round(float(weighted / (1 - 2 / most + 2 / most**2 * (1 - tail))), 2)
+
+
+def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, noise_ratio: float) -> float:
     """Regresses unit normals (H, W, 3), view frame, on those around, and changes their σ accordingly, in place.
 
     It returns the mean share of the independent noise, a variance, that is left.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, NaN where there is no normal, `variance` (H, W) in rad²
-    the part of its square that pixels should not share, both as of `integrability.project_integrable`, which also says
-    how large the noise that they do not share is, `independent`, over that: what it lacks is error that neighbours have
-    in common, and stays.
+    the part of its square that pixels should not share, both as of `integrability.project_integrable`, which also gives
+    the `noise_ratio`, how large the noise that they do not share is over that: what it lacks is error that neighbours
+    have in common, and stays.
     """
     height, width = variance.shape
-    radius, total, pixels = RADIUS_PX, 0.0, 0
+    radius, total, pixels, most = RADIUS_PX, 0.0, 0, photometry.SETTINGS.outlying_deviations**2
     above = normals[:0].copy(), variance[:0].copy()
     for start in range(0, height, STRIP_ROWS):
         stop, below = min(start + STRIP_ROWS, height), min(start + STRIP_ROWS + radius, height)
@@ -66,19 +71,17 @@ def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Arr
         first, count = len(above[0]), stop - start
         normal = np.zeros((3, count + 2 * radius, width + 2 * radius), np.float32)
         precision = np.zeros(normal.shape[1:], np.float32)
-        noise = np.float32(max(independent, LEAST_NOISE)) * before
+        noise = np.float32(max(noise_ratio, LEAST_NOISE)) * before
         inside = slice(radius - first, radius - first + len(strip)), slice(radius, radius + width)
         normal[:, *inside] = strip.transpose(2, 0, 1)
         np.divide(1, noise, out=precision[inside], where=noise > 0)
         above = strip[first + count - radius : first + count].copy(), before[first + count - radius : first + count]
         fitted, left = np.empty((3, count, width), np.float32), np.empty((count, width), np.float32)
-        _fit(normal, precision, np.float32(photometry.SETTINGS.outlying_deviations**-2), fitted, left)
+        _fit(normal, precision, np.float32(1 / most), np.float32(noise_mean_square(most)), fitted, left)
         own = before[first : first + count]
         normals[start:stop] = np.where((own > 0)[..., None], fitted.transpose(1, 2, 0), normals[start:stop])
-        weakly_checked = sigma_deg[start:stop] > photometry.SETTINGS.weakly_checked_sigma_deg
-        change = np.where(weakly_checked, 0, (left * independent - min(independent, 1)) * own).astype(np.float32)
-        sigma_deg[start:stop] = np.degrees(np.sqrt(np.maximum(np.radians(sigma_deg[start:stop]) ** 2 + change, 0)))
-        variance[start:stop] += change
+        change = (left * noise_ratio - min(noise_ratio, 1)) * own
+        integrability.add_variance(sigma_deg[start:stop], variance[start:stop], change)
         total, pixels = total + float(np.sum(left[own > 0], dtype=np.float64)), pixels + int(np.count_nonzero(own))
     return total / pixels if pixels else 1.0
 
@@ -166,19 +169,20 @@ def _solve_plane(buffer: Float32Array, j: np.uint64) -> float:
 
 
 @numba.njit(
-    "void(float32[:,:,::1], float32[:,::1], float32, float32[:,:,::1], float32[:,::1])",
+    "void(float32[:,:,::1], float32[:,::1], float32, float32, float32[:,:,::1], float32[:,::1])",
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
 def _fit(
     normal: Float32Array,  # (3, h + 2 radius, w + 2 radius), padded
     precision: Float32Array,  # (h + 2 radius, w + 2 radius), 0 where there is no normal
     square: np.float32,  # 1 over the squared residual, in σ, from which on nothing counts
+    noise: np.float32,  # χ₀²
     out: Float32Array,  # (3, h, w) unit normals
     left: Float32Array,  # (h, w) share of the variance that is left
 ) -> None:
     """Fits and shrinks all pixels of a strip, some columns of a row at once."""
     (height, width), radius = left.shape, RADIUS_PX
-    area, one, noise = np.uint64(precision.size), np.float32(1), np.float32(NOISE_MEAN_SQUARE)
+    area, one = np.uint64(precision.size), np.float32(1)
     normals, precisions = normal.reshape(3 * precision.size), precision.reshape(precision.size)
     for i in numba.prange(height):
         buffer = np.empty(26 * CHUNK_COLUMNS, np.float32)

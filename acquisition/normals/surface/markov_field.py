@@ -26,8 +26,8 @@ from acquisition.normals.images import memory_mapped
 from acquisition.normals.pixels import pixel_solve
 
 REACH, SWEEPS = 32, 5
-"""Parts of the window's longer side that the largest distance of neighbours is one of, and sweeps over all pixels with
-each distance. With half or twice as many of either errors change by 0.4 % at most."""
+"""The largest distance between neighbours is the window's longer side over REACH; each distance gets SWEEPS sweeps.
+With half or twice as many of either errors change by 0.4 % at most."""
 
 LARGEST_STEP = 0.7
 """Largest step of g as a share of it, so that it does not change its sign."""

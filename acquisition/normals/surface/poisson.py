@@ -17,8 +17,8 @@ import numpy as np
 from scipy.fft import dctn, idctn, next_fast_len
 from scipy.sparse.linalg import LinearOperator, cg
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
-from acquisition.normals.images import silhouette
 
 ITERATIONS = 60
 TOLERANCE = 5e-4
@@ -51,7 +51,7 @@ class Poisson:
     """
 
     def __init__(self, mask: BoolArray) -> None:
-        self._window = silhouette.bounding_box(mask)
+        self._window = photometry.bounding_box(mask)
         inside = mask[self._window]
         size = [next_fast_len(length, real=True) for length in inside.shape]
         self._shape = (size[0], size[1])

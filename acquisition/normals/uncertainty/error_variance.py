@@ -134,7 +134,7 @@ def evaluate(
     known = np.isfinite(posterior_deg)
     facing = facing & known if np.any(facing & known) else known
     of_facing = residual[facing], lights[facing], stated_share[facing]
-    whole = typical_excess(*of_facing)
+    typical = typical_excess(*of_facing)
     out, weight = np.full_like(posterior_deg, np.nan), weights(sharpened=sharpened)
     total = 0.0
     for start in range(0, len(out), STRIP_ROWS):
@@ -142,13 +142,13 @@ def evaluate(
         first, last = max(start - NEIGHBOUR_ROWS, 0), min(stop + NEIGHBOUR_ROWS, len(out))
         maps = (posterior_deg, residual, lights, stated_share, normals)
         strip = (one[first:last] for one in maps)
-        parts = components(*strip, whole=whole)[:, start - first : stop - first]
+        parts = components(*strip, typical=typical)[:, start - first : stop - first]
         by_images = np.asarray(np.tensordot(weight, parts, 1) + capture_deg**2, np.float64)
         variance = photometry.bounded_variance(by_images)
         out[start:stop] = np.where(known[start:stop], np.sqrt(variance), np.nan)
         structure = np.sqrt(np.tensordot(weight[CREASE : LINE + 1], parts[CREASE : LINE + 1], 1))
         total += float(np.sum(structure[facing[start:stop]], dtype=np.float64))
-    return ErrorVariance(out, excess(*of_facing), whole, total / max(np.count_nonzero(facing), 1))
+    return ErrorVariance(out, excess(*of_facing), typical, total / max(np.count_nonzero(facing), 1))
 
 
 def weights(*, sharpened: bool = False) -> Float32Array:
@@ -160,20 +160,20 @@ def weights(*, sharpened: bool = False) -> Float32Array:
 
 def components(
     posterior_deg: Float32Array, residual: Float32Array, lights: np.ndarray, stated_share: Float32Array,
-    normals: Float32Array, *, whole: float,
+    normals: Float32Array, *, typical: float,
 ) -> Float32Array:  # fmt: skip
     """What 1, B, M², M², 1/2 and E² of the module's docstring multiply (6, H, W): deg², and 0 or 1.
 
     `posterior_deg` (H, W) is σ after the integrability projection, NaN where there is no normal; `residual` the rms of
     whitened residuals, `lights` how many measurements each pixel rests on, `stated_share` the share of the stated noise
-    in their variance, `normals` (H, W, 3) the final ones, `whole` the excess ε̄.
+    in their variance, `normals` (H, W, 3) the final ones, `typical` the excess ε̄.
     """
     known = np.isfinite(posterior_deg)
     base = np.where(known, posterior_deg, 0) ** 2
     squares, freedom = _squares(residual, np.where(known, lights, 0))
     unexplained = np.subtract(squares, stated_share * freedom, dtype=np.float32)
     local = np.maximum(_pooled(unexplained) / np.maximum(_pooled(freedom), 1), 0)
-    shared = local + np.float32(whole)
+    shared = local + np.float32(typical)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
     detail = np.maximum(detail_deg2(normals, known) - NOISE_DETAIL * base, 0)
     line = line_deg(normals, known, base)

@@ -56,7 +56,7 @@ class Fit:
 
     misfit: float
     loss: float
-    share: float
+    relative_residual: float
     images: FloatArray
     regions: FloatArray
 
@@ -107,8 +107,8 @@ def evaluate(estimate: Estimate, values: Float32Array, stated: Noise, extra: Flo
             inside = (cell[0] == row) & (cell[1] == column)
             regions[row, column] = _misfit(squares[:, inside], used[:, inside])
     images = np.array([_misfit(one, valid) for one, valid in zip(squares, used, strict=True)])
-    share = float(np.sqrt(np.median(relative[used]))) if np.any(used) else float("nan")
-    return Fit(_misfit(squares, used), _loss(squares, used), share, images, regions)
+    relative_residual = float(np.sqrt(np.median(relative[used]))) if np.any(used) else float("nan")
+    return Fit(_misfit(squares, used), _loss(squares, used), relative_residual, images, regions)
 
 
 def _misfit(squares: FloatArray, used: BoolArray) -> float:

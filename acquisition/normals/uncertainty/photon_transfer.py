@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition import photometry
-from acquisition.models.base import FloatArray
+from acquisition.models.base import FloatArray, FloatT
 from acquisition.models.tuned import tuned
 
 
@@ -47,7 +47,6 @@ class TransferSettings:
 SETTINGS = TransferSettings()
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
-FloatT = TypeVar("FloatT", np.float32, np.float64)
 
 BINS = 24
 """Bins of brightness, of equal width in its square root, as the noise is. Each is many times as wide as the noise,

@@ -59,7 +59,7 @@ def _differences(
 ) -> tuple[Float32Array, Float32Array]:  # fmt: skip
     """Brightness (K,) and differences (K,) with one measurement's variance, both in electrons by the guessed gain."""
     light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
+    strength = photometry.strength(light)
     usable, _, _ = pixel_solve.classify_measurements(pixels, pixels.values, light, SolveSettings().shadow_threshold)
     weighted = light * (usable / np.maximum(strength, np.float32(1e-9)) ** 2)[:, None]
     inner = np.einsum("fan,fbn->nab", weighted, light, optimize=True) + 1e-6 * np.eye(3)

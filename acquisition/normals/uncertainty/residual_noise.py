@@ -55,7 +55,7 @@ def estimate(solution: Estimate, values: Float32Array, noise: Noise, stated: Noi
     cosine = residuals.predicted / np.maximum(residuals.strength, 1e-9)
     by_intensity, by_direction = residuals.values**2, residuals.strength**2
     for _ in range(ROUNDS):
-        variance, squares, counted = residuals.unleveraged(noise)
+        variance, squares, counted = residuals.studentised(noise)
         intensity = _median_matched_share(
             squares, variance - noise.intensity**2 * by_intensity, by_intensity,
             counted & (cosine > photometry.SETTINGS.grazing_cosine), least_pixels,
@@ -76,11 +76,11 @@ def studentised_squares(
     """Squared residuals (F, K) over their expectation v (1 − h) in the given `noise`, over the squared value and 1 − h,
     and which of them count.
 
-    Those of pixels with fewer than `photometry.REDUNDANT` usable lights, of four images with fewer than four, or of
-    leverage above `max_leverage`, do not count. Arguments as of `estimate`.
+    Pixels need five usable lights, or four where there are only four images (`photometry.REDUNDANT`); measurements of
+    leverage above `max_leverage` do not count. Arguments as of `estimate`.
     """
     least_lights = min(len(values), photometry.REDUNDANT)
-    variance, squares, counted = _Residuals.of(solution, values, extra, least_lights).unleveraged(noise)
+    variance, squares, counted = _Residuals.of(solution, values, extra, least_lights).studentised(noise)
     return squares / variance, squares / np.maximum(values, 1e-6) ** 2, counted
 
 
@@ -99,15 +99,14 @@ class _Residuals:
     @classmethod
     def of(cls, solution: Estimate, values: Float32Array, extra: Float32Array, least_lights: int) -> "_Residuals":
         light, g = solution.light.astype(np.float64), solution.g.astype(np.float64)
-        predicted = np.einsum("fck,ck->fk", light, g) + solution.term_value
-        strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
+        strength = photometry.strength(light) * np.sqrt(np.sum(g * g, axis=0))
         used = solution.weights > 0
         used &= np.count_nonzero(used, axis=0) >= max(least_lights, photometry.OVERDETERMINED)
-        rows = np.ascontiguousarray(solution.rows, np.float64)
+        rows, predicted = np.ascontiguousarray(solution.rows, np.float64), solution.predicted(np.float64)
         return cls(rows, values.astype(np.float64), predicted, strength, extra, used)
 
-    def unleveraged(self, noise: Noise) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Variance v in a `noise`, squared residuals over 1 − h, and which count; each (F, K)."""
+    def studentised(self, noise: Noise) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Studentised residuals: variance v in a `noise`, squared residuals over 1 − h, which count; each (F, K)."""
         variance = noise.variance(np.maximum(self.values, 0), self.strength) + self.extra
         leverage = np.empty(variance.shape)
         _leverage(self.rows, np.ascontiguousarray(np.where(self.used, 1 / variance, 0)), leverage)

@@ -177,7 +177,7 @@ class Scene:
         return Run(self.solve(lights, unpredicted), chosen)
 
     def _further(self, known: SceneResult, recipe: Recipe) -> LightPlan:
-        problem = plan.Problem.of(known.normal_map, known.observations, recipe, self.dome, self.calibration)
+        problem = plan.DesignProblem.of(known.normal_map, known.observations, recipe, self.dome, self.calibration)
         if recipe.target_sigma_deg is not None:
             return plan.plan_to_target(problem, photometry.mean_sigma_deg(known.normal_map, self.calibration))
         return plan.choose(problem, certify=False)

@@ -64,7 +64,6 @@ def refined(gathered: PyramidLevel, noise: image_values.Noise, received: float) 
         shared=replace(SharedParameters.nominal(lights), log_intensity=np.linspace(-0.01, 0.01, lights)),
         shared_variance=np.full(count, 1e-5, np.float32),
         indirect_irradiance=None if light is None else light.astype(np.float32),
-        indirect_scale=1.0,
         typical_albedo=0.5,
         noise=noise,
         normals=np.zeros((3, count), np.float32),

@@ -12,7 +12,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals.alternatives import changed_images
 from acquisition.normals.images import colour_albedo
-from acquisition.normals.images.normalised_images import Images
+from acquisition.normals.images.normalised_images import ImageBlock, Images
 from acquisition.normals.pixels import image_terms, pixel_solve
 from acquisition.normals.pixels.image_terms import ImageTerms
 from acquisition.plan import baselines
@@ -124,7 +124,7 @@ def test_of_sites_of_a_monochrome_sensor_changes_nothing(seen: tuple[scenes.Scen
 def test_translated_mosaic_mixes_no_channels() -> None:
     sites = mosaic.sites("rggb", WHOLE, WHOLE)
     even = (SURFACE.astype(np.float32))[sites][None]
-    stack = Images.of(even, even > 2, tuple(_lights()[:1]), WHOLE, WHOLE, np.ones(1), np.ones(1))
+    stack = Images(ImageBlock(even, even > 2).rows, tuple(_lights()[:1]), WHOLE, WHOLE, np.ones(1), np.ones(1))
     moved = changed_images.translated(stack, np.array([[1.3, -0.7]]), mosaic.CELL).read(11, 40).values
     np.testing.assert_allclose(moved, even[:, 11:40], atol=1e-6)
     mixed = changed_images.translated(stack, np.array([[1.3, -0.7]])).read(11, 40).values
@@ -134,7 +134,7 @@ def test_translated_mosaic_mixes_no_channels() -> None:
 def test_translated_mosaic_moves_content_as_far_as_asked() -> None:
     row, column = np.mgrid[:SIZE, :SIZE].astype(np.float32)
     ramp = (0.01 * column + 0.02 * row)[None]
-    stack = Images.of(ramp, ramp > 9, tuple(_lights()[:1]), WHOLE, WHOLE, np.ones(1), np.ones(1))
+    stack = Images(ImageBlock(ramp, ramp > 9).rows, tuple(_lights()[:1]), WHOLE, WHOLE, np.ones(1), np.ones(1))
     moved = changed_images.translated(stack, np.array([[3.0, -1.0]]), mosaic.CELL).read(20, 60).values
     np.testing.assert_allclose(moved[:, :, 20:-20], (ramp + 0.03 - 0.02)[:, 20:60, 20:-20], atol=1e-5)
 

@@ -38,7 +38,7 @@ def pixels_with(normal: FloatArray, albedo: FloatArray, information: FloatArray)
         normal=normal.astype(np.float32),
         albedo=albedo.astype(np.float32),
         information=np.ascontiguousarray(information),
-        lit=none,
+        light_count=none,
         indirect=none,
         margin=np.zeros(len(albedo)),
     )

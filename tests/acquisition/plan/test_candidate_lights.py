@@ -57,7 +57,7 @@ def test_choose_listed_stays_on_list_wherever_it_lies(below: float, piloted: Nor
     """Also where all lamps stand on one side: the images so far may surround the object."""
     lamps = listed(40, below=below)
     chosen = plan.choose(
-        plan.Problem.of(piloted, cases.NO_OBSERVATIONS, Recipe(), lamps, cushion.calibration, surround=False), 5
+        plan.DesignProblem.of(piloted, cases.NO_OBSERVATIONS, Recipe(), lamps, cushion.calibration, surround=False), 5
     )
     assert len(set(lamps.numbers(chosen.lights))) == 5
     assert all(np.any(np.all(np.isclose(lamps.candidates, light.position), axis=1)) for light in chosen.lights)
@@ -68,11 +68,11 @@ def test_choose_as_many_as_listed_takes_all(piloted: NormalMap, cushion: scenes.
     arguments = (piloted, cases.NO_OBSERVATIONS, Recipe())
     for count in (1, 2, 5):
         lamps = listed(count)
-        chosen = plan.choose(plan.Problem.of(*arguments, lamps, cushion.calibration, surround=False), count)
+        chosen = plan.choose(plan.DesignProblem.of(*arguments, lamps, cushion.calibration, surround=False), count)
         assert sorted(lamps.numbers(chosen.lights)) == list(range(count))
         assert chosen.efficiency == pytest.approx(1, abs=1e-3)
         with pytest.raises(RigError) as caught:
-            plan.choose(plan.Problem.of(*arguments, lamps, cushion.calibration, surround=False), count + 1)
+            plan.choose(plan.DesignProblem.of(*arguments, lamps, cushion.calibration, surround=False), count + 1)
         assert caught.value.code is ErrorCode.PLAN_INFEASIBLE
 
 
@@ -80,10 +80,12 @@ def test_choose_one_of_nine_listed_is_among_the_best(piloted: NormalMap, cushion
     """As lists of each of the same lamps alone state it; the search sees other pixels, wrong depth, and a cap."""
     lamps = listed(9)
     arguments = (piloted, cases.NO_OBSERVATIONS, Recipe())
-    chosen = plan.choose(plan.Problem.of(*arguments, lamps, cushion.calibration, surround=False), 1, certify=False)
+    chosen = plan.choose(
+        plan.DesignProblem.of(*arguments, lamps, cushion.calibration, surround=False), 1, certify=False
+    )
     alone = [
         plan.choose(
-            plan.Problem.of(
+            plan.DesignProblem.of(
                 *arguments, CandidateLights(lamps.candidates[[one]], lamps.center), cushion.calibration, surround=False
             ),
             1,

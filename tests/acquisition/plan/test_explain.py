@@ -21,7 +21,7 @@ PLACES = np.array([light.position for light in LIGHTS])
 @pytest.fixture(scope="module")
 def basis() -> Basis:
     known = cases.known_map(TRUE, PILOT_LIGHTS)
-    problem = plan.Problem.of(known, cases.NO_OBSERVATIONS, Recipe(), scenes.Dome(refused=0), TRUE.calibration)
+    problem = plan.DesignProblem.of(known, cases.NO_OBSERVATIONS, Recipe(), scenes.Dome(refused=0), TRUE.calibration)
     return Basis.of(problem, known, cases.NO_OBSERVATIONS, TRUE.calibration)
 
 

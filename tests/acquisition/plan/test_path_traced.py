@@ -18,7 +18,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.normals import Images
+from acquisition.normals.images.normalised_images import ImageBlock, Images
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 from tests.path_traced import bench, captures
@@ -51,9 +51,12 @@ def captured(name: str, positions: np.ndarray, seed: int, *, bounces: bool) -> I
 
 
 def joined(one: Images, other: Images) -> Images:
-    return Images.of(
-        values=np.concatenate([one.whole.values, other.whole.values]),
-        clipped=np.concatenate([one.whole.clipped, other.whole.clipped]),
+    block = ImageBlock(
+        np.concatenate([one.whole.values, other.whole.values]),
+        np.concatenate([one.whole.clipped, other.whole.clipped]),
+    )
+    return Images(
+        read=block.rows,
         lights=(*one.lights, *other.lights),
         rows=one.rows,
         columns=one.columns,
@@ -87,7 +90,9 @@ def planned(name: str, draw: int, *, bounces: bool) -> Images:
     ]
     observations = Observations(shots=shots, darks={}, frames=scenes.Frames())
     chosen = plan.choose(
-        plan.Problem.of(solved(name, first), observations, Recipe(seed=draw), REACH, captures.calibration(PIXELS)),
+        plan.DesignProblem.of(
+            solved(name, first), observations, Recipe(seed=draw), REACH, captures.calibration(PIXELS)
+        ),
         LIGHTS - 4,
         certify=False,
     )

@@ -20,7 +20,7 @@ def prepared() -> tuple[Basis, LightPlan]:
     """The basis of a piloted scene, and a plan made from the same."""
     reach, scene = scenes.Dome(seed=1, count=150), scenes.scene(scenes.bumps, scenes.calibration(128))
     known = cases.known_map(scene, pilot.pattern(Recipe(), reach))
-    problem = plan.Problem.of(known, cases.NO_OBSERVATIONS, Recipe(), reach, scene.calibration)
+    problem = plan.DesignProblem.of(known, cases.NO_OBSERVATIONS, Recipe(), reach, scene.calibration)
     basis = Basis.of(problem, known, cases.NO_OBSERVATIONS, scene.calibration)
     return basis, plan.choose(problem, 4, certify=False)
 

@@ -38,7 +38,9 @@ def planned(
     normal_map: NormalMap, true: scenes.Scene, reach: scenes.Dome, count: int = 4, *, certify: bool = False
 ) -> LightPlan:
     return plan.choose(
-        plan.Problem.of(normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration), count, certify=certify
+        plan.DesignProblem.of(normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration),
+        count,
+        certify=certify,
     )
 
 
@@ -90,7 +92,7 @@ def test_choose_side_unlit_by_pilot_gets_light(cushion: scenes.Scene, reach: sce
         cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(right)]
     )
     added = plan.choose(
-        plan.Problem.of(normal_map, observations, Recipe(), reach, cushion.calibration), 4, certify=False
+        plan.DesignProblem.of(normal_map, observations, Recipe(), reach, cushion.calibration), 4, certify=False
     ).lights
     assert sum(light.position[0] < -0.05 for light in added) >= 2
     assert np.mean([light.position[0] for light in added]) < -0.05
@@ -101,7 +103,7 @@ def test_choose_by_normals_of_other_images_is_refused(
 ) -> None:
     observations = scenes.capture(cushion, scenes.ring(8, 45.0))
     with pytest.raises(RigError, match="of 4 images, the session has 8"):
-        plan.Problem.of(piloted, observations, Recipe(), reach, cushion.calibration)
+        plan.DesignProblem.of(piloted, observations, Recipe(), reach, cushion.calibration)
 
 
 def test_choose_recipe_fulfilled_gives_no_lights_but_forecast(
@@ -109,7 +111,7 @@ def test_choose_recipe_fulfilled_gives_no_lights_but_forecast(
 ) -> None:
     observations = scenes.capture(cushion, scenes.ring(4, 45.0))
     recipe = Recipe(pilot_lights=4, planned_lights=0)
-    chosen = plan.choose(plan.Problem.of(piloted, observations, recipe, reach, cushion.calibration))
+    chosen = plan.choose(plan.DesignProblem.of(piloted, observations, recipe, reach, cushion.calibration))
     assert chosen.lights == []
     assert (chosen.predicted_sigma_deg or 0) > 0
     assert "all lights of the recipe have been captured" in chosen.notes
@@ -180,7 +182,7 @@ def test_choose_unexplained_steps_keeps_planned_lights(reach: scenes.Dome) -> No
     assert np.mean(dark[:, flat.mask]) > 0.02
     normal_map = replace(cases.known_map(flat, lights), flags=np.where(dark, CAST, LIT).astype(np.uint8))
     chosen = plan.choose(
-        plan.Problem.of(normal_map, scenes.capture(stepped, lights), Recipe(), reach, flat.calibration)
+        plan.DesignProblem.of(normal_map, scenes.capture(stepped, lights), Recipe(), reach, flat.calibration)
     )
     assert chosen.method == "optimal"
     assert chosen.fallback is None
@@ -200,7 +202,7 @@ def test_choose_never_predicts_more_loss_than_completed_rings(
         cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)]
     )
     recipe = Recipe()
-    chosen = plan.choose(plan.Problem.of(normal_map, observations, recipe, reach, cushion.calibration), count)
+    chosen = plan.choose(plan.DesignProblem.of(normal_map, observations, recipe, reach, cushion.calibration), count)
     usable = sample_pixels.usable(normal_map, cushion.calibration)
     offset_sigma_m = photometry.SETTINGS.integrated_depth_sigma_m
     sample = sample_pixels.samples(normal_map, cushion.calibration, usable, offset_sigma_m)
@@ -239,7 +241,7 @@ def test_choose_region_of_interest_moves_lights(cushion: scenes.Scene, reach: sc
     for side, region in (("left", columns < 0.375 * SIZE), ("right", columns > 0.625 * SIZE)):
         observations = cases.NO_OBSERVATIONS
         chosen = plan.choose(
-            plan.Problem.of(normal_map, observations, Recipe(), reach, cushion.calibration, region=region),
+            plan.DesignProblem.of(normal_map, observations, Recipe(), reach, cushion.calibration, region=region),
             3,
             certify=False,
         )
@@ -254,7 +256,8 @@ def test_choose_empty_or_misshapen_region_is_refused(
     region = np.zeros((SIZE, SIZE) if empty else (SIZE // 2, SIZE // 2), np.bool_)
     with pytest.raises(RigError, match="region") as caught:
         plan.choose(
-            plan.Problem.of(piloted, cases.NO_OBSERVATIONS, Recipe(), reach, cushion.calibration, region=region), 4
+            plan.DesignProblem.of(piloted, cases.NO_OBSERVATIONS, Recipe(), reach, cushion.calibration, region=region),
+            4,
         )
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
 
@@ -263,11 +266,11 @@ def test_forecast_falls_with_lights_and_agrees_with_plan(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     arguments = (piloted, cases.NO_OBSERVATIONS, Recipe(), reach, cushion.calibration)
-    points = plan.forecast(plan.Problem.of(*arguments), [0, 1, 2, 4, 8])
+    points = plan.forecast(plan.DesignProblem.of(*arguments), [0, 1, 2, 4, 8])
     assert [(point.added, point.lights) for point in points] == [(n, n) for n in (0, 1, 2, 4, 8)]
     sigma = [point.sigma_deg for point in points]
     assert sigma == sorted(sigma, reverse=True)
-    chosen = plan.choose(plan.Problem.of(*arguments), 4, certify=False, forecast_counts=(1, 2, 4, 8))
+    chosen = plan.choose(plan.DesignProblem.of(*arguments), 4, certify=False, forecast_counts=(1, 2, 4, 8))
     assert points[3].sigma_deg == pytest.approx(chosen.predicted_sigma_deg, rel=0.03)
     assert [point.added for point in chosen.forecast] == [1, 2, 4, 8]
     assert [point.sigma_deg for point in chosen.forecast] == pytest.approx(sigma[1:], rel=0.03)
@@ -277,7 +280,7 @@ def test_choose_few_candidates_shortens_forecast_only(piloted: NormalMap, cushio
     few = scenes.Dome(refused=0)
     few.candidates = few.candidates[:: len(few.candidates) // 9][:10]
     known = (piloted, cases.NO_OBSERVATIONS, Recipe(), few, cushion.calibration)
-    chosen = plan.choose(plan.Problem.of(*known), 4, certify=False, forecast_counts=(1, 8, 16))
+    chosen = plan.choose(plan.DesignProblem.of(*known), 4, certify=False, forecast_counts=(1, 8, 16))
     assert len(chosen.lights) == 4
     assert [point.added for point in chosen.forecast] == [1, 8]
 
@@ -288,7 +291,7 @@ def test_choose_one_usable_pilot_light_warns(cushion: scenes.Scene, reach: scene
     flags[0] = LIT
     normal_map = replace(cases.known_map(cushion, lights[:1]), flags=flags)
     chosen = plan.choose(
-        plan.Problem.of(normal_map, scenes.capture(cushion, lights), Recipe(), reach, cushion.calibration)
+        plan.DesignProblem.of(normal_map, scenes.capture(cushion, lights), Recipe(), reach, cushion.calibration)
     )
     assert len(chosen.lights) == 4
     assert any("lit by fewer than 3 lights" in note for note in chosen.notes)

@@ -88,14 +88,14 @@ def test_prior_forecast_agrees_with_sessions_on_sphere() -> None:
         assert 1 / FACTOR_OF_PILOT < ratio < FACTOR_OF_PILOT
         images = [count for count in before if recipe.pilot_lights < count <= recipe.lights_total]
         counts = [count - recipe.pilot_lights for count in images]
-        after = plan.forecast(plan.Problem.of(piloted, observations, recipe, REACH, known), counts)
+        after = plan.forecast(plan.DesignProblem.of(piloted, observations, recipe, REACH, known), counts)
         for count, point in zip(images, after, strict=True):
             ratio = before[count] / point.sigma_deg
             print(f"forecast of {count}: {ratio:.3f}")
             assert 1 / FACTOR_OF_FORECAST < ratio < FACTOR_OF_FORECAST, (count, ratio)
         for count in (images[0], images[-1]):
             chosen = plan.choose(
-                plan.Problem.of(piloted, observations, recipe, REACH, known), count - recipe.pilot_lights
+                plan.DesignProblem.of(piloted, observations, recipe, REACH, known), count - recipe.pilot_lights
             )
             captured = scenes.capture(true, [*first, *chosen.lights])
             result = normals.solve(captured, known, SolveSettings(), normals.ObjectPlace(0.87))

@@ -34,7 +34,7 @@ def planned(
     normal_map: NormalMap, observations: Observations, recipe: Recipe, region: BoolArray | None = None
 ) -> LightPlan:
     achieved_deg = photometry.mean_sigma_deg(normal_map, TRUE.calibration, region)
-    problem = plan.Problem.of(normal_map, observations, recipe, REACH, TRUE.calibration, region=region)
+    problem = plan.DesignProblem.of(normal_map, observations, recipe, REACH, TRUE.calibration, region=region)
     return plan.plan_to_target(problem, achieved_deg)
 
 
@@ -44,7 +44,7 @@ def plan_to(known: tuple[NormalMap, Observations], **order: object) -> LightPlan
 
 def test_plan_to_target_within_reach_plans_forecast_count(known: tuple[NormalMap, Observations]) -> None:
     reached = photometry.mean_sigma_deg(known[0], TRUE.calibration)
-    curve = plan.forecast(plan.Problem.of(*known, Recipe(), REACH, TRUE.calibration), [2, 3, 4])
+    curve = plan.forecast(plan.DesignProblem.of(*known, Recipe(), REACH, TRUE.calibration), [2, 3, 4])
     chosen = plan_to(
         known, target_sigma_deg=curve[1].sigma_deg / (1 + stopping_rule.SETTINGS.first_slack) * 1.0001, max_lights=12
     )
@@ -108,13 +108,13 @@ def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, O
 def test_plan_to_target_first_pass_has_slack_later_is_rescaled(
     known: tuple[NormalMap, Observations],
 ) -> None:
-    curve = plan.forecast(plan.Problem.of(*known, Recipe(), REACH, TRUE.calibration), [2, 3])
+    curve = plan.forecast(plan.DesignProblem.of(*known, Recipe(), REACH, TRUE.calibration), [2, 3])
     between = curve[1].sigma_deg / 1.19
     assert len(plan_to(known, target_sigma_deg=between, max_lights=12).lights) == 3
     assert len(plan_to(known, target_sigma_deg=curve[1].sigma_deg / 1.21, max_lights=12).lights) > 3
     # The same images in a session whose pilot is complete.
     later = plan_to(known, target_sigma_deg=between, pilot_lights=3)
-    now = plan.forecast(plan.Problem.of(*known, Recipe(), REACH, TRUE.calibration), [0])[0].sigma_deg
+    now = plan.forecast(plan.DesignProblem.of(*known, Recipe(), REACH, TRUE.calibration), [0])[0].sigma_deg
     factor = photometry.mean_sigma_deg(known[0], TRUE.calibration) / now
     assert later.forecast[2].sigma_deg == pytest.approx(curve[1].sigma_deg * factor, rel=1e-6)
 

@@ -13,7 +13,7 @@ from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import Images
 from acquisition.normals.alternatives import model_selection
 from acquisition.normals.alternatives.alternative import Alternative
-from acquisition.normals.alternatives.model_trial import Problem, Solution
+from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.images import session_images
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
@@ -91,8 +91,8 @@ def recorded_solutions() -> Generator[list[Solution]]:
     solutions: list[Solution] = []
     solve = model_selection.solve
 
-    def recording(problem: Problem) -> Solution:
-        solutions.append(solve(problem))
+    def recording(hypothesis: Hypothesis) -> Solution:
+        solutions.append(solve(hypothesis))
         return solutions[-1]
 
     with pytest.MonkeyPatch.context() as monkeypatch:

@@ -54,7 +54,7 @@ def test_image_with_a_flash_is_tried_without_however_the_images_fit(lit_from_the
     first = image_alternatives.bad_image(lit_from_the_camera)[0]
     assert first.value == BAD + 1
     assert first.worse_at_most == model_trial.SETTINGS.better
-    clipped = first.problem.masked.images.whole.clipped
+    clipped = first.hypothesis.masked.images.whole.clipped
     assert np.all(clipped[BAD])
     assert not np.any(clipped[np.arange(len(clipped)) != BAD])
 
@@ -69,7 +69,7 @@ def test_image_that_fits_as_well_as_those_of_sound_captures_outlies_by_its_inten
     fit = replace(lit_from_the_camera.fit, images=0.5 * images / np.max(images))
     intensities = np.where(np.arange(len(images)) == BAD, deviation, 0.0)
     well_fitting = with_intensities(replace(lit_from_the_camera, fit=fit), intensities)
-    assert well_fitting.problem.nominal.calibration.intensity_sigma == pytest.approx(0.01)
+    assert well_fitting.hypothesis.nominal.calibration.intensity_sigma == pytest.approx(0.01)
     assert image_alternatives.one_outlies(well_fitting) == outlies
 
 
@@ -83,18 +83,18 @@ def test_worst_image_of_a_poor_fit_has_to_take_more_of_the_loss_with_it(sound: S
 def test_image_that_was_scaled_most_is_tried_without_and_others_as_they_were_read(sound: Solution) -> None:
     factors = np.ones(8)
     factors[[BAD, 5]] = 1.6, 0.8
-    problem, kinds = sound.problem, ("moved object", image_alternatives.INTENSITIES)
-    scaled = problem.reread(changed_images.scaled(problem.masked.images, factors))
+    hypothesis, kinds = sound.hypothesis, ("moved object", image_alternatives.INTENSITIES)
+    scaled = hypothesis.reread(changed_images.scaled(hypothesis.masked.images, factors))
     scaled = replace(scaled, factors=factors, corrected=kinds)
     (alternative,) = [
-        one for one in image_alternatives.bad_image(replace(sound, problem=scaled)) if one.value == BAD + 1
+        one for one in image_alternatives.bad_image(replace(sound, hypothesis=scaled)) if one.value == BAD + 1
     ]
-    images, read = alternative.problem.masked.images, problem.masked.images
+    images, read = alternative.hypothesis.masked.images, hypothesis.masked.images
     assert images.whole.values == pytest.approx(read.whole.values, rel=1e-6)
     assert images.shot == pytest.approx(read.shot)
     assert images.floor == pytest.approx(read.floor)
-    assert alternative.problem.factors == 1
-    assert alternative.problem.corrected == kinds[:1]
+    assert alternative.hypothesis.factors == 1
+    assert alternative.hypothesis.corrected == kinds[:1]
 
 
 @pytest.mark.parametrize(

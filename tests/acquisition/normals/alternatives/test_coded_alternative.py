@@ -151,7 +151,12 @@ def test_linearised_values_are_accepted_up_to_a_share_of_the_values_as_score_and
     stated = scored(replace(before, fit=replace(before.fit, misfit=4.0)), gain, exponent)
 
     def accepted(share: float) -> bool:
-        fit = replace(after.fit, share=share * before.fit.share, loss=loss * before.fit.loss, misfit=misfit)
+        fit = replace(
+            after.fit,
+            relative_residual=share * before.fit.relative_residual,
+            loss=loss * before.fit.loss,
+            misfit=misfit,
+        )
         return alternative.accepted(stated, replace(after, fit=fit))
 
     shares = (0.9, 0.99, 1.01, 1.15, 1.25, 1.45, 1.85, 2.0)
@@ -166,10 +171,12 @@ def test_coding_takes_the_place_of_light_from_elsewhere_that_fits_worse(
 ) -> None:
     """Both explain what is in shadows: a coded profile was solved in ambient light, 12.8° off in place of 5.3°."""
     alternative, before, after = trial
-    sigma = replace(before.problem.term_sigma, ambient=0.15)
+    sigma = replace(before.hypothesis.term_sigma, ambient=0.15)
     stated = scored(replace(before, fit=replace(before.fit, misfit=4.0)), 1.0, -0.1)
-    fit = replace(after.fit, share=share * before.fit.share, loss=loss * before.fit.loss, misfit=1.6)
-    in_light = replace(stated, problem=replace(before.problem, term_sigma=sigma))
+    fit = replace(
+        after.fit, relative_residual=share * before.fit.relative_residual, loss=loss * before.fit.loss, misfit=1.6
+    )
+    in_light = replace(stated, hypothesis=replace(before.hypothesis, term_sigma=sigma))
     assert not alternative.accepted(stated, replace(after, fit=fit))
     assert alternative.accepted(in_light, replace(after, fit=fit)) == takes
 
@@ -193,8 +200,8 @@ def test_best_trial_is_a_coding_beside_roughness_if_it_leaves_half_of_its_loss_o
     def chosen(loss: float, share: float, *others: Alternative) -> Alternative:
         """The best of the trials where the coding leaves so much of what roughness leaves, and far fewer residuals."""
         fits = {
-            1.0: replace(before.fit, loss=0.7, share=0.1, misfit=1.0),
-            coding.coding: replace(before.fit, loss=0.7 * loss, share=0.1 * share, misfit=0.1),
+            1.0: replace(before.fit, loss=0.7, relative_residual=0.1, misfit=1.0),
+            coding.coding: replace(before.fit, loss=0.7 * loss, relative_residual=0.1 * share, misfit=0.1),
         }
         monkeypatch.setattr(model_selection, "ALTERNATIVES", (lambda _: [*others, coding],))
         monkeypatch.setattr(model_selection, "_trial", lambda one: replace(after, fit=fits[one.coding]))
@@ -216,7 +223,7 @@ def test_values_seem_linear_where_no_exponent_is_left_that_roughness_does_not_ex
 
 
 def test_faint_score_of_a_coding_is_tried_by_the_usual_one_alone(trial: Trial) -> None:
-    before = replace(trial[1], problem=replace(trial[1].problem, thorough=False))
+    before = replace(trial[1], hypothesis=replace(trial[1].hypothesis, thorough=False))
     tried = {
         exponent: [one.coding for one in term_alternatives.coded(scored(before, 50.0, exponent))]
         for exponent in (-0.1, -0.2, -0.4)
@@ -231,15 +238,15 @@ def test_coding_is_undone_without_the_light_from_elsewhere_that_was_estimated_of
     trial: Trial, known: ImageTerms, left: ImageTerms | None
 ) -> None:
     """A coding lifts shadows, too: a rough vessel was solved as coded and in ambient light of 26 % of white."""
-    before, problem = trial[1], trial[1].problem
+    before, hypothesis = trial[1], trial[1].hypothesis
     found = replace(
-        problem, nominal=replace(problem.nominal, terms=known), term_sigma=known,
+        hypothesis, nominal=replace(hypothesis.nominal, terms=known), term_sigma=known,
         corrected=("stray light", "ambient light", "bad image"),
     )  # fmt: skip
-    (alternative, *_) = term_alternatives.coded(replace(before, problem=found))
-    assert alternative.problem.nominal.terms == left
-    assert alternative.problem.term_sigma == (left or ImageTerms())
-    assert alternative.problem.corrected == ("bad image",)
-    unknown = term_alternatives.coded(before)[0].problem
+    (alternative, *_) = term_alternatives.coded(replace(before, hypothesis=found))
+    assert alternative.hypothesis.nominal.terms == left
+    assert alternative.hypothesis.term_sigma == (left or ImageTerms())
+    assert alternative.hypothesis.corrected == ("bad image",)
+    unknown = term_alternatives.coded(before)[0].hypothesis
     assert unknown.nominal.terms is None
-    assert unknown.corrected == problem.corrected
+    assert unknown.corrected == hypothesis.corrected

@@ -23,7 +23,7 @@ def solutions() -> tuple[Solution, Solution]:
         monkeypatch.setattr(model_selection, "ALTERNATIVES", ())
         solved(made, scenes.with_values(images, images.whole.values + np.float32(STRAY)))
     (before,) = found
-    return before, model_selection.solve(demanded(before).problem)
+    return before, model_selection.solve(demanded(before).hypothesis)
 
 
 def demanded(before: Solution) -> term_alternatives.Alternative:
@@ -62,7 +62,7 @@ def test_trial_of_an_object_far_from_its_place_is_accepted_only_if_it_was_farthe
 
     def moved(solution: Solution, by_m: float) -> Solution:
         start = np.full_like(solution.state.depth_m, solution.state.depth_m.mean() - by_m)
-        return replace(solution, problem=replace(solution.problem, start_m=start))
+        return replace(solution, hypothesis=replace(solution.hypothesis, start_m=start))
 
     pairs = [(0.0, 0.077), (0.09, 0.077), (-0.077, 0.09), (0.09, 0.0)]
     verdicts = [demanded(before).accepted(moved(before, one), moved(trial, other)) for one, other in pairs]

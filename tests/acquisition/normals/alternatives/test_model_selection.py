@@ -14,7 +14,7 @@ from acquisition.models.result import ATTACHED, CAST, ModelFinding, NormalMap
 from acquisition.normals import Images
 from acquisition.normals.alternatives import lamp_alternatives, light_tests, model_selection, term_alternatives
 from acquisition.normals.alternatives.alternative import Alternative
-from acquisition.normals.alternatives.model_trial import Problem, Solution
+from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.alternatives.term_tests import TermScore
 from acquisition.normals.pixels.image_terms import ImageTerms
 from hardware_sim.reflectance import Reflectance
@@ -121,7 +121,7 @@ def test_other_axes_in_a_sound_fit_are_tried_beside_what_a_score_demands(
     assert before.scores is not None
     rough = replace(
         before,
-        problem=replace(before.problem, thorough=False),
+        hypothesis=replace(before.hypothesis, thorough=False),
         scores=replace(before.scores, roughness=TermScore(gain=50.0, step=0.3), gloss=TermScore(0.0, 0.0)),
     )
     assert not rough.poor
@@ -145,7 +145,7 @@ def test_gloss_competes_with_other_axes_unless_ambient_light_that_is_tried_gains
         before.scores, gloss=TermScore(gain=200.0, step=0.8), ambient=TermScore(gain=250.0, step=ambient_step),
         offset=TermScore(gain=0.0, step=0.0),
     )  # fmt: skip
-    glossy = replace(before, problem=replace(before.problem, thorough=False), scores=scores)
+    glossy = replace(before, hypothesis=replace(before.hypothesis, thorough=False), scores=scores)
     proposed = {one.kind for one in lamp_alternatives.other_axes(glossy)}
     assert "axes of the lamps" in proposed
     assert ("gloss" in proposed) == competes
@@ -249,7 +249,10 @@ def test_accepted_gloss_by_its_score_does_not_fit_worse_as_a_share_of_the_values
     assert before.scores is not None
     scored = replace(before, scores=replace(before.scores, gloss=TermScore(gain=50.0, step=0.8)))
     demanded = next(one for one in term_alternatives.gloss(scored) if one.least_images == alternative.least_images)
-    fits = [replace(trial.fit, share=share * before.fit.share, misfit=before.fit.misfit) for share in (1.0, 1.08)]
+    fits = [
+        replace(trial.fit, relative_residual=share * before.fit.relative_residual, misfit=before.fit.misfit)
+        for share in (1.0, 1.08)
+    ]
     assert [demanded.accepted(scored, replace(trial, fit=fit)) for fit in fits] == [True, False]
 
 
@@ -449,14 +452,16 @@ def test_solve_poor_fit_is_tried_as_metal_and_as_gloss_whatever_the_score(
     metal, before, trial = next(one for one in metal_dish[1] if one[0].kind == "metal")
 
     def left(share: float, loss: float) -> Solution:
-        fit = replace(trial.fit, share=share * before.fit.share, loss=loss * before.fit.loss, misfit=9.0)
+        fit = replace(
+            trial.fit, relative_residual=share * before.fit.relative_residual, loss=loss * before.fit.loss, misfit=9.0
+        )
         return replace(trial, fit=fit)
 
     verdicts = [metal.accepted(before, left(*one)) for one in ((0.63, 0.8), (0.63, 1.1), (0.9, 0.25))]
     assert verdicts == [True, False, False]
     convincing = [metal.convincing(before, left(*one)) for one in ((0.3, 0.2), (0.63, 0.2), (0.3, 0.4))]
     assert convincing == [True, False, False]
-    unknown = replace(before, fit=replace(before.fit, misfit=np.nan, loss=np.nan, share=np.nan))
+    unknown = replace(before, fit=replace(before.fit, misfit=np.nan, loss=np.nan, relative_residual=np.nan))
     sound = replace(trial, fit=replace(trial.fit, misfit=0.5))
     assert metal.accepted(unknown, sound)
     assert metal.convincing(unknown, sound)
@@ -464,7 +469,7 @@ def test_solve_poor_fit_is_tried_as_metal_and_as_gloss_whatever_the_score(
     assert [(one.corrected, "do not trust" in one.message) for one in stated] == [(True, False), (False, True)]
     assert before.scores is not None
     unscored = replace(before, scores=replace(before.scores, gloss=TermScore(gain=0.0, step=0.0)))
-    quick = replace(unscored, problem=replace(before.problem, thorough=False))
+    quick = replace(unscored, hypothesis=replace(before.hypothesis, thorough=False))
     offered = [[one.kind for one in term_alternatives.other_formation(solution)] for solution in (unscored, quick)]
     assert ["gloss" in kinds_offered for kinds_offered in offered] == [True, False]
 
@@ -475,7 +480,7 @@ def selected(
     """What the selection makes of a plain solution and of the best trials after it."""
     trials = iter([*best, None])
 
-    def plain(_problem: Problem) -> Solution:
+    def plain(_hypothesis: Hypothesis) -> Solution:
         return before
 
     def best_trial(_present: Solution, _no_better: set[str]) -> tuple[Alternative, Solution] | None:
@@ -483,7 +488,7 @@ def selected(
 
     monkeypatch.setattr(model_selection, "solve", plain)
     monkeypatch.setattr(model_selection, "_best_trial", best_trial)
-    return model_selection.select(before.problem)
+    return model_selection.select(before.hypothesis)
 
 
 def test_metal_that_fits_only_in_part_is_a_finding_that_is_not_corrected_after_those_that_are(
@@ -491,11 +496,13 @@ def test_metal_that_fits_only_in_part_is_a_finding_that_is_not_corrected_after_t
 ) -> None:
     """What is accepted once more, as ambient light after a coding was undone, is one finding."""
     metal, before, trial = next(one for one in metal_dish[1] if one[0].kind == "metal")
-    fit = replace(trial.fit, share=0.63 * before.fit.share, loss=0.25 * before.fit.loss, misfit=0.5)
+    fit = replace(
+        trial.fit, relative_residual=0.63 * before.fit.relative_residual, loss=0.25 * before.fit.loss, misfit=0.5
+    )
     solution = replace(trial, fit=fit)
     dark = replace(metal, kind="bad image", term="", step=0.0)
     after_dark, again = (
-        replace(one, problem=replace(one.problem, corrected=(kind,)))
+        replace(one, hypothesis=replace(one.hypothesis, corrected=(kind,)))
         for one, kind in ((metal, "bad image"), (dark, "metal"))
     )
     present, findings = selected(before, [(dark, solution), (after_dark, solution), (again, solution)], monkeypatch)

@@ -50,7 +50,7 @@ def test_rough_surface_without_a_score_is_tried_where_its_sample_fits_better_as_
     proposed = [term_alternatives.scored_terms(unscored(one)) for one in (rough, matt)]
     assert [[one.kind for one in each] for each in proposed] == [["rough surface"], []]
     alternative = proposed[0][0]
-    trial = model_selection.solve(alternative.problem)
+    trial = model_selection.solve(alternative.hypothesis)
     assert alternative.accepted(rough, trial)
     assert trial.state.shared.terms.roughness_rad == pytest.approx(0.4, abs=0.05)
     refused = replace(trial, fit=replace(trial.fit, loss=1.01 * rough.fit.loss))
@@ -61,7 +61,7 @@ def test_rough_surface_is_accepted_where_loss_falls_and_half_of_what_was_promise
     """The median residual, the misfit, rose to 1.23 of that of a matt vessel as rough, whose loss fell to 0.54."""
     rough = plain(Reflectance("oren-nayar", 0.4))
     (alternative,) = term_alternatives.scored_terms(rough)
-    trial = model_selection.solve(alternative.problem)
+    trial = model_selection.solve(alternative.hypothesis)
 
     def verdict(misfit: float, loss: float, promised: float = 1.0) -> bool:
         fit = replace(trial.fit, misfit=misfit * rough.fit.misfit, loss=loss * rough.fit.loss)

@@ -8,7 +8,7 @@ import pytest
 from acquisition import photometry
 from acquisition.normals import Images
 from acquisition.normals.alternatives import lamp_alternatives, model_selection
-from acquisition.normals.alternatives.model_trial import Problem, Solution
+from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
 from tests.acquisition.normals.alternatives.selection_cases import (
@@ -64,7 +64,7 @@ def test_best_trial_is_other_axes_where_gloss_fits_better_under_them(mirrored: l
 
     def choice(share: float, kind: str = gloss.kind) -> object:
         """What is chosen where gloss under mirrored lamps leaves so much of the residuals of the right axes alone."""
-        fit = replace(unrighted.fit, misfit=righted.fit.misfit, share=share * righted.fit.share)
+        fit = replace(unrighted.fit, misfit=righted.fit.misfit, relative_residual=share * righted.fit.relative_residual)
         best = replace(gloss, kind=kind), replace(unrighted, fit=fit)
         chosen = model_selection._better_with_another([(axes, righted), best], best)  # pyright: ignore[reportPrivateUsage]
         return chosen and chosen[0]
@@ -83,12 +83,15 @@ def test_best_trial_is_roughness_where_with_stray_light_it_fits_better_than_othe
     before = tried[0][1]
     rough, _, alone = next(one for one in tried if one[0].kind == "rough surface" and one[1] is before)
     both = next(one[2] for one in tried if one[0].kind == "stray light" and one[1] is alone)
-    left = both.fit.misfit * both.fit.share / (alone.fit.misfit * alone.fit.share)
+    left = both.fit.misfit * both.fit.relative_residual / (alone.fit.misfit * alone.fit.relative_residual)
 
     def choice(share: float) -> object:
         """What is chosen where other axes leave so much of the residuals that are left with roughness."""
         axes = replace(rough, kind=lamp_alternatives.AXES, term="", step=0.0)
-        best = axes, replace(alone, fit=replace(alone.fit, share=share * alone.fit.share), scores=None)
+        best = (
+            axes,
+            replace(alone, fit=replace(alone.fit, relative_residual=share * alone.fit.relative_residual), scores=None),
+        )
         chosen = model_selection._better_with_another([(rough, alone), best], best)  # pyright: ignore[reportPrivateUsage]
         return chosen and chosen[0]
 
@@ -104,12 +107,15 @@ def test_selection_takes_other_axes_before_gloss_that_fits_better_without_them(
     righted = next(one[2] for one in mirrored if one[1] is before and one[0].kind == lamp_alternatives.AXES)
     solve = model_selection.solve
 
-    def with_better_gloss(problem: Problem) -> Solution:
+    def with_better_gloss(hypothesis: Hypothesis) -> Solution:
         """Gloss under mirrored lamps leaves a little less than the right axes alone."""
-        trial = solve(problem)
-        if problem.corrected != ("gloss",):
+        trial = solve(hypothesis)
+        if hypothesis.corrected != ("gloss",):
             return trial
-        return replace(trial, fit=replace(trial.fit, misfit=righted.fit.misfit, share=0.9 * righted.fit.share))
+        return replace(
+            trial,
+            fit=replace(trial.fit, misfit=righted.fit.misfit, relative_residual=0.9 * righted.fit.relative_residual),
+        )
 
     monkeypatch.setattr(model_selection, "solve", with_better_gloss)
     chosen = model_selection._best_trial(before, set())  # pyright: ignore[reportPrivateUsage]

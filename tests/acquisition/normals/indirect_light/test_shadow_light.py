@@ -88,7 +88,7 @@ def test_equations_of_no_open_shadow_say_nothing(why: str) -> None:
     assert not np.any(found.right)
 
 
-def test_prediction_scale_dark_shadows_is_zero_half_filled_is_one() -> None:
+def test_shadows_show_indirect_where_half_filled_not_where_dark() -> None:
     """The prediction is accepted when a quarter of it is measured in attached shadows."""
     made = shared_scene.measured(size=60, largest_slant=1.3)
     solution = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene)
@@ -109,6 +109,6 @@ def test_prediction_scale_dark_shadows_is_zero_half_filled_is_one() -> None:
     values, dark = made.values[:, order], away[:, order]
     predicted = np.full_like(values, 0.02)
     assert np.count_nonzero(dark) > 500
-    assert shadow_light.prediction_scale(made.pixels, values, predicted, estimate) == 0
+    assert not shadow_light.shadows_show_indirect(made.pixels, values, predicted, estimate)
     some = np.where(dark & (np.arange(values.shape[1]) % 2 == 0), predicted, values).astype(np.float32)
-    assert shadow_light.prediction_scale(made.pixels, some, predicted, estimate) == 1
+    assert shadow_light.shadows_show_indirect(made.pixels, some, predicted, estimate)

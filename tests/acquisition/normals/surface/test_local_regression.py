@@ -97,4 +97,4 @@ def test_regress_pixel_with_few_neighbours_stays() -> None:
 def test_noise_mean_square_is_that_of_a_gaussian_under_its_biweights() -> None:
     x = np.linspace(0, photometry.SETTINGS.outlying_deviations**2, 100_001)
     weight = np.exp(-x) * (1 - x / x[-1]) ** 2
-    assert np.sum(weight * x) / np.sum(weight) == pytest.approx(local_regression.NOISE_MEAN_SQUARE, abs=0.005)
+    assert np.sum(weight * x) / np.sum(weight) == pytest.approx(local_regression.noise_mean_square(x[-1]), abs=0.005)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.models.light_plan import Light
-from acquisition.normals.images.normalised_images import Images
+from acquisition.normals.images.normalised_images import ImageBlock, Images
 from acquisition.normals.uncertainty import pixel_noise
 from tests.acquisition import scenes
 
@@ -41,7 +41,8 @@ def simulated(light: np.ndarray, full_well: float, read_e: float, bits: int) -> 
     count, all_pixels = len(light), slice(0, SIZE)
     shot = np.full(count, 1 / (GUESSED * INTENSITY))
     floor = np.full(count, (5 / GUESSED / INTENSITY) ** 2)
-    stack = Images.of(values, values >= 1 / INTENSITY, tuple(LIGHTS[:count]), all_pixels, all_pixels, shot, floor)
+    block = ImageBlock(values, values >= 1 / INTENSITY)
+    stack = Images(block.rows, tuple(LIGHTS[:count]), all_pixels, all_pixels, shot, floor)
     return stack, np.full(count, 1 / top / INTENSITY)
 
 
