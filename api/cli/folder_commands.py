@@ -86,8 +86,8 @@ def replay(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
     """Solves a session's images again and compares with its stored result; writes nothing."""
-    from api.cli import solving
+    from api.cli import replaying
 
-    outcome = explain_errors(lambda: solving.replay(folder, result))
+    outcome = explain_errors(lambda: replaying.replay(folder, result))
     if as_json:
         print(json.dumps(outcome), flush=True)

@@ -15,7 +15,7 @@ from acquisition.formats.folders.session_folder import read as read_session
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import SolveSettings
 from acquisition.runner import jobs
-from api.cli import solving
+from api.cli import replaying, solving
 from tests.acquisition import session_folder
 from tests.acquisition.formats.folders import small
 
@@ -148,6 +148,40 @@ def test_solve_out_replaces_own_result_only(tmp_path: Path) -> None:
         assert sorted(target.iterdir()) == before
 
 
+@pytest.mark.parametrize("what", ["another result", "file", "corrected mask", "capture", "exported capture"])
+def test_solve_out_with_anything_of_somebody_is_refused(what: str, tmp_path: Path) -> None:
+    folder, out = small.diligent(tmp_path / "in"), tmp_path / "out"
+    solving.run(request(folder, solver="ls", out=out, exports=["diligent"]))
+    match what:
+        case "another result":
+            solving.run(request(folder, solver="ls", out=out / "of u8"))
+        case "file":
+            (out / "mask_corrected.png").write_bytes(b"drawn by hand")
+        case "corrected mask":
+            (out / "mask.png").write_bytes(b"drawn by hand")
+        case "capture":
+            folder = small.diligent(out / "in")
+        case _:
+            folder = out / "diligent"
+    before = {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
+    with pytest.raises(RigError) as refused:
+        solving.run(request(folder, solver="ls", out=out))
+    assert refused.value.code is ErrorCode.FOLDER_INVALID
+    named = {"another result": "of u8/", "file": "mask_corrected.png", "corrected mask": "mask.png"}
+    assert named.get(what, str(folder)) in refused.value.detail
+    assert {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()} == before
+
+
+def test_solve_out_that_is_a_link_is_written_where_it_leads(tmp_path: Path) -> None:
+    folder, link = small.diligent(tmp_path / "in"), tmp_path / "link"
+    (tmp_path / "disk").mkdir()
+    link.symlink_to(tmp_path / "disk")
+    for _ in range(2):
+        solving.run(request(folder, solver="ls", out=link))
+    assert link.is_symlink()
+    assert (tmp_path / "disk" / solving.SUMMARY).is_file()
+
+
 @pytest.mark.parametrize("broken", ["image", "directions", "mask", "truth"])
 def test_solve_bad_folder_writes_nothing(broken: str, tmp_path: Path) -> None:
     folder, out = small.diligent(tmp_path / "in"), tmp_path / "out"
@@ -198,10 +232,10 @@ def test_solve_session_folder_writes_result(session: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(("number", "images"), [(None, 6), (0, 3)])
 def test_replay_unchanged_session_gives_stored_normals(number: int | None, images: int, session: Path) -> None:
     before = sorted(session.rglob("*"))
-    outcome = solving.replay(session, number)
+    outcome = replaying.replay(session, number)
     assert outcome["same"]
     assert outcome["images"] == images
-    assert outcome["max_deg"] < solving.SAME_DEG
+    assert outcome["max_deg"] < replaying.SAME_DEG
     assert outcome["sigma_deg"] == pytest.approx(outcome["sigma_before_deg"], rel=1e-3)
     assert sorted(session.rglob("*")) == before
 
@@ -215,7 +249,7 @@ def test_solve_replay_and_summary_have_same_mean_sigma(tmp_path: Path, capsys: p
     summary = jobs.solve_normals(
         observations.observations(1), observations.cell, observations.calibration, SolveSettings(), None, None, result
     )
-    replayed, solved = solving.replay(folder), solving.run(request(folder))
+    replayed, solved = replaying.replay(folder), solving.run(request(folder))
     assert replayed["sigma_before_deg"] == summary.mean_sigma_deg
     assert solved["sigma_mean_deg"] == replayed["sigma_deg"] == pytest.approx(summary.mean_sigma_deg, rel=1e-6)
     stored = export.read(result)
@@ -231,7 +265,7 @@ def test_replay_changed_result_reports_difference(session: Path, tmp_path: Path)
     stored = tifffile.imread(other / "results" / "1" / "normals.tiff")
     turned = stored[..., [1, 0, 2]]
     tifffile.imwrite(other / "results" / "1" / "normals.tiff", turned, photometric="rgb")
-    outcome = solving.replay(other)
+    outcome = replaying.replay(other)
     assert not outcome["same"]
     assert outcome["mean_deg"] > 5
 
@@ -241,25 +275,25 @@ def test_replay_uses_settings_of_stored_result(session: Path, tmp_path: Path) ->
     shutil.copytree(session, other)
     manifest = other / "results" / "1" / "manifest.json"
     manifest.write_text('{"settings": {"depth_rounds": 1, "shadow_threshold": 0.4, "robust": true}}')
-    assert not solving.replay(other)["same"]
+    assert not replaying.replay(other)["same"]
     manifest.write_text("{}")
     with pytest.raises(RigError) as refused:
-        solving.replay(other)
+        replaying.replay(other)
     assert refused.value.context["file"] == str(manifest)
 
 
 def test_replay_missing_result_or_settings_is_refused(session: Path, tmp_path: Path) -> None:
     with pytest.raises(RigError, match="no result 7, only 0, 1"):
-        solving.replay(session, 7)
+        replaying.replay(session, 7)
     other = tmp_path / "other"
     shutil.copytree(session, other)
     (other / "passes" / "1" / "shots" / "2.tiff").write_bytes(b"")
     with pytest.raises(RigError) as cut:
-        solving.replay(other)
+        replaying.replay(other)
     assert cut.value.code is ErrorCode.STORE_CORRUPT
     for name in ("calibration.json", "recipe.json", "manifest.json"):
         (other / name).write_text("[]")
         with pytest.raises(RigError) as refused:
-            solving.replay(other)
+            replaying.replay(other)
         assert refused.value.context["file"] == str(other / name)
         shutil.copy(session / name, other / name)
