@@ -32,6 +32,7 @@ from acquisition.normals.images.image_set import DistantLights, ImageSet, NearLi
 from acquisition.plan import design_problem
 from acquisition.plan.candidate_lights import CandidateLights
 from acquisition.runner.session_solve import solve_in_cell
+from api.cli.solving import refuse_full_scale, session_full_scale
 
 MIN_PILOT = 3
 """Images that give a normal at the least."""
@@ -57,6 +58,7 @@ class PlanRequest:
     max_slant_deg: float | None = None
     pilot: tuple[int, ...] | None = None
     out: Path | None = None
+    full_scale: float | None = None
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,7 @@ class Offer:
 def plan_request(
     folder: Path, count: int, candidates: Path | None = None, radius_mm: float | None = None,
     max_slant_deg: float | None = None, pilot: str | None = None, out: Path | None = None,
+    full_scale: float | None = None,
 ) -> PlanRequest:  # fmt: skip
     """Parses the options of a command line. Raises RigError request.invalid naming the option."""
     if count < 1:
@@ -145,7 +148,8 @@ def plan_request(
         if not re.fullmatch(r"\s*\d+\s*(,\s*\d+\s*)*", pilot):
             raise _invalid(f"--pilot {pilot}: give the images' numbers, counted from 0, such as 0,7,31,90")
         numbers = tuple(int(number) for number in pilot.split(","))
-    return PlanRequest(folder, count, candidates, radius_mm, max_slant_deg, numbers, out)
+    refuse_full_scale(full_scale)
+    return PlanRequest(folder, count, candidates, radius_mm, max_slant_deg, numbers, out, full_scale)
 
 
 def run(request: PlanRequest) -> dict[str, Any]:
@@ -157,7 +161,7 @@ def run(request: PlanRequest) -> dict[str, Any]:
     started = time.monotonic()
     console = Console(stderr=True, markup=False)
     with tempfile.TemporaryDirectory(prefix="lightpose-") as scratch, console.status("reading"):
-        capture = _read(request.folder, Path(scratch))
+        capture = _read(request, Path(scratch))
         pilot = _pilot(request, len(capture.lights))
         offer = _offer(request, capture, pilot)
         if offer is not None and request.count > len(offer.numbers):
@@ -180,15 +184,18 @@ def run(request: PlanRequest) -> dict[str, Any]:
 # ------------------------------------------------------------------------------------------------------ what is given
 
 
-def _read(folder: Path, scratch: Path) -> Capture:
+def _read(request: PlanRequest, scratch: Path) -> Capture:
+    folder = request.folder
     kind = folders.kind_of(folder)
     if kind == "session":
+        if request.full_scale is not None:
+            raise session_full_scale(folder)
         session = session_folder.read(folder)
         shots = [shot for shot in session.observations(len(session.plans) - 1).shots if shot.light is not None]
         lights = np.array([shot.light.position for shot in shots if shot.light is not None]).reshape(-1, 3)
         frame = Frame("position", VIEW_AXES, "m", np.eye(3))
         return Capture(frame, lights, tuple(shot.frame.path for shot in shots), session, session.recipe)
-    images = folders.read(folder, scratch)
+    images = folders.read(folder, scratch, full_scale=request.full_scale)
     if isinstance(images.lights, DistantLights):
         frame = Frame("direction", VIEW_AXES, None, np.eye(3))
         return Capture(frame, images.lights.directions, images.names, images, Recipe())

@@ -4,6 +4,7 @@ The input is validated before anything is solved; the output is written to a hid
 Progress goes to the error stream, for people; programs read one JSON object as the last line of the output.
 """
 
+import errno
 import json
 import tempfile
 import time
@@ -47,6 +48,7 @@ class SolveRequest:
     sphere: Sphere | None = None
     exports: tuple[str, ...] = ()
     keep_steps: bool = False
+    full_scale: float | None = None
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class Solved:
 
 def solve_request(
     folder: Path, solver: str, near: bool, out: Path | None, sphere: str | None, exports: Sequence[str],
-    keep_steps: bool = False,
+    keep_steps: bool = False, full_scale: float | None = None,
 ) -> SolveRequest:  # fmt: skip
     """Parses the options of a command line: `sphere` as `cx,cy,r`, `exports` by name, `all` for all of them.
 
@@ -89,7 +91,16 @@ def solve_request(
         raise RigError(ErrorCode.REQUEST_INVALID, f"--solver {solver}: choose of {', '.join(get_args(distant.Solver))}")
     chosen = known if "all" in exports else tuple(name for name in known if name in exports)
     ball = None if sphere is None else _sphere(sphere)
-    return SolveRequest(folder, cast(distant.Solver, solver), near, out, ball, chosen, keep_steps)
+    refuse_full_scale(full_scale)
+    return SolveRequest(folder, cast(distant.Solver, solver), near, out, ball, chosen, keep_steps, full_scale)
+
+
+def refuse_full_scale(full_scale: float | None) -> None:
+    """Refuses a full scale that is no positive number. Raises RigError request.invalid."""
+    if full_scale is not None and not (np.isfinite(full_scale) and full_scale > 0):
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"--full-scale {full_scale:g}: give the greatest stored value, such as 4095"
+        )
 
 
 def _sphere(text: str) -> Sphere:
@@ -127,6 +138,8 @@ def run(request: SolveRequest) -> dict[str, Any]:
 def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[str, float]) -> Solved:
     kind = folders.kind_of(request.folder)
     if kind == "session":
+        if request.full_scale is not None:
+            raise session_full_scale(request.folder)
         with timed(seconds, "read"):
             capture = session_folder.read(request.folder)
         with timed(seconds, "solve"), shown_step(bar, "solving"):
@@ -141,6 +154,7 @@ def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[s
             request.folder,
             scratch,
             sphere=request.sphere,
+            full_scale=request.full_scale,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     distant_lights = isinstance(images.lights, DistantLights)
@@ -162,6 +176,11 @@ def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[s
         *_solver_and_reason(normal_map, request.solver),
         float(np.mean(sigma)) if sigma.size else None,
     )
+
+
+def session_full_scale(folder: Path) -> RigError:
+    """The refusal of a full scale for a session, whose calibration has it."""
+    return RigError(ErrorCode.REQUEST_INVALID, f"--full-scale: {folder} is a session, which knows it: leave it out")
 
 
 def solve_session(capture: SessionCapture, count: int | None, settings: SolveSettings) -> NormalMap:
@@ -211,7 +230,7 @@ def _refuse(request: SolveRequest) -> None:
 def _write(
     request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], out: Path
 ) -> None:
-    with export.atomic_folder(out.resolve()) as partial:
+    with _told_if_unwritable(out), export.atomic_folder(out.resolve()) as partial:
         with ThreadPoolExecutor(WRITERS) as pool:
             work = [
                 pool.submit(export.write_maps, solved.normal_map, partial),
@@ -224,6 +243,19 @@ def _write(
         summary |= {"files": export.checksums(partial)}
         (partial / SUMMARY).write_text(json.dumps(summary, indent=2), encoding="utf-8")
         export.refuse_foreign(out, SUMMARY)  # somebody may have put a file there while the images were solved
+
+
+@contextmanager
+def _told_if_unwritable(out: Path) -> Generator[None]:
+    """Turns errors of the disk into RigError store.disk_full or folder.invalid."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise RigError(ErrorCode.STORE_DISK_FULL, f"no space left for {out}: nothing was written there") from error
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{out}: cannot be written: {error}; name another folder", file=str(out)
+        ) from error
 
 
 def _facts(

@@ -17,8 +17,8 @@ from acquisition.normals.alternatives.alternative import Alternative
 from acquisition.normals.alternatives.model_trial import Problem, Solution
 from acquisition.normals.uncertainty import goodness_of_fit
 
-MOVED, INTENSITIES = "moved object", "intensities"
-"""Kinds of the findings of images that are moved back, and that are scaled."""
+MOVED, INTENSITIES, SHIFT = "moved object", "intensities", "shift"
+"""Kinds of the findings of images that are moved back, and that are scaled, and of an object that is held."""
 
 
 def moved_object(present: Solution) -> list[Alternative]:
@@ -150,5 +150,5 @@ def held_shift(present: Solution) -> list[Alternative]:
         return []
     held = replace(present.problem, shift_sigma_m=0.0)
     return [
-        Alternative("shift", "the object is held at its stated place", held, model_trial.SETTINGS.better, silent=True)
+        Alternative(SHIFT, "the object is held at its stated place", held, model_trial.SETTINGS.better, silent=True)
     ]

@@ -214,7 +214,7 @@ def check(images: ImageSet) -> None:
             "image, in the images' order"
         )
     for name, place, power in zip(images.names, first, strength, strict=True):
-        if not np.all(np.isfinite(place)) or not np.linalg.norm(place) > 0:
+        if not np.all(np.isfinite(place)) or (distant and not np.linalg.norm(place) > 0):
             where = f"its light is at {place.tolist()}, which is no place or direction: correct that row"
             refuse(f"{name}: {where}", file=name)
         if not np.all(np.isfinite(power)) or not np.all(power > 0):

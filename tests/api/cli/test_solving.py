@@ -1,5 +1,6 @@
 """`lightpose solve` and `lightpose replay`: folders to results, written atomically."""
 
+import errno
 import json
 import shutil
 import subprocess
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
+from typer.testing import CliRunner
 
 from acquisition.formats import export
 from acquisition.formats.folders.session_folder import read as read_session
@@ -16,6 +18,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import SolveSettings
 from acquisition.runner import jobs
 from api.cli import replaying, solving
+from api.cli.commands import app
 from tests.acquisition import session_folder
 from tests.acquisition.formats.folders import small
 
@@ -102,6 +105,40 @@ def test_solve_near_light_least_squares_gives_normals(tmp_path: Path) -> None:
     albedo, depth = (tifffile.imread(out / f"{name}.tiff") for name in ("albedo", "depth"))
     assert np.median(albedo[albedo > 0]) == pytest.approx(small.ALBEDO, rel=0.06)
     assert np.ptp(depth[depth > 0]) == pytest.approx(0.035, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(errno.ENOSPC, ErrorCode.STORE_DISK_FULL), (errno.EACCES, ErrorCode.FOLDER_INVALID)]
+)
+def test_solve_full_or_locked_disk_is_told(
+    number: int, code: ErrorCode, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(number, "as the system says")
+
+    monkeypatch.setattr(export, "write_maps", fail)
+    with pytest.raises(RigError) as told:
+        solving.run(request(small.diligent(tmp_path / "in"), solver="ls", out=tmp_path / "out"))
+    assert told.value.code is code
+    assert str(tmp_path / "out") in told.value.detail
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
+
+
+def test_solve_refused_option_has_advice_for_a_command_line(tmp_path: Path) -> None:
+    """Not that of a service's requests, whose fields are named."""
+    done = CliRunner().invoke(app, ["solve", str(small.lp(tmp_path / "in")), "--solver", "magic"])
+    assert done.exit_code == 2
+    assert "errors" not in done.stderr
+    assert "run the command again" in done.stderr
+
+
+def test_solve_full_scale_of_folder_is_used(tmp_path: Path) -> None:
+    folder = small.lp(tmp_path / "in")
+    with pytest.raises(RigError, match="values above 255"):
+        solving.run(request(folder, full_scale=255.0))
+    for wrong in (0.0, float("nan")):
+        with pytest.raises(RigError, match="--full-scale"):
+            request(folder, full_scale=wrong)
 
 
 @pytest.mark.parametrize("solver", solving.GONE_SOLVERS)
