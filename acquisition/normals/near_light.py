@@ -84,6 +84,7 @@ def windowed_images(images: ImageSet) -> Images:
             columns=columns,
             shot=1 / (images.full_well_e * images.channels * lights.intensity),
             floor=floor,
+            labels=images.labels,
         )
     )
 

@@ -54,13 +54,14 @@ def bad_image(present: Solution) -> list[Alternative]:
     Images that were scaled beside it are as they were: a bad one makes others seem too dark or too bright.
     """
     problem, unscaled, better = present.problem, _unscaled(present.problem), model_trial.SETTINGS.better
+    images = problem.masked.images
     scaled = np.broadcast_to(problem.factors, len(present.scene.lamps)) != 1
     doubted = {one: one.outlying or bool(scaled[one.number]) for one in _worst_images(present)}
     return [
         Alternative(
-            "bad image", f"image {worst.number + 1} does not fit the others: it is left out",
+            "bad image", f"image {images.label(worst.number)} does not fit the others: it is left out",
             unscaled.reread(changed_images.without(unscaled.masked.images, worst.number)),
-            better if sure else better**2, worst.number + 1, by_loss=True, leaves_out=True, decisive=worst.outlying,
+            better if sure else better**2, worst.number, by_loss=True, leaves_out=True, decisive=worst.outlying,
         )
         for worst, sure in sorted(doubted.items(), key=lambda one: not one[0].outlying)
         if sure or present.poor or present.intensities_scatter
@@ -123,8 +124,9 @@ def other_intensities(present: Solution) -> list[Alternative]:
     if not np.any(far):
         return []
     factors = np.where(far, np.exp(_log_intensity(present)), 1.0)
-    names = ", ".join(f"image {n + 1} ({factors[n] - 1:+.0%})" for n in np.flatnonzero(far))
-    scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
+    images = present.problem.masked.images
+    names = ", ".join(f"image {images.label(int(n))} by {factors[n] - 1:+.0%}" for n in np.flatnonzero(far))
+    scaled = present.problem.reread(changed_images.scaled(images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
     # The descent before has put most of the factors right already: noise decides which of the two fits better.

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -122,6 +123,23 @@ def test_solve_full_or_locked_disk_is_told(
     assert told.value.code is code
     assert str(tmp_path / "out") in told.value.detail
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
+
+
+def test_solve_image_left_out_is_named_by_number_from_0_and_file(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """In figures, on the screen and in the report, whose table says nothing of clipped pixels there."""
+    folder = small.lp(tmp_path / "in")
+    (folder / "img 3.png").write_bytes((folder / "img 1.png").read_bytes())
+    outcome = solving.run(request(folder, out=tmp_path / "out"))
+    sentence = "image 3 (img 3.png) does not fit the others: it is left out"
+    assert [(one["message"], one["value"]) for one in outcome["findings"]] == [(sentence, 3)]
+    assert sentence[1:] in " ".join(capsys.readouterr().err.split())
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    rows = re.findall(r"<tr><td>(\d+)<td>(img [^<]*)<td>.*?<td>([^<]*)<td>([^<]*)(?=<tr>|</table>)", page)
+    assert [(number, name) for number, name, *_ in rows] == [(str(one), f"img {one}.png") for one in range(6)]
+    assert rows[3][2:] == ("left out", "–")
+    assert rows[2][2:] != ("left out", "–")
 
 
 def test_solve_refused_option_has_advice_for_a_command_line(tmp_path: Path) -> None:
