@@ -291,6 +291,7 @@ def _outcome(
         "images": solved.images.count,
         "normals": int(np.count_nonzero(solved.normal_map.mask)),
         "sigma_mean_deg": solved.sigma_mean_deg,
+        "depth_unit": export.depth_unit(solved.normal_map),
         "fit": None if solved.normal_map.fit is None else solved.normal_map.fit.model_dump(),
         "findings": [finding.model_dump() for finding in solved.normal_map.findings],
         "intensity_factors": [round(float(factor), 4) for factor in solved.normal_map.intensity_factors],

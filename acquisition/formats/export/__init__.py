@@ -6,6 +6,7 @@ OpenGL green (+Y up) unless the name says DirectX. Each file carries its convent
 
 from acquisition.formats.atomic_write import atomic_folder
 from acquisition.formats.export.catalogue import FILES, FOLDERS, Source, make
+from acquisition.formats.export.map_files import depth_unit
 from acquisition.formats.export.result_folder import ARCHIVE, lights_used, read, write, write_into, write_maps
 from acquisition.formats.own_files import checksums, refuse_foreign
 
@@ -16,6 +17,7 @@ __all__ = [
     "Source",
     "atomic_folder",
     "checksums",
+    "depth_unit",
     "lights_used",
     "make",
     "read",

@@ -57,6 +57,7 @@ def test_solve_json_prints_one_object_as_last_line(tmp_path: Path) -> None:
     assert {"normals.png", "normals.tiff", "sigma_deg.tiff", "mask.png", "report.html", "report.png"} <= written
     kept = json.loads((tmp_path / "out" / solving.SUMMARY).read_text())
     assert kept["mean_deg"] == outcome["mean_deg"]
+    assert kept["depth_unit"] == "pixel"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "out"]
 
 
@@ -73,6 +74,7 @@ def test_solve_near_light_folder_gives_absolute_albedo(tmp_path: Path) -> None:
     folder, out = small.near(tmp_path / "in"), tmp_path / "out"
     outcome = solving.run(request(folder, near=True, out=out, exports=["all"]))
     assert outcome["solver"] == "near"
+    assert outcome["depth_unit"] == "m"
     assert outcome["median_deg"] < 0.5
     assert outcome["coverage"] > 0.9
     albedo = tifffile.imread(out / "albedo.tiff")
