@@ -158,18 +158,18 @@ def _place(
     if np.count_nonzero(far) > len(far) / 2:
         lamps = f"{1000 * np.min(distance):.4g} to {1000 * np.max(distance):.4g} mm from the object"
         raise refusal(path, f"the lamps would be {lamps}, which cannot be: {stated}; {remedy}")
-    if np.any(far):
-        number = int(np.argmax(far))
-        raise refusal(
-            path,
-            f"lights.{number}.position is {1000 * distance[number]:.4g} mm from the object at a depth_mm of "
-            f"{given.depth_mm:g}: correct it",
-        )
     if np.all(lights.positions_m[:, 2] <= -depth_m):
         raise refusal(
             path,
             f"all lamps would be behind the object, farther from the camera than it: {stated}; {remedy} (z points away "
             "from the camera)",
+        )
+    if np.any(far):
+        number = int(np.argmax(far))
+        raise refusal(
+            path,
+            f"lights.{number}.position is {1000 * distance[number]:.4g} mm from the object at a depth_mm of "
+            f"{given.depth_mm:g}: correct whichever is wrong",
         )
     try:
         if len(toward) > 2:

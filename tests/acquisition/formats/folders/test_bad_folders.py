@@ -198,6 +198,7 @@ NEAR: dict[str, tuple[Damage, str, str]] = {
         lambda folder: tifffile.imwrite(folder / "2.tiff", GREY, photometric="miniswhite"), "2.tiff", "MINISWHITE",
     ),
     "depth in m": (field("depth_mm", 0.48), "lights.json", "depth_mm is 0.48, which is in mm"),
+    "depth in no unit": (field("depth_mm", 5.2), "lights.json", "depth_mm is 5.2, which is in mm"),
     "depth in cm": (field("depth_mm", 48), "lights.json", "all lamps would be behind the object"),
     "positions in µm": (scaled(1e3), "lights.json", "which cannot be"),
     "positions in m": (scaled(1e-3), "lights.json", '`unit` is "mm"'),
