@@ -9,19 +9,6 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from acquisition.models.errors import ErrorCode, RigError
-
-
-def refuse_foreign(folder: Path, sign: str) -> None:
-    """Refuses a folder that holds files but not the file `sign`, by which our own are known; nobody loses theirs.
-
-    Raises RigError folder.invalid.
-    """
-    if folder.exists() and (not folder.is_dir() or (any(folder.iterdir()) and not (folder / sign).is_file())):
-        raise RigError(
-            ErrorCode.FOLDER_INVALID, f"{folder}: holds other files: name a new folder, or empty it", file=str(folder)
-        )
-
 
 def discard_partial(folder: Path) -> None:
     """Removes what killed processes have left of `atomic_folder(folder)`."""

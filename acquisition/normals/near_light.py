@@ -44,6 +44,11 @@ def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -
         ObjectPlace(depth, silhouette=images.mask if images.mask_given else None),
         thorough=thorough,
     )
+    if not np.any(normal_map.mask):
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            "no pixel could be solved: check the mask, the lamps' places and, of near light, the object's rough depth",
+        )
     notes = {"sensor": note} | ({} if images.mask_given else {"mask": "proposed"})
     normal_map = replace(normal_map, notes=normal_map.notes | notes)
     return normal_map if images.channels == 1 else _with_colours(normal_map, images)
@@ -79,6 +84,7 @@ def windowed_images(images: ImageSet) -> Images:
             columns=columns,
             shot=1 / (images.full_well_e * images.channels * lights.intensity),
             floor=floor,
+            labels=images.labels,
         )
     )
 

@@ -10,6 +10,13 @@ from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
 
 T = TypeVar("T")
 
+REMEDIES = {
+    ErrorCode.REQUEST_INVALID: "Correct the option or the file that the sentence names, and run the command again.",
+    ErrorCode.FOLDER_INVALID: "Correct what the sentence names, and run the command again; nothing has been written.",
+    ErrorCode.STORE_DISK_FULL: "Free space there, or use a folder on another disk, and run the command again.",
+}
+"""Remedies of errors that arise in a command itself, where the table's are those of a service."""
+
 
 def explain_errors(work: Callable[[], T]) -> T:
     """Runs a command; prints a RigError or ProblemError with its remedy and exits with status 2."""
@@ -18,12 +25,12 @@ def explain_errors(work: Callable[[], T]) -> T:
     try:
         return work()
     except RigError as error:
-        _exit_with_remedy(error.code, error.detail)
+        _exit_with_remedy(error.code, error.detail, REMEDIES.get(error.code, PROBLEMS[error.code].remedy))
     except ProblemError as error:
-        _exit_with_remedy(error.code, error.detail)
+        _exit_with_remedy(error.code, error.detail, PROBLEMS[error.code].remedy)
 
 
-def _exit_with_remedy(code: ErrorCode, detail: str) -> NoReturn:
+def _exit_with_remedy(code: ErrorCode, detail: str, remedy: str) -> NoReturn:
     print(f"{code}: {detail}", file=sys.stderr)
-    print(f"  What to do: {PROBLEMS[code].remedy}", file=sys.stderr)
+    print(f"  What to do: {remedy}", file=sys.stderr)
     raise typer.Exit(2)

@@ -10,6 +10,10 @@ from api.cli.error_exit import explain_errors
 
 app = typer.Typer()
 
+FULL_SCALE = typer.Option(
+    help="Stored value where pixels clip, such as 4095 of 12 bits in 16-bit files; lights.json states its own"
+)
+
 
 @app.command("solve")
 def solve_folder(
@@ -35,13 +39,16 @@ def solve_folder(
     keep_steps: Annotated[
         bool, typer.Option("--keep-steps", help="Allow depth discontinuities where neighbouring normals disagree")
     ] = False,
+    full_scale: Annotated[float | None, FULL_SCALE] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
     """Solves a folder of images to normals with an uncertainty for each pixel; grades them where truth is known."""
     from api.cli import solving
 
     outcome = explain_errors(
-        lambda: solving.run(solving.solve_request(folder, solver, near, out, sphere, exports or [], keep_steps))
+        lambda: solving.run(
+            solving.solve_request(folder, solver, near, out, sphere, exports or [], keep_steps, full_scale)
+        )
     )
     if as_json:
         print(json.dumps(outcome), flush=True)
@@ -67,13 +74,16 @@ def plan_folder(
         typer.Option(help="Use only these images, such as 0,7,31,90, counted from 0; the others are the candidates"),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="File for the JSON object")] = None,
+    full_scale: Annotated[float | None, FULL_SCALE] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
     """Plans further lights for a folder of images, for any dome, ring or robot; moves nothing."""
     from api.cli import planning
 
     outcome = explain_errors(
-        lambda: planning.run(planning.plan_request(folder, count, candidates, radius_mm, max_slant_deg, pilot, out))
+        lambda: planning.run(
+            planning.plan_request(folder, count, candidates, radius_mm, max_slant_deg, pilot, out, full_scale)
+        )
     )
     if as_json:
         print(json.dumps(outcome), flush=True)
@@ -86,8 +96,8 @@ def replay(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
     """Solves a session's images again and compares with its stored result; writes nothing."""
-    from api.cli import solving
+    from api.cli import replaying
 
-    outcome = explain_errors(lambda: solving.replay(folder, result))
+    outcome = explain_errors(lambda: replaying.replay(folder, result))
     if as_json:
         print(json.dumps(outcome), flush=True)

@@ -1,9 +1,10 @@
-"""`lightpose solve` and `lightpose replay`: solve folders of images without a service, a cell or a journal.
+"""`lightpose solve`: solves folders of images without a service, a cell or a journal.
 
 The input is validated before anything is solved; the output is written to a hidden folder that is renamed at the end.
 Progress goes to the error stream, for people; programs read one JSON object as the last line of the output.
 """
 
+import errno
 import json
 import tempfile
 import time
@@ -25,7 +26,6 @@ from acquisition.formats import export, folders, report
 from acquisition.formats.folders import Sphere, session_folder
 from acquisition.formats.folders.angular_error import AngularErrors, angular_errors
 from acquisition.formats.folders.session_folder import SessionCapture
-from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import distant, near_light
@@ -35,8 +35,6 @@ from acquisition.runner.session_solve import solve_in_cell
 SUMMARY = "summary.json"
 WRITERS = 2
 GONE_SOLVERS = ("weighted", "thresholded", "robust", "glossy")
-SAME_DEG = 0.01
-"""Two normal maps whose normals differ by less everywhere are the same."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +48,7 @@ class SolveRequest:
     sphere: Sphere | None = None
     exports: tuple[str, ...] = ()
     keep_steps: bool = False
+    full_scale: float | None = None
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class Solved:
 
 def solve_request(
     folder: Path, solver: str, near: bool, out: Path | None, sphere: str | None, exports: Sequence[str],
-    keep_steps: bool = False,
+    keep_steps: bool = False, full_scale: float | None = None,
 ) -> SolveRequest:  # fmt: skip
     """Parses the options of a command line: `sphere` as `cx,cy,r`, `exports` by name, `all` for all of them.
 
@@ -92,7 +91,16 @@ def solve_request(
         raise RigError(ErrorCode.REQUEST_INVALID, f"--solver {solver}: choose of {', '.join(get_args(distant.Solver))}")
     chosen = known if "all" in exports else tuple(name for name in known if name in exports)
     ball = None if sphere is None else _sphere(sphere)
-    return SolveRequest(folder, cast(distant.Solver, solver), near, out, ball, chosen, keep_steps)
+    refuse_full_scale(full_scale)
+    return SolveRequest(folder, cast(distant.Solver, solver), near, out, ball, chosen, keep_steps, full_scale)
+
+
+def refuse_full_scale(full_scale: float | None) -> None:
+    """Refuses a full scale that is no positive number. Raises RigError request.invalid."""
+    if full_scale is not None and not (np.isfinite(full_scale) and full_scale > 0):
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"--full-scale {full_scale:g}: give the greatest stored value, such as 4095"
+        )
 
 
 def _sphere(text: str) -> Sphere:
@@ -113,53 +121,14 @@ def run(request: SolveRequest) -> dict[str, Any]:
     _refuse(request)
     seconds: dict[str, float] = {}
     console = Console(stderr=True, markup=False)
-    with _bar(console) as bar, _scratch(request.out) as scratch:
+    with progress_bar(console) as bar, _scratch(request.out) as scratch:
         solved = _solved(request, scratch, bar, seconds)
         graded = angular_errors(solved.normal_map, solved.images)
         if request.out is not None:
-            with _timed(seconds, "write"), _step(bar, "writing"):
+            with timed(seconds, "write"), shown_step(bar, "writing"):
                 _write(request, solved, graded, seconds, request.out)
     outcome = _outcome(request, solved, graded, seconds, time.monotonic() - started)
     _show(console, outcome, report.quality_warnings(solved.normal_map, _facts(request, solved, graded, seconds)))
-    return outcome
-
-
-def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
-    """Solves a session's images again with the settings of a stored result (default: the last) and compares them.
-
-    Writes nothing. Raises RigError folder.invalid when the folder has no such result or lacks its settings.
-    """
-    capture = session_folder.read(folder)
-    chosen = number if number is not None else max(capture.results, default=-1)
-    if chosen not in capture.results:
-        have = ", ".join(str(one) for one in capture.results) or "none"
-        raise RigError(
-            ErrorCode.FOLDER_INVALID,
-            f"{folder}: has no result {chosen}, only {have}: name one of them",
-            file=str(folder),
-        )
-    stored = export.read(folder / "results" / str(chosen))
-    settings = _settings_of(folder / "results" / str(chosen) / session_folder.MANIFEST)
-    console = Console(stderr=True, markup=False)
-    seconds: dict[str, float] = {}
-    with _bar(console) as bar, _timed(seconds, "solve"), _step(bar, "solving"):
-        normal_map = _solve_session(capture, len(stored.flags), settings)
-    outcome = _compared(stored, normal_map, capture.calibration) | {
-        "result": chosen,
-        "images": len(normal_map.flags),
-        "seconds": seconds["solve"],
-    }
-    table = Table(title=f"Result {chosen} of {folder.name}, solved again")
-    for column in ("", "stored", "again"):
-        table.add_column(column, justify="right" if column else "left")
-    table.add_row("normals", str(np.count_nonzero(stored.mask)), str(np.count_nonzero(normal_map.mask)))
-    table.add_row("mean σ", *(f"{outcome[name]:.3f}°" for name in ("sigma_before_deg", "sigma_deg")))
-    console.print(table)
-    verdict = "the same" if outcome["same"] else "different"
-    console.print(
-        f"The normals are {verdict}: mean {outcome['mean_deg']:.4f}°, 95 % {outcome['p95_deg']:.4f}°, "
-        f"largest {outcome['max_deg']:.4f}°."
-    )
     return outcome
 
 
@@ -169,20 +138,23 @@ def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
 def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[str, float]) -> Solved:
     kind = folders.kind_of(request.folder)
     if kind == "session":
-        with _timed(seconds, "read"):
+        if request.full_scale is not None:
+            raise session_full_scale(request.folder)
+        with timed(seconds, "read"):
             capture = session_folder.read(request.folder)
-        with _timed(seconds, "solve"), _step(bar, "solving"):
-            normal_map = _solve_session(capture, None, _settings(request))
+        with timed(seconds, "solve"), shown_step(bar, "solving"):
+            normal_map = solve_session(capture, None, _settings(request))
         last = len(capture.plans) - 1
         images = session_folder.images(capture.observations(last), capture.calibration, normal_map.silhouette)
         sigma_deg = photometry.mean_sigma_deg(normal_map, capture.calibration)
         return Solved(normal_map, images, *_solver_and_reason(normal_map, request.solver), sigma_deg)
-    with _timed(seconds, "read"):
+    with timed(seconds, "read"):
         task = bar.add_task("reading", total=None)
         images = folders.read(
             request.folder,
             scratch,
             sphere=request.sphere,
+            full_scale=request.full_scale,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     distant_lights = isinstance(images.lights, DistantLights)
@@ -192,7 +164,7 @@ def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[s
             f"{request.folder}: gives directions, not positions: --near needs a folder with lights.json",
             file=str(request.folder),
         )
-    with _timed(seconds, "solve"), _step(bar, "solving"):
+    with timed(seconds, "solve"), shown_step(bar, "solving"):
         if distant_lights:
             normal_map = distant.solve(images, request.solver, keep_steps=request.keep_steps)
         else:
@@ -206,24 +178,16 @@ def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[s
     )
 
 
-def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSettings) -> NormalMap:
+def session_full_scale(folder: Path) -> RigError:
+    """The refusal of a full scale for a session, whose calibration has it."""
+    return RigError(ErrorCode.REQUEST_INVALID, f"--full-scale: {folder} is a session, which knows it: leave it out")
+
+
+def solve_session(capture: SessionCapture, count: int | None, settings: SolveSettings) -> NormalMap:
     """Solves a session's images as the session did; `count` says by their number which passes a result was made of."""
     passes = range(len(capture.plans))
     last = next((one for one in passes if len(capture.observations(one).shots) == count), passes[-1])
     return solve_in_cell(capture.observations(last), capture.cell, capture.calibration, settings)
-
-
-def _settings_of(manifest: Path) -> SolveSettings:
-    """The settings of a stored result; without a manifest beside it, the default settings of sessions."""
-    if not manifest.exists():
-        return SolveSettings()
-    try:
-        return SolveSettings.model_validate(json.loads(manifest.read_bytes())["settings"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RigError(
-            ErrorCode.FOLDER_INVALID, f"{manifest}: does not hold the settings of the solve: {error}; restore it",
-            file=str(manifest),
-        ) from error  # fmt: skip
 
 
 def _settings(request: SolveRequest) -> SolveSettings:
@@ -249,27 +213,49 @@ def _solver_and_reason(normal_map: NormalMap, requested: str) -> tuple[str, str]
 
 def _refuse(request: SolveRequest) -> None:
     """Refuses outputs that cannot be written, before anything is read. Raises RigError."""
-    if request.out is not None:
-        export.refuse_foreign(request.out, SUMMARY)
-        if request.out.resolve() == request.folder.resolve():
-            raise RigError(ErrorCode.FOLDER_INVALID, f"{request.out}: is the capture itself: name another folder")
-    elif request.exports:
-        raise RigError(ErrorCode.REQUEST_INVALID, "--export writes files: name a folder with --out")
+    if request.out is None:
+        if request.exports:
+            raise RigError(ErrorCode.REQUEST_INVALID, "--export writes files: name a folder with --out")
+        return
+    out, capture = request.out.resolve(), request.folder.resolve()
+    if capture.is_relative_to(out):
+        what = "is the capture itself" if capture == out else f"holds the capture {request.folder}"
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{request.out}: {what}, which would be deleted: name another folder",
+            file=str(request.out),
+        )  # fmt: skip
+    export.refuse_foreign(request.out, SUMMARY)
 
 
 def _write(
     request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], out: Path
 ) -> None:
-    with export.atomic_folder(out) as partial, ThreadPoolExecutor(WRITERS) as pool:
-        work = [
-            pool.submit(export.write_maps, solved.normal_map, partial),
-            pool.submit(report.write, solved.normal_map, _facts(request, solved, graded, seconds), partial),
-            *(pool.submit(export.make, name, solved.source, partial) for name in request.exports),
-        ]
-        for future in work:
-            future.result()
+    with _told_if_unwritable(out), export.atomic_folder(out.resolve()) as partial:
+        with ThreadPoolExecutor(WRITERS) as pool:
+            work = [
+                pool.submit(export.write_maps, solved.normal_map, partial),
+                pool.submit(report.write, solved.normal_map, _facts(request, solved, graded, seconds), partial),
+                *(pool.submit(export.make, name, solved.source, partial) for name in request.exports),
+            ]
+            for future in work:
+                future.result()
         summary = _outcome(request, solved, graded, seconds, sum(seconds.values()))
+        summary |= {"files": export.checksums(partial)}
         (partial / SUMMARY).write_text(json.dumps(summary, indent=2), encoding="utf-8")
+        export.refuse_foreign(out, SUMMARY)  # somebody may have put a file there while the images were solved
+
+
+@contextmanager
+def _told_if_unwritable(out: Path) -> Generator[None]:
+    """Turns errors of the disk into RigError store.disk_full or folder.invalid."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise RigError(ErrorCode.STORE_DISK_FULL, f"no space left for {out}: nothing was written there") from error
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{out}: cannot be written: {error}; name another folder", file=str(out)
+        ) from error
 
 
 def _facts(
@@ -305,6 +291,7 @@ def _outcome(
         "images": solved.images.count,
         "normals": int(np.count_nonzero(solved.normal_map.mask)),
         "sigma_mean_deg": solved.sigma_mean_deg,
+        "depth_unit": export.depth_unit(solved.normal_map),
         "fit": None if solved.normal_map.fit is None else solved.normal_map.fit.model_dump(),
         "findings": [finding.model_dump() for finding in solved.normal_map.findings],
         "intensity_factors": [round(float(factor), 4) for factor in solved.normal_map.intensity_factors],
@@ -312,26 +299,6 @@ def _outcome(
         "seconds_of": {name: round(value, 3) for name, value in seconds.items()},
         "out": None if request.out is None else str(request.out),
         "warnings": list(solved.images.notes["warnings"]),
-    }
-
-
-def _compared(before: NormalMap, after: NormalMap, calibration: Calibration) -> dict[str, Any]:
-    """Compares two results of the same images: angles in degrees over the pixels of both; σ as in the summary."""
-    both = before.mask & after.mask
-    one, two = before.normals[both].astype(np.float64), after.normals[both].astype(np.float64)
-    angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two), axis=-1), np.sum(one * two, axis=-1)))
-    if not angle.size:
-        angle = np.array([np.inf])
-    return {
-        "same": bool(np.array_equal(before.mask, after.mask) and angle.max() < SAME_DEG),
-        "mean_deg": float(np.mean(angle)),
-        "p95_deg": float(np.percentile(angle, 95)),
-        "max_deg": float(np.max(angle)),
-        "pixels": int(np.count_nonzero(both)),
-        "pixels_before": int(np.count_nonzero(before.mask)),
-        "pixels_after": int(np.count_nonzero(after.mask)),
-        "sigma_before_deg": photometry.mean_sigma_deg(before, calibration),
-        "sigma_deg": photometry.mean_sigma_deg(after, calibration),
     }
 
 
@@ -370,21 +337,24 @@ def _scratch(out: Path | None) -> Generator[Path]:
 
 
 @contextmanager
-def _bar(console: Console) -> Generator[Progress]:
+def progress_bar(console: Console) -> Generator[Progress]:
+    """A bar of what is done on the error stream, gone when the block ends."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as bar:
         yield bar
 
 
 @contextmanager
-def _step(bar: Progress, what: str) -> Generator[None]:
+def shown_step(bar: Progress, what: str) -> Generator[None]:
+    """Shows the block as one step of the bar."""
     task = bar.add_task(what, total=None)
     yield
     bar.update(task, total=1, completed=1)
 
 
 @contextmanager
-def _timed(seconds: dict[str, float], name: str) -> Generator[None]:
+def timed(seconds: dict[str, float], name: str) -> Generator[None]:
+    """Notes how many seconds the block takes, under its name."""
     started = time.monotonic()
     yield
     seconds[name] = time.monotonic() - started

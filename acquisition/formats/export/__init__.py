@@ -4,9 +4,11 @@ Pictures are for people and for normal-integration tools: normals as (n + 1)/2 i
 OpenGL green (+Y up) unless the name says DirectX. Each file carries its convention in its own metadata.
 """
 
-from acquisition.formats.atomic_write import atomic_folder, refuse_foreign
+from acquisition.formats.atomic_write import atomic_folder
 from acquisition.formats.export.catalogue import FILES, FOLDERS, Source, make
+from acquisition.formats.export.map_files import depth_unit
 from acquisition.formats.export.result_folder import ARCHIVE, lights_used, read, write, write_into, write_maps
+from acquisition.formats.own_files import checksums, refuse_foreign
 
 __all__ = [
     "ARCHIVE",
@@ -14,6 +16,8 @@ __all__ = [
     "FOLDERS",
     "Source",
     "atomic_folder",
+    "checksums",
+    "depth_unit",
     "lights_used",
     "make",
     "read",

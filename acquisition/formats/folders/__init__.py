@@ -23,7 +23,8 @@ from acquisition.normals.images.image_set import ImageSet, check
 __all__ = ["Kind", "Progress", "SessionCapture", "Sphere", "kind_of", "read"]
 
 Kind = Literal["diligent", "lp", "near", "session"]
-READERS = {"diligent": diligent_folder.read, "lp": lp_folder.read, "near": near_light_folder.read}
+READERS = {"diligent": diligent_folder.read, "lp": lp_folder.read}
+"""Readers of folders with directions."""
 
 
 def kind_of(folder: Path) -> Kind:
@@ -43,7 +44,7 @@ def _format(folder: Path) -> tuple[Kind, Path]:
         return "session", folder / session_folder.MANIFEST
     if any((folder / name).is_file() for name in diligent_folder.LISTS):
         return "diligent", folder / diligent_folder.DIRECTIONS
-    lp_files = sorted(folder.glob("*.lp"))
+    lp_files = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".lp" and path.is_file())
     if len(lp_files) > 1:
         raise refusal(folder, f"holds {', '.join(one.name for one in lp_files)}: name the one to solve")
     if lp_files:
@@ -55,18 +56,27 @@ def _format(folder: Path) -> tuple[Kind, Path]:
     )
 
 
-def read(folder: Path, scratch: Path, *, sphere: Sphere | None = None, progress: Progress | None = None) -> ImageSet:
+def read(
+    folder: Path, scratch: Path, *, sphere: Sphere | None = None, progress: Progress | None = None,
+    full_scale: float | None = None,
+) -> ImageSet:  # fmt: skip
     """Reads a DiLiGenT-style, `.lp` or near-light folder, with its ground truth.
 
     `scratch` is an existing folder for images that have to be decoded in full; it has to live as long as the result.
-    `sphere` is a sphere in the image, whose normals are the truth. Raises RigError folder.invalid naming the file, and
+    `sphere` is a sphere in the image, whose normals are the truth; `full_scale` is the stored value that is 1.0 of a
+    folder with directions, by default the type's. Raises RigError folder.invalid naming the file, and
     normals.infeasible for lights that no solver can use.
     """
     kind, lights = _format(folder)
     if kind == "session":
         raise refusal(folder, "is a session's folder: read it as one")
     own = Path(tempfile.mkdtemp(dir=scratch))  # so that one scratch folder serves several reads
-    images = READERS[kind](lights, own, progress)
+    if kind == "near":
+        if full_scale is not None:
+            raise refusal(lights, "states full_scale itself: write it there, and leave --full-scale out")
+        images = near_light_folder.read(lights, own, progress)
+    else:
+        images = READERS[kind](lights, own, progress, full_scale)
     try:
         check(images)
     except RigError as error:

@@ -1,12 +1,16 @@
 """Assembly of the image set that every reader returns: pixels, lights and masks, with the images checked once."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from acquisition import image_values
-from acquisition.formats.folders import image_files
+from acquisition import image_values, photometry
+from acquisition.formats.folders import image_checks, image_files
 from acquisition.formats.folders.image_files import FolderImages
-from acquisition.models.base import BoolArray
+from acquisition.formats.folders.refusal import refusal
+from acquisition.models.base import BoolArray, FloatArray
 from acquisition.normals.images.image_set import DistantLights, ImageSet, NearLights
+from acquisition.normals.solve import SETTINGS as SOLVE_CHECK
 
 MASK, EVALUATION_MASK = "mask.png", "eval_mask.png"
 
@@ -15,8 +19,23 @@ EIGHT_BITS = (
     "linear. Use 16-bit linear images where there are any."
 )
 
+LOSSY = (".jpg", ".jpeg")
+
 NO_SATURATION_LEVEL = 1e30
 """Level of floating-point images with values above 1, such as merged exposures: none counts as clipped."""
+
+
+def lossy(names: Sequence[str]) -> list[str]:
+    """A warning where images are JPEG files."""
+    if not any(name.lower().endswith(LOSSY) for name in names):
+        return []
+    return ["JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten."]
+
+
+def irradiance(lights: DistantLights) -> FloatArray:
+    """Directions (F, 3) to distant lights times their mean intensity."""
+    lengths = np.linalg.norm(lights.directions, axis=1, keepdims=True)
+    return lights.directions / np.maximum(lengths, 1e-12) * lights.intensities.mean(axis=1, keepdims=True)
 
 
 def mask_in(images: FolderImages, name: str = MASK) -> BoolArray | None:
@@ -26,17 +45,31 @@ def mask_in(images: FolderImages, name: str = MASK) -> BoolArray | None:
 
 
 def image_set(
-    images: FolderImages, lights: DistantLights | NearLights, mask: BoolArray | None, *, kind: str, warnings: list[str]
-) -> ImageSet:
+    images: FolderImages, lights: DistantLights | NearLights, mask: BoolArray | None, *, kind: str,
+    warnings: list[str], irradiance: FloatArray, black_level: int = 0,
+) -> ImageSet:  # fmt: skip
     """Assembles the image set of a folder, images in the order of `lights`, solved in `mask` (H, W), none: the whole
-    frame; `kind` is the format's name.
+    frame; `kind` is the format's name, `irradiance` (F, 3) directions from the object to the lights times irradiance,
+    `black_level` what was subtracted from stored values.
 
-    Raises RigError folder.invalid naming an image that is black or overexposed, or an evaluation mask that is wrong.
+    Raises RigError folder.invalid naming an image that is black or overexposed, that equals others or exceeds the full
+    scale that is stated, or an evaluation mask that is wrong.
     """
-    merged = images.kind == "float32" and image_files.exceeds(images, 1.0)
-    clipped_from = NO_SATURATION_LEVEL if merged else image_values.SATURATION_SHARE
     area = np.ones(images.size, np.bool_) if mask is None else mask
-    image_files.refuse_unusable(images, area, clipped_from)
+    if mask is not None:
+        _refuse_few_pixels(images, mask)
+    merged = False
+    if images.stated_full_scale is not None:
+        image_checks.refuse_above_full_scale(images, area)
+    elif images.kind == "float32":
+        merged = image_checks.exceeds(images, 1.0, area) is not None
+    clipped_from = NO_SATURATION_LEVEL if merged else image_values.SATURATION_SHARE
+    image_checks.refuse_unusable(images, area, clipped_from)
+    warnings = [*warnings, *image_checks.refuse_same(images, area, irradiance)]
+    if images.kind == "uint8":
+        warnings.append(EIGHT_BITS)
+    elif (unfilled := image_checks.unfilled_bits(images, black_level)) is not None:
+        warnings.append(unfilled)
     height, width = images.size
     return ImageSet(
         names=images.names,
@@ -50,5 +83,15 @@ def image_set(
         mask=area,
         mask_given=mask is not None,
         evaluation_mask=mask_in(images, EVALUATION_MASK),
-        notes={"format": kind, "warnings": [*warnings, EIGHT_BITS] if images.kind == "uint8" else list(warnings)},
+        notes={"format": kind, "warnings": warnings},
     )
+
+
+def _refuse_few_pixels(images: FolderImages, mask: BoolArray) -> None:
+    """Refuses a mask of fewer pixels than are solved. Raises RigError folder.invalid."""
+    count, most = int(np.count_nonzero(mask)), SOLVE_CHECK.min_pixels
+    if count < most or any(one.stop - one.start == 1 for one in photometry.bounding_box(mask)):
+        raise refusal(
+            images.folder / MASK,
+            f"marks {count} pixel(s) only, {most} in two rows and columns are the least: draw the object white",
+        )

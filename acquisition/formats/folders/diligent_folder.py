@@ -18,19 +18,25 @@ LISTS = (DIRECTIONS, NAMES, INTENSITIES)
 """Any of these files marks a folder as DiLiGenT-style."""
 
 
-def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
-    """Reads the folder of a file of directions. Raises RigError folder.invalid naming the file that is wrong."""
+def read(
+    path: Path, scratch: Path, progress: Progress | None = None, full_scale: float | None = None
+) -> ImageSet:  # fmt: skip
+    """Reads the folder of a file of directions; `full_scale` is the stored value that is 1.0, by default the type's.
+
+    Raises RigError folder.invalid naming the file that is wrong.
+    """
     folder = path.parent
-    names = tuple(text_table.lines(folder / NAMES))
+    names = tuple(name for _, name in text_table.lines(folder / NAMES))
     if not names:
         raise refusal(folder / NAMES, "names no images: write one file name a line")
     directions = text_table.rows(path, (3,), len(names), NAMES)
     intensities = text_table.rows(folder / INTENSITIES, (1, 3), len(names), NAMES)
     if np.any(intensities <= 0):
-        row = 1 + int(np.argmax(np.any(intensities <= 0, axis=1)))
-        raise refusal(folder / INTENSITIES, f"line {row} is not positive: correct it, or take the image out")
-    images = image_files.open_images(folder, names, scratch, progress=progress)
-    warnings: list[str] = []
+        row = int(np.argmax(np.any(intensities <= 0, axis=1)))
+        line, _ = text_table.lines(folder / INTENSITIES)[row]
+        raise refusal(folder / INTENSITIES, f"line {line} is not positive: correct it, or take the image out")
+    images = image_files.open_images(folder, names, scratch, progress=progress, full_scale=full_scale)
+    warnings = assembly.lossy(names)
     if images.channels == 1 and intensities.shape[1] == 3:
         if not np.allclose(intensities, intensities[:, :1]):
             warnings.append("Grey images with three intensities each: the mean of the three is used.")
@@ -39,4 +45,7 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         intensities = np.repeat(intensities, 3, axis=1)
     mask = image_files.read_mask(folder / assembly.MASK, images.size)
     lights = DistantLights(directions, intensities)
-    return assembly.image_set(images, lights, mask, kind="DiLiGenT", warnings=warnings)
+    return assembly.image_set(
+        images, lights, mask, kind="DiLiGenT", warnings=warnings,
+        irradiance=assembly.irradiance(lights),
+    )  # fmt: skip

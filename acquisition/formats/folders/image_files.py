@@ -23,7 +23,6 @@ from acquisition.formats.folders.text_table import listed_file
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.normals.images.image_set import StoredValues
-from acquisition.normals.images.normalised_images import row_blocks
 
 FULL_SCALE = {"uint8": 255.0, "uint16": 65535.0, "float32": 1.0}
 DECODER_THREADS = 2
@@ -31,11 +30,9 @@ DECODER_THREADS = 2
 
 TIFF_NAMES = (".tif", ".tiff")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-BLACK_LEVEL = 0.0005
-"""Fraction of full scale below which an image's brightest pixels count as black."""
-
-MAX_SATURATED_SHARE = 0.9
-"""Share of clipped pixels above which an image is refused."""
+EXR_SIGNATURE = b"v/1\x01"
+READ_FORMATS = "PNG, TIFF, JPEG, BMP, PGM or PPM"
+"""Formats of images that are read, in words."""
 
 Progress = Callable[[int, int], None]
 """Called with how many files are done and how many there are."""
@@ -64,6 +61,7 @@ class FolderImages:
     folder: Path
     names: tuple[str, ...]
     locations: tuple[PixelLocation, ...]
+    stated_full_scale: float | None = None  # none: that of their type
 
     def __call__(self, image: int, start: int, stop: int) -> StoredValues:
         """Rows [start, stop) of one image. Raises RigError folder.invalid when the file is gone or cut short."""
@@ -98,7 +96,7 @@ class FolderImages:
     @property
     def full_scale(self) -> float:
         """The stored value that is 1.0."""
-        return FULL_SCALE[self.kind]
+        return FULL_SCALE[self.kind] if self.stated_full_scale is None else self.stated_full_scale
 
 
 def grey(image: np.ndarray) -> np.ndarray:
@@ -107,10 +105,11 @@ def grey(image: np.ndarray) -> np.ndarray:
 
 
 def open_images(
-    folder: Path, names: Sequence[str], scratch: Path, black_level: int = 0, progress: Progress | None = None
-) -> FolderImages:
+    folder: Path, names: Sequence[str], scratch: Path, black_level: int = 0, progress: Progress | None = None,
+    full_scale: float | None = None,
+) -> FolderImages:  # fmt: skip
     """Locates the pixels of the images that a list in the folder names, decoded where need be; `black_level` is
-    subtracted from each value, never below zero.
+    subtracted from each value, never below zero; `full_scale` is the stored value that is 1.0, by default the type's.
 
     Raises RigError folder.invalid naming the file that is missing, damaged, or unlike the first one.
     """
@@ -132,35 +131,7 @@ def open_images(
         finally:
             for future in work:
                 future.cancel()
-    return FolderImages(folder, tuple(names), tuple(located))
-
-
-def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float) -> None:
-    """Refuses images that are all black or saturated within the mask, by a sample of rows.
-
-    Raises RigError folder.invalid naming the image.
-    """
-    chosen = np.flatnonzero(np.any(mask, axis=1))
-    chosen = chosen[:: max(1, len(chosen) // 64)].tolist()
-    for index, name in enumerate(images.names):
-        path = listed_file(images.folder, name)
-        rows = [images(index, row, row + 1)[0][mask[row]] for row in chosen]
-        values = np.concatenate(rows).astype(np.float32) / images.full_scale
-        if not np.all(np.isfinite(values)):
-            raise refusal(path, "holds values that are not numbers: write the image again")
-        if float(np.quantile(values, 0.999)) <= BLACK_LEVEL:
-            raise refusal(path, "is black within the mask: take the image again or take its row out of the list")
-        if float(np.mean(values >= saturated_from)) > MAX_SATURATED_SHARE:
-            raise refusal(path, "is overexposed within the mask: expose it shorter or take its row out of the list")
-
-
-def exceeds(images: FolderImages, level: float) -> bool:
-    """Whether any stored value is above a level."""
-    return any(
-        bool(np.nanmax(images(index, rows.start, rows.stop), initial=-np.inf) > level)
-        for index in range(len(images.locations))
-        for rows in row_blocks(images.size[0])
-    )
+    return FolderImages(folder, tuple(names), tuple(located), full_scale)
 
 
 def decode(path: Path) -> np.ndarray:
@@ -172,19 +143,23 @@ def decode(path: Path) -> np.ndarray:
         except (OSError, SyntaxError, struct.error) as error:
             raise refusal(path, "is a damaged or truncated PNG file: copy it again") from error
     pixels = cv2.imdecode(np.frombuffer(stored, np.uint8), cv2.IMREAD_UNCHANGED) if stored else None
+    if pixels is None and stored.startswith(EXR_SIGNATURE):
+        raise refusal(path, f"is an OpenEXR image, which is not read: save it as float32 TIFF ({READ_FORMATS} are)")
     if pixels is None:
-        raise refusal(path, "is no image, or is damaged or truncated: copy it again")
+        raise refusal(path, f"is no image that is read ({READ_FORMATS}), or is damaged or truncated: copy it again")
     return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB) if pixels.ndim == 3 and pixels.shape[2] == 3 else np.asarray(pixels)
 
 
 def read_mask(path: Path, size: tuple[int, int]) -> BoolArray:
-    """A mask (H, W) of `size`: true where any channel is above zero.
+    """A mask (H, W) of `size`: true where any channel is above zero, and alpha is, if there is one.
 
     Raises RigError folder.invalid when it is missing, empty, or of another size than the images.
     """
     pixels = decode(path)
-    if pixels.ndim == 3:
-        pixels = np.max(pixels[..., :3], axis=2)
+    if pixels.ndim == 3 and pixels.shape[2] == 4:
+        pixels = np.minimum(np.max(pixels[..., :3], axis=2), pixels[..., 3])
+    elif pixels.ndim == 3:
+        pixels = np.max(pixels, axis=2)
     if pixels.shape != size:
         raise refusal(path, f"is {_size(pixels.shape)}, the images are {size[1]} × {size[0]}: use a mask of their size")
     if not np.any(pixels):
@@ -194,14 +169,20 @@ def read_mask(path: Path, size: tuple[int, int]) -> BoolArray:
 
 def _locate(path: Path, scratch: Path, black_level: int) -> PixelLocation:
     """Location of the pixels of one file, decoded into `scratch` unless it can be read in place."""
-    if path.suffix.lower() in TIFF_NAMES and black_level == 0:
+    if path.suffix.lower() in TIFF_NAMES:
         plain = _plain_tiff(path)
-        if plain is not None:
+        if plain is not None and black_level == 0:
             return plain
     pixels = decode(path)
     _refuse_format(path, pixels.dtype, pixels.shape)
     if black_level:
-        pixels = np.asarray(cv2.subtract(pixels, np.full_like(pixels, black_level)))
+        if pixels.dtype.kind == "u" and black_level >= np.iinfo(pixels.dtype).max:
+            raise refusal(
+                path,
+                f"holds {8 * pixels.dtype.itemsize}-bit values, of which a black_level of {black_level} leaves none: "
+                "correct black_level in lights.json",
+            )
+        pixels = np.maximum(cv2.subtract(pixels, np.full_like(pixels, black_level)), 0)
     try:
         with scratch.open("wb") as file:
             file.write(np.ascontiguousarray(pixels).data)
@@ -228,6 +209,8 @@ def _plain_tiff(path: Path) -> PixelLocation | None:
                 raise refusal(path, "stores its channels as separate planes: save them interleaved")
             if page.dtype is None:
                 raise refusal(path, "holds no pixels: save it again")
+            if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
+                raise refusal(path, "stores white as 0 (MINISWHITE): save it with black as 0")
             if not page.is_contiguous or page.fillorder != 1:
                 return None
             _refuse_format(path, page.dtype, page.shape)

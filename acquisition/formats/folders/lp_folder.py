@@ -13,19 +13,24 @@ from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal
 from acquisition.normals.images.image_set import DistantLights, ImageSet
 
-LOSSY = (".jpg", ".jpeg")
 
+def read(
+    path: Path, scratch: Path, progress: Progress | None = None, full_scale: float | None = None
+) -> ImageSet:  # fmt: skip
+    """Reads an `.lp` file and its images; `full_scale` is the stored value that is 1.0, by default the type's.
 
-def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
-    """Reads an `.lp` file and its images. Raises RigError folder.invalid naming the file that is wrong."""
-    first, *rest = text_table.lines(path) or [""]
+    Raises RigError folder.invalid naming the file that is wrong.
+    """
+    (line, first), *rest = text_table.lines(path) or [(1, "")]
     if not first.isdigit():
-        raise refusal(path, f"line 1 is {first[:40]!r}: write the number of images there")
+        raise refusal(path, f"line {line} is {first[:40]!r}: write the number of images there")
     if int(first) != len(rest):
-        raise refusal(path, f"line 1 says {first} images and {len(rest)} rows follow: give one `name x y z` for each")
+        raise refusal(
+            path, f"line {line} says {first} images and {len(rest)} rows follow: give one `name x y z` for each"
+        )
     names: list[str] = []
     directions: list[list[float]] = []
-    for line, row in enumerate(rest, start=2):
+    for line, row in rest:
         words = row.rsplit(maxsplit=3)
         if len(words) != 4:
             raise refusal(path, f"line {line} is {row[:60]!r}: write `name x y z`")
@@ -35,12 +40,14 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
             raise refusal(path, f"line {line} has a direction of length zero: correct it, or take the image out")
     if not names:
         raise refusal(path, "names no images: write `name x y z` for each")
-    images = image_files.open_images(path.parent, names, scratch, progress=progress)
+    images = image_files.open_images(path.parent, names, scratch, progress=progress, full_scale=full_scale)
     object_mask = assembly.mask_in(images)
     warnings = ["An .lp file does not say how bright its lights are: they start as equal, the images correct that."]
     if object_mask is None:
         warnings.append(f"There is no {assembly.MASK}: what no light reaches is left out, see mask_proposed.png.")
-    if any(name.lower().endswith(LOSSY) for name in names):
-        warnings.append("JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten.")
+    warnings += assembly.lossy(names)
     lights = DistantLights(np.array(directions), np.ones((len(names), images.channels)))
-    return assembly.image_set(images, lights, object_mask, kind=".lp", warnings=warnings)
+    return assembly.image_set(
+        images, lights, object_mask, kind=".lp", warnings=warnings,
+        irradiance=assembly.irradiance(lights),
+    )  # fmt: skip

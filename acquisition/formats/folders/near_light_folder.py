@@ -5,7 +5,8 @@ m here; lengths whose names end in `_mm` are in mm always.
 `intensity` is what a perfectly white Lambertian surface facing the lamp at `reference_mm` would give, as a fraction of
 full scale, so albedo is absolute. `black_level` (stored values, the same for all images) is optional, zero if absent;
 so are `position_sigma_mm` per axis and `intensity_sigma` (a share), 1 σ of what is stated of the lights, and the
-camera's `full_well_e` (electrons at full scale) and `read_noise_e`, from which the estimate of its noise starts.
+camera's `full_well_e` (electrons at full scale) and `read_noise_e`, from which the estimate of its noise starts;
+`full_scale`, the stored value that is 1.0, by default the greatest that the files can hold.
 Fields of other names are not used, and a warning says so.
 """
 
@@ -20,7 +21,8 @@ from acquisition.formats.folders import assembly, image_files
 from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal, value
 from acquisition.geometry import VIEW_FROM_CAMERA
-from acquisition.models.base import Value, Vector3
+from acquisition.models.base import BoolArray, FloatArray, Value, Vector3
+from acquisition.models.errors import RigError
 from acquisition.normals.images.image_set import (
     FULL_WELL_E,
     INTENSITY_SIGMA,
@@ -29,6 +31,7 @@ from acquisition.normals.images.image_set import (
     Camera,
     ImageSet,
     NearLights,
+    refuse_coplanar,
 )
 
 LIGHTS = "lights.json"
@@ -36,6 +39,11 @@ METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 MAX_OFF_AXIS_DEG = 70.0
 """Off the optical axis beyond which the middle of the images is not believed: an image cut out of a larger one may not
 hold the axis at all."""
+
+
+MAX_DISTANCE_RATIO = 50.0
+"""Distance of a lamp from the object over the camera's, or the inverse, beyond which one of the two is in another unit:
+lamps stand at 0.1–30 times the camera's distance, before a microscope's or a telephoto lens."""
 
 
 class _ForeignValue(Value):
@@ -68,6 +76,7 @@ class _Lights(_ForeignValue):
     lights: list[_Light] = Field(min_length=1)
     depth_mm: float = Field(gt=0)
     black_level: int = Field(default=0, ge=0)
+    full_scale: float | None = Field(default=None, gt=0)
     position_sigma_mm: float = Field(default=1000 * POSITION_SIGMA_M, gt=0)
     intensity_sigma: float = Field(default=INTENSITY_SIGMA, gt=0)
 
@@ -82,7 +91,12 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     if np.any(distortion[5:]):
         raise refusal(path, "camera.distortion holds more than k1 k2 p1 p2 k3: undistort the images with the rest")
     names = [light.file for light in given.lights]
-    stored = image_files.open_images(path.parent, names, scratch, given.black_level, progress)
+    if given.full_scale is not None and given.black_level >= given.full_scale:
+        raise refusal(
+            path, f"black_level {given.black_level} is not below full_scale {given.full_scale:g}: correct them"
+        )
+    # What is left of a value above black is compared with full scale above zero.
+    stored = image_files.open_images(path.parent, names, scratch, given.black_level, progress, given.full_scale)
     height, width = stored.size
     middle = np.array([width / 2, height / 2])
     off_axis = np.degrees(np.arctan(np.linalg.norm((middle - matrix[:2, 2]) / matrix[[0, 1], [0, 1]])))
@@ -108,7 +122,12 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         position_sigma_m=given.position_sigma_mm / 1000,
         intensity_sigma=given.intensity_sigma,
     )
-    images = assembly.image_set(stored, lights, object_mask, kind="near light", warnings=warnings)
+    toward = lights.positions_m - _place(path, given, lights, matrix, object_mask, stored.size)
+    images = assembly.image_set(
+        stored, lights, object_mask, kind="near light", warnings=warnings,
+        irradiance=toward * (lights.intensity / np.linalg.norm(toward, axis=1) ** 3)[:, None],
+        black_level=given.black_level,
+    )  # fmt: skip
     return replace(
         images,
         saturated_from=images.saturated_from - given.black_level / stored.full_scale,
@@ -117,6 +136,48 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         full_well_e=given.camera.full_well_e,
         read_noise_e=given.camera.read_noise_e,
     )
+
+
+def _place(
+    path: Path, given: _Lights, lights: NearLights, matrix: FloatArray, mask: BoolArray | None, size: tuple[int, int]
+) -> FloatArray:
+    """The object's rough place (3,), view frame, m: the middle of the mask or the frame at `depth_mm`.
+
+    Raises RigError folder.invalid where the lamps cannot be where they are stated to be as seen from there: for most
+    lamps depth, unit or positions are wrong, for a few their positions.
+    """
+    row, column = np.mean(np.nonzero(np.ones(size, np.bool_) if mask is None else mask), axis=1)
+    depth_m = given.depth_mm / 1000
+    ray = np.array([(column - matrix[0, 2]) / matrix[0, 0], (row - matrix[1, 2]) / matrix[1, 1], 1.0])
+    place = VIEW_FROM_CAMERA[:3, :3] @ (depth_m * ray)
+    toward = lights.positions_m - place
+    distance = np.linalg.norm(toward, axis=1)
+    stated = f'depth_mm is {given.depth_mm:g}, which is in mm whatever `unit` is, and `unit` is "{given.unit}"'
+    remedy = "correct depth_mm, unit or the positions, whichever is wrong"
+    far = (distance > MAX_DISTANCE_RATIO * depth_m) | (distance * MAX_DISTANCE_RATIO < depth_m)
+    if np.count_nonzero(far) > len(far) / 2:
+        lamps = f"{1000 * np.min(distance):.4g} to {1000 * np.max(distance):.4g} mm from the object"
+        raise refusal(path, f"the lamps would be {lamps}, which cannot be: {stated}; {remedy}")
+    if np.all(lights.positions_m[:, 2] <= -depth_m):
+        raise refusal(
+            path,
+            f"all lamps would be behind the object, farther from the camera than it: {stated}; {remedy} (z points away "
+            "from the camera)",
+        )
+    if np.any(far):
+        number = int(np.argmax(far))
+        raise refusal(
+            path,
+            f"lights.{number}.position is {1000 * distance[number]:.4g} mm from the object at a depth_mm of "
+            f"{given.depth_mm:g}: correct whichever is wrong",
+        )
+    try:
+        if len(toward) > 2:
+            refuse_coplanar(toward)
+    except RigError as error:
+        detail = f"{path}: {error.detail}; where they do not, {stated}: {remedy}"
+        raise RigError(error.code, detail, file=str(path), **error.context) from error
+    return place
 
 
 def unit(folder: Path) -> Literal["mm", "cm", "m"]:

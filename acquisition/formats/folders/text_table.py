@@ -9,9 +9,11 @@ from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models.base import FloatArray
 
 
-def lines(path: Path) -> list[str]:
-    """The lines that are not blank, without white space around them. Raises RigError folder.invalid."""
-    return [line.strip() for line in text(path).splitlines() if line.strip()]
+def lines(path: Path) -> list[tuple[int, str]]:
+    """The lines that are not blank, without white space around them, and the number of each in the file, counted from
+    1. Raises RigError folder.invalid."""
+    numbered = enumerate(text(path).splitlines(), start=1)
+    return [(number, line.strip()) for number, line in numbered if line.strip()]
 
 
 def numbers(path: Path, line: int, words: list[str]) -> list[float]:
@@ -31,8 +33,8 @@ def rows(path: Path, columns: tuple[int, ...], count: int, listing: str) -> Floa
     Raises RigError folder.invalid naming what is wrong.
     """
     table_lines = lines(path)
-    table = [numbers(path, number, line.replace(",", " ").split()) for number, line in enumerate(table_lines, start=1)]
-    for number, row in enumerate(table, start=1):
+    table = [numbers(path, number, line.replace(",", " ").split()) for number, line in table_lines]
+    for (number, _), row in zip(table_lines, table, strict=True):
         if len(row) not in columns or len(row) != len(table[0]):
             wanted = " or ".join(str(one) for one in columns)
             raise refusal(path, f"line {number} has {len(row)} numbers: each line needs {wanted}, all the same")

@@ -111,8 +111,8 @@ def _underlit_sample(normal_map: NormalMap, underlit: BoolArray) -> tuple[np.nda
 
 def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     warnings: list[str] = []
-    left_out = [finding.value for finding in normal_map.findings if finding.kind == "bad image"]
-    for number, (name, share) in enumerate(zip(context.names, pictures.shares(normal_map), strict=True), start=1):
+    left_out = images_left_out(normal_map)
+    for number, (name, share) in enumerate(zip(context.names, pictures.shares(normal_map), strict=True)):
         if number in left_out:  # none of its pixels is used, for which no exposure is to blame
             continue
         lit, clipped, shadow = share
@@ -127,6 +127,12 @@ def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
                 f"{name}: its light was {_percent(abs(factor - 1))} {than} than the calibration says; corrected."
             )
     return warnings
+
+
+def images_left_out(normal_map: NormalMap) -> set[int]:
+    """Numbers of the images that the solver left out."""
+    found = (finding for finding in normal_map.findings if finding.kind == "bad image" and finding.corrected)
+    return {int(finding.value) for finding in found if finding.value is not None}
 
 
 def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:

@@ -176,9 +176,10 @@ def _lights(normal_map: NormalMap, context: ReportContext) -> str:
     figures = zip(
         context.names, slants, azimuths, normal_map.intensity_factors, pictures.shares(normal_map), strict=True
     )  # fmt: skip
+    left_out = advice.images_left_out(normal_map)
     return "".join(
         f"<tr><td>{number}<td>{html.escape(name)}<td>{slant:.0f}°<td>{azimuth:.0f}°<td>{factor:.3f}"
-        f"<td>{used:.0%}<td>{clipped:.1%}"
+        + ("<td>left out<td>–" if number in left_out else f"<td>{used:.0%}<td>{clipped:.1%}")
         for number, (name, slant, azimuth, factor, (used, clipped, _)) in enumerate(figures)
     )
 

@@ -17,8 +17,8 @@ from acquisition.normals.alternatives.alternative import Alternative
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.uncertainty import goodness_of_fit
 
-MOVED, INTENSITIES = "moved object", "intensities"
-"""Kinds of the findings of images that are moved back, and that are scaled."""
+MOVED, INTENSITIES, SHIFT = "moved object", "intensities", "shift"
+"""Kinds of the findings of images that are moved back, and that are scaled, and of an object that is held."""
 
 
 def moved_object(present: Solution) -> list[Alternative]:
@@ -54,13 +54,14 @@ def bad_image(present: Solution) -> list[Alternative]:
     Images that were scaled beside it are as they were: a bad one makes others seem too dark or too bright.
     """
     hypothesis, unscaled, better = present.hypothesis, _unscaled(present.hypothesis), model_trial.SETTINGS.better
+    images = hypothesis.masked.images
     scaled = np.broadcast_to(hypothesis.factors, len(present.scene.lamps)) != 1
     doubted = {one: one.outlying or bool(scaled[one.number]) for one in _worst_images(present)}
     return [
         Alternative(
-            "bad image", f"image {worst.number + 1} does not fit the others: it is left out",
+            "bad image", f"image {images.label(worst.number)} does not fit the others: it is left out",
             unscaled.reread(changed_images.without(unscaled.masked.images, worst.number)),
-            better if sure else better**2, worst.number + 1, by_loss=True, leaves_out=True, decisive=worst.outlying,
+            better if sure else better**2, worst.number, by_loss=True, leaves_out=True, decisive=worst.outlying,
         )
         for worst, sure in sorted(doubted.items(), key=lambda one: not one[0].outlying)
         if sure or present.poor or present.intensities_scatter
@@ -124,8 +125,9 @@ def other_intensities(present: Solution) -> list[Alternative]:
     if not np.any(far):
         return []
     factors = np.where(far, np.exp(_log_intensity(present)), 1.0)
-    names = ", ".join(f"image {n + 1} ({factors[n] - 1:+.0%})" for n in np.flatnonzero(far))
-    scaled = present.hypothesis.reread(changed_images.scaled(present.hypothesis.masked.images, factors))
+    images = present.hypothesis.masked.images
+    names = ", ".join(f"image {images.label(int(n))} by {factors[n] - 1:+.0%}" for n in np.flatnonzero(far))
+    scaled = present.hypothesis.reread(changed_images.scaled(images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
     # The descent before has put most of the factors right already: noise decides which of the two fits better.
@@ -151,7 +153,5 @@ def held_shift(present: Solution) -> list[Alternative]:
         return []
     held = replace(present.hypothesis, shift_sigma_m=0.0)
     return [
-        Alternative(
-            "shift", "the object is held at its stated place", held, model_trial.SETTINGS.better, unreported=True
-        )
+        Alternative(SHIFT, "the object is held at its stated place", held, model_trial.SETTINGS.better, unreported=True)
     ]

@@ -218,5 +218,6 @@ def swapped_lamps(present: Solution) -> list[Alternative]:
         return []
     order = np.arange(len(nominal.lamps))
     order[[swap.first, swap.second]] = swap.second, swap.first
-    message = f"the lamps of images {swap.first + 1} and {swap.second + 1} are swapped: they are exchanged"
+    first, second = (hypothesis.masked.images.label(number) for number in (swap.first, swap.second))
+    message = f"the lamps of images {first} and {second} are swapped: they are exchanged"
     return [Alternative("swapped lamps", message, hypothesis.with_lamps_of(order), 1.0)]

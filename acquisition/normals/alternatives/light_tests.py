@@ -170,6 +170,8 @@ class _Trial:
 
 def _regions(known: BoolArray) -> np.ndarray:
     """Number of the region (N,) of each pixel of a mask (h, w): quantiles of rows and of columns."""
+    if not np.any(known):  # an object so thin that no four pixels are neighbours
+        return np.zeros(0, np.intp)
     row, column = (
         np.searchsorted(np.quantile(at, np.arange(1, REGIONS) / REGIONS), at, side="right") for at in np.nonzero(known)
     )

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition import photometry
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ModelFinding
 from acquisition.normals import alternation, final_solve
 from acquisition.normals.alternatives import (
@@ -41,8 +42,8 @@ ALTERNATIVES: tuple[Callable[[Solution], list[Alternative]], ...] = (
 
 def select(hypothesis: Hypothesis) -> tuple[Solution, list[ModelFinding]]:
     """Solves the coarse level by the plain model, and by others as tests demand them; what was found about the images,
-    corrected findings first."""
-    present = solve(hypothesis)
+    corrected findings first. Raises RigError normals.infeasible where lamps light no pixel."""
+    present = _first(hypothesis)
     accepted: list[tuple[Alternative, bool]] = []
     no_better: set[str] = set()
     while (trial := _best_trial(present, no_better)) is not None:
@@ -59,8 +60,23 @@ def select(hypothesis: Hypothesis) -> tuple[Solution, list[ModelFinding]]:
     return present, sorted(findings + remaining(present), key=lambda one: not one.corrected)
 
 
+def _first(hypothesis: Hypothesis) -> Solution:
+    """The solution by the plain model; where the object's shift has run away, as to behind the camera, with the object
+    held where it is stated to be."""
+    try:
+        return solve(hypothesis)
+    except RigError as error:
+        if error.code is not ErrorCode.NORMALS_INFEASIBLE:
+            raise
+        held = (*hypothesis.corrected, image_alternatives.SHIFT)
+        return solve(replace(hypothesis, shift_sigma_m=0.0, corrected=held))
+
+
 def solve(hypothesis: Hypothesis) -> Solution:
-    """Descent on the coarse level, noise of single pixels from a sample, fit and scores."""
+    """Descent on the coarse level, noise of single pixels from a sample, fit and scores.
+
+    Raises RigError normals.infeasible where no pixel has two lamps that light it.
+    """
     level, nominal = hypothesis.level, hypothesis.nominal
     stated = nominal.calibration
     priors = Priors(
@@ -70,6 +86,12 @@ def solve(hypothesis: Hypothesis) -> Solution:
     state = alternation.refine(level, hypothesis.start_m, nominal, priors)
     scene = replace(nominal, lamps=state.shared.lamps(nominal.lamps), terms=nominal.terms and state.shared.terms)
     scene, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
+    if not np.any(np.count_nonzero(sample.solution.estimate.usable, axis=0) > 1):
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            "no pixel of the object is lit by two lamps where lamps and object are stated to be: check the lamps' "
+            "positions, the object's rough depth and their units",
+        )
     fit = sample.fit(sample.solution, nominal.noise)
     priors = replace(priors, shadows=state.shadows)
     scores = term_tests.scores(sample.solution.estimate, sample.solution.values, scene, state.shared, priors)
@@ -142,7 +164,9 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
             if best and best[0].decisive and not alternative.decisive and _decides(present, best[1]):
                 break
             trial = _trial(alternative)
-            if alternative.accepted(present, trial):
+            if trial is None:
+                no_better.add(alternative.kind)
+            elif alternative.accepted(present, trial):
                 accepted.append((alternative, trial))
                 best = min(accepted, key=_residuals)
             elif not alternative.demanded and trial.fit.misfit >= present.fit.misfit:
@@ -155,9 +179,15 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
     return None
 
 
-def _trial(alternative: Alternative) -> Solution:
+def _trial(alternative: Alternative) -> Solution | None:
+    """Its solution; none: it leaves no pixel that is lit."""
     hypothesis = alternative.hypothesis
-    return solve(replace(hypothesis, corrected=(*hypothesis.corrected, alternative.kind)))
+    try:
+        return solve(replace(hypothesis, corrected=(*hypothesis.corrected, alternative.kind)))
+    except RigError as error:
+        if error.code is not ErrorCode.NORMALS_INFEASIBLE:
+            raise
+        return None
 
 
 def _without_codings_of_roughness(accepted: list[tuple[Alternative, Solution]]) -> list[tuple[Alternative, Solution]]:
@@ -209,7 +239,8 @@ def _better_with_another(
 def _residuals_with(present: Solution, alternatives: list[Alternative]) -> float:
     """The least `_residuals` of what is accepted of some alternatives; infinite: none is."""
     trials = ((alternative, _trial(alternative)) for alternative in alternatives)
-    return min((_residuals(one) for one in trials if one[0].accepted(present, one[1])), default=np.inf)
+    solved = ((alternative, trial) for alternative, trial in trials if trial is not None)
+    return min((_residuals(one) for one in solved if one[0].accepted(present, one[1])), default=np.inf)
 
 
 def _decides(before: Solution, trial: Solution) -> bool:

@@ -127,6 +127,8 @@ class ImageSet:
     """Electrons at full scale, for a first guess of shot noise."""
     read_noise_e: float = READ_NOISE_E
     """Read noise, e⁻, for a first guess."""
+    numbers: tuple[int, ...] = ()
+    """The number of each image in its source, where these are some of its images; empty: all, counted from 0."""
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
     """Facts from the reader for the report."""
 
@@ -134,6 +136,12 @@ class ImageSet:
     def count(self) -> int:
         """How many images there are."""
         return len(self.names)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What sentences call the images (F): number in the source, counted from 0, and file."""
+        numbers = self.numbers or range(self.count)
+        return tuple(f"{number} ({name})" for number, name in zip(numbers, self.names, strict=True))
 
     def only(self, chosen: Sequence[int]) -> "ImageSet":
         """The images with the numbers `chosen`, in that order, with their lights."""
@@ -149,7 +157,8 @@ class ImageSet:
                 colour=None if lights.colour is None else lights.colour[numbers],
             )
         names = tuple(self.names[number] for number in numbers)
-        return replace(self, names=names, rows=_ChosenRows(self.rows, tuple(numbers)), lights=kept)
+        own = tuple(self.numbers[number] if self.numbers else number for number in numbers)
+        return replace(self, names=names, numbers=own, rows=_ChosenRows(self.rows, tuple(numbers)), lights=kept)
 
     def values(self, image: int, start: int, stop: int) -> Float32Array:
         """Rows [start, stop) of one image as fractions of full scale, float32 (rows, W) or (rows, W, 3)."""
@@ -214,7 +223,7 @@ def check(images: ImageSet) -> None:
             "image, in the images' order"
         )
     for name, place, power in zip(images.names, first, strength, strict=True):
-        if not np.all(np.isfinite(place)) or not np.linalg.norm(place) > 0:
+        if not np.all(np.isfinite(place)) or (distant and not np.linalg.norm(place) > 0):
             where = f"its light is at {place.tolist()}, which is no place or direction: correct that row"
             refuse(f"{name}: {where}", file=name)
         if not np.all(np.isfinite(power)) or not np.all(power > 0):

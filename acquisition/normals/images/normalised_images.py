@@ -46,7 +46,8 @@ class Images:
 
     `read` gives the rows [start, stop), counted from the window's first. `shot` and `floor` (F,) are the sensor's part
     of the variance of y, shot·y + floor; where nothing is known of the sensor they are zero and the quantisation
-    variance, and the rest is estimated from the residuals.
+    variance, and the rest is estimated from the residuals. `labels` (F,) are what sentences call the images; none: by
+    their numbers, which are counted from 0 everywhere.
     """
 
     read: Callable[[int, int], ImageBlock]
@@ -55,6 +56,11 @@ class Images:
     columns: slice
     shot: FloatArray
     floor: FloatArray
+    labels: tuple[str, ...] = ()
+
+    def label(self, number: int) -> str:
+        """What a sentence calls an image: its number, counted from 0, and its file where it has one."""
+        return self.labels[number] if self.labels else str(number)
 
     @property
     def height(self) -> int:

@@ -71,7 +71,8 @@ def read(
         return ImageBlock(values, np.stack(clipped), extra)
 
     photons, floor = np.array([exposure_merge.all_counting(one) for one in noise]).T
-    stored = Images(block, lights, rows, columns, photons / factors, floor / factors**2)
+    labels = tuple(f"{number} ({shot.frame.path})" for number, shot in enumerate(shots))
+    stored = Images(block, lights, rows, columns, photons / factors, floor / factors**2, labels)
     return normalised_images.held_if_small(stored, merged=len(frames) > len(shots))
 
 

@@ -45,6 +45,9 @@ class DiscontinuitySettings:
 
 SETTINGS = DiscontinuitySettings()
 
+LEAST_LAMP_M = 1e-9
+"""Distance of a lamp from the camera or its plane, m, that counts as none."""
+
 WEIGHT_FLOOR = 1e-3
 """Least continuity weight of a pair of neighbours, which keeps the system well conditioned."""
 
@@ -267,7 +270,10 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
     depth_image = pixels.image(depth_m)
     edges, tips, steps, bounds = [], [], [], []
     for shading, position in zip(share, shadows.lamp[:, :3].astype(float), strict=True):
+        if np.linalg.norm(position) <= LEAST_LAMP_M:  # at the camera, which sees none of its shadows
+            continue
         lamp_x, lamp_y, lamp_z = position[0], -position[1], -position[2]  # OpenCV's frame
+        lamp_z = lamp_z if abs(lamp_z) > LEAST_LAMP_M else LEAST_LAMP_M
         target = (across[0] * lamp_x / lamp_z + across[1], down[0] * lamp_y / lamp_z + down[1])
         image = pixels.image(shading, -1.0)
         border = photometry.SETTINGS.edge_px

@@ -190,6 +190,7 @@ def test_plan_out_holds_what_json_prints(made: dict[str, Path], tmp_path: Path) 
     ("options", "said"),
     [
         ({"count": 0}, "--count 0"),
+        ({"count": 301}, "--count 301: 300 lights are the most"),
         ({"count": 3, "pilot": "0,1,2,3"}, "--count 3: .* leaves 2 candidates"),
         ({"pilot": "0,1"}, r"2 image\(s\)"),
         ({"pilot": "0,1,6,2"}, "--pilot 6: .* 6 images"),
@@ -230,6 +231,54 @@ def test_plan_bad_candidates_name_their_line(text: str, said: str, made: dict[st
     with pytest.raises(RigError, match=said) as refused:
         planned(made["lp"], 1, candidates=tmp_path / "dome.txt")
     assert refused.value.code is ErrorCode.REQUEST_INVALID
+
+
+def around(count: int, slant_deg: float = 55.0) -> np.ndarray:
+    return geometry.direction(np.full(count, np.radians(slant_deg)), np.arange(count) * 2.4 + 0.3)
+
+
+def test_plan_candidates_all_behind_the_object_are_refused(made: dict[str, Path], tmp_path: Path) -> None:
+    """Of some of them a note tells."""
+    units = around(8)
+    with pytest.raises(RigError, match="8 behind it: correct the axes") as refused:
+        planned(made["lp"], 2, candidates=write(tmp_path / "behind.txt", units * [1, 1, -1]))
+    assert refused.value.code is ErrorCode.REQUEST_INVALID
+    some = write(tmp_path / "some.txt", np.concatenate([units, units[:3] * [1, 1, -1]]))
+    notes = planned(made["lp"], 2, candidates=some)["notes"]
+    assert any("3 candidates are behind the object" in note for note in notes)  # type: ignore[union-attr]
+
+
+def test_plan_repeated_candidates_count_once(made: dict[str, Path], tmp_path: Path) -> None:
+    units = around(2)
+    file = write(tmp_path / "dome.txt", np.concatenate([units[:1]] * 9 + [3 * units[1:]]))
+    outcome = planned(made["lp"], 2, candidates=file)
+    assert sorted(light["number"] for light in outcome["lights"]) == [0, 9]  # type: ignore[union-attr, index]
+    assert any("8 candidates stand where others" in note for note in outcome["notes"])  # type: ignore[union-attr]
+    with pytest.raises(RigError, match=r"leaves 2 candidates.* give each place once"):
+        planned(made["lp"], 3, candidates=file)
+
+
+@pytest.mark.parametrize("factor", [12, 1])
+def test_plan_candidates_in_another_unit_are_noted(factor: float, made: dict[str, Path], tmp_path: Path) -> None:
+    rows = CENTER_MM + factor * 300 * around(8) * [1, -1, -1]
+    notes = planned(made["near"], 2, candidates=write(tmp_path / "dome.txt", rows))["notes"]
+    said = [note for note in notes if "are they in mm" in note]  # type: ignore[union-attr]
+    assert len(said) == (factor != 1)
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1000, "behind it"), (0.001, "leaves no candidates")])
+def test_plan_candidates_in_another_unit_are_refused_with_a_hint(
+    factor: float, said: str, made: dict[str, Path], tmp_path: Path
+) -> None:
+    """In µm they are all behind the object, in m all at the camera, where a lamp of the pilot stands."""
+    rows = (CENTER_MM + 300 * around(8) * [1, -1, -1]) * factor
+    with pytest.raises(RigError, match=rf"{said}.*are they in mm, as the folder's are"):
+        planned(made["near"], 2, candidates=write(tmp_path / "dome.txt", rows))
+
+
+def test_plan_slant_that_leaves_nothing_is_named(made: dict[str, Path], tmp_path: Path) -> None:
+    with pytest.raises(RigError, match="leaves no candidates: raise --max-slant-deg 20"):
+        planned(made["lp"], 1, candidates=write(tmp_path / "dome.txt", around(8)), max_slant_deg=20.0)
 
 
 def test_plan_radius_of_directions_is_refused(made: dict[str, Path]) -> None:

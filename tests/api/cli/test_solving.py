@@ -1,6 +1,8 @@
 """`lightpose solve` and `lightpose replay`: folders to results, written atomically."""
 
+import errno
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -9,13 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
+from typer.testing import CliRunner
 
 from acquisition.formats import export
 from acquisition.formats.folders.session_folder import read as read_session
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import SolveSettings
 from acquisition.runner import jobs
-from api.cli import solving
+from api.cli import replaying, solving
+from api.cli.commands import app
 from tests.acquisition import session_folder
 from tests.acquisition.formats.folders import small
 
@@ -53,6 +57,7 @@ def test_solve_json_prints_one_object_as_last_line(tmp_path: Path) -> None:
     assert {"normals.png", "normals.tiff", "sigma_deg.tiff", "mask.png", "report.html", "report.png"} <= written
     kept = json.loads((tmp_path / "out" / solving.SUMMARY).read_text())
     assert kept["mean_deg"] == outcome["mean_deg"]
+    assert kept["depth_unit"] == "pixel"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "out"]
 
 
@@ -69,6 +74,7 @@ def test_solve_near_light_folder_gives_absolute_albedo(tmp_path: Path) -> None:
     folder, out = small.near(tmp_path / "in"), tmp_path / "out"
     outcome = solving.run(request(folder, near=True, out=out, exports=["all"]))
     assert outcome["solver"] == "near"
+    assert outcome["depth_unit"] == "m"
     assert outcome["median_deg"] < 0.5
     assert outcome["coverage"] > 0.9
     albedo = tifffile.imread(out / "albedo.tiff")
@@ -102,6 +108,57 @@ def test_solve_near_light_least_squares_gives_normals(tmp_path: Path) -> None:
     albedo, depth = (tifffile.imread(out / f"{name}.tiff") for name in ("albedo", "depth"))
     assert np.median(albedo[albedo > 0]) == pytest.approx(small.ALBEDO, rel=0.06)
     assert np.ptp(depth[depth > 0]) == pytest.approx(0.035, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(errno.ENOSPC, ErrorCode.STORE_DISK_FULL), (errno.EACCES, ErrorCode.FOLDER_INVALID)]
+)
+def test_solve_full_or_locked_disk_is_told(
+    number: int, code: ErrorCode, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(number, "as the system says")
+
+    monkeypatch.setattr(export, "write_maps", fail)
+    with pytest.raises(RigError) as told:
+        solving.run(request(small.diligent(tmp_path / "in"), solver="ls", out=tmp_path / "out"))
+    assert told.value.code is code
+    assert str(tmp_path / "out") in told.value.detail
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
+
+
+def test_solve_image_left_out_is_named_by_number_from_0_and_file(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """In figures, on the screen and in the report, whose table says nothing of clipped pixels there."""
+    folder = small.lp(tmp_path / "in")
+    (folder / "img 3.png").write_bytes((folder / "img 1.png").read_bytes())
+    outcome = solving.run(request(folder, out=tmp_path / "out"))
+    sentence = "image 3 (img 3.png) does not fit the others: it is left out"
+    assert [(one["message"], one["value"]) for one in outcome["findings"]] == [(sentence, 3)]
+    assert sentence[1:] in " ".join(capsys.readouterr().err.split())
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    rows = re.findall(r"<tr><td>(\d+)<td>(img [^<]*)<td>.*?<td>([^<]*)<td>([^<]*)(?=<tr>|</table>)", page)
+    assert [(number, name) for number, name, *_ in rows] == [(str(one), f"img {one}.png") for one in range(6)]
+    assert rows[3][2:] == ("left out", "–")
+    assert rows[2][2:] != ("left out", "–")
+
+
+def test_solve_refused_option_has_advice_for_a_command_line(tmp_path: Path) -> None:
+    """Not that of a service's requests, whose fields are named."""
+    done = CliRunner().invoke(app, ["solve", str(small.lp(tmp_path / "in")), "--solver", "magic"])
+    assert done.exit_code == 2
+    assert "errors" not in done.stderr
+    assert "run the command again" in done.stderr
+
+
+def test_solve_full_scale_of_folder_is_used(tmp_path: Path) -> None:
+    folder = small.lp(tmp_path / "in")
+    with pytest.raises(RigError, match="values above 255"):
+        solving.run(request(folder, full_scale=255.0))
+    for wrong in (0.0, float("nan")):
+        with pytest.raises(RigError, match="--full-scale"):
+            request(folder, full_scale=wrong)
 
 
 @pytest.mark.parametrize("solver", solving.GONE_SOLVERS)
@@ -146,6 +203,40 @@ def test_solve_out_replaces_own_result_only(tmp_path: Path) -> None:
             solving.run(request(folder, out=target))
         assert refused.value.code is ErrorCode.FOLDER_INVALID
         assert sorted(target.iterdir()) == before
+
+
+@pytest.mark.parametrize("what", ["another result", "file", "corrected mask", "capture", "exported capture"])
+def test_solve_out_with_anything_of_somebody_is_refused(what: str, tmp_path: Path) -> None:
+    folder, out = small.diligent(tmp_path / "in"), tmp_path / "out"
+    solving.run(request(folder, solver="ls", out=out, exports=["diligent"]))
+    match what:
+        case "another result":
+            solving.run(request(folder, solver="ls", out=out / "of u8"))
+        case "file":
+            (out / "mask_corrected.png").write_bytes(b"drawn by hand")
+        case "corrected mask":
+            (out / "mask.png").write_bytes(b"drawn by hand")
+        case "capture":
+            folder = small.diligent(out / "in")
+        case _:
+            folder = out / "diligent"
+    before = {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
+    with pytest.raises(RigError) as refused:
+        solving.run(request(folder, solver="ls", out=out))
+    assert refused.value.code is ErrorCode.FOLDER_INVALID
+    named = {"another result": "of u8/", "file": "mask_corrected.png", "corrected mask": "mask.png"}
+    assert named.get(what, str(folder)) in refused.value.detail
+    assert {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()} == before
+
+
+def test_solve_out_that_is_a_link_is_written_where_it_leads(tmp_path: Path) -> None:
+    folder, link = small.diligent(tmp_path / "in"), tmp_path / "link"
+    (tmp_path / "disk").mkdir()
+    link.symlink_to(tmp_path / "disk")
+    for _ in range(2):
+        solving.run(request(folder, solver="ls", out=link))
+    assert link.is_symlink()
+    assert (tmp_path / "disk" / solving.SUMMARY).is_file()
 
 
 @pytest.mark.parametrize("broken", ["image", "directions", "mask", "truth"])
@@ -198,10 +289,10 @@ def test_solve_session_folder_writes_result(session: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(("number", "images"), [(None, 6), (0, 3)])
 def test_replay_unchanged_session_gives_stored_normals(number: int | None, images: int, session: Path) -> None:
     before = sorted(session.rglob("*"))
-    outcome = solving.replay(session, number)
+    outcome = replaying.replay(session, number)
     assert outcome["same"]
     assert outcome["images"] == images
-    assert outcome["max_deg"] < solving.SAME_DEG
+    assert outcome["max_deg"] < replaying.SAME_DEG
     assert outcome["sigma_deg"] == pytest.approx(outcome["sigma_before_deg"], rel=1e-3)
     assert sorted(session.rglob("*")) == before
 
@@ -215,7 +306,7 @@ def test_solve_replay_and_summary_have_same_mean_sigma(tmp_path: Path, capsys: p
     summary = jobs.solve_normals(
         observations.observations(1), observations.cell, observations.calibration, SolveSettings(), None, None, result
     )
-    replayed, solved = solving.replay(folder), solving.run(request(folder))
+    replayed, solved = replaying.replay(folder), solving.run(request(folder))
     assert replayed["sigma_before_deg"] == summary.mean_sigma_deg
     assert solved["sigma_mean_deg"] == replayed["sigma_deg"] == pytest.approx(summary.mean_sigma_deg, rel=1e-6)
     stored = export.read(result)
@@ -231,7 +322,7 @@ def test_replay_changed_result_reports_difference(session: Path, tmp_path: Path)
     stored = tifffile.imread(other / "results" / "1" / "normals.tiff")
     turned = stored[..., [1, 0, 2]]
     tifffile.imwrite(other / "results" / "1" / "normals.tiff", turned, photometric="rgb")
-    outcome = solving.replay(other)
+    outcome = replaying.replay(other)
     assert not outcome["same"]
     assert outcome["mean_deg"] > 5
 
@@ -241,25 +332,25 @@ def test_replay_uses_settings_of_stored_result(session: Path, tmp_path: Path) ->
     shutil.copytree(session, other)
     manifest = other / "results" / "1" / "manifest.json"
     manifest.write_text('{"settings": {"depth_rounds": 1, "shadow_threshold": 0.4, "robust": true}}')
-    assert not solving.replay(other)["same"]
+    assert not replaying.replay(other)["same"]
     manifest.write_text("{}")
     with pytest.raises(RigError) as refused:
-        solving.replay(other)
+        replaying.replay(other)
     assert refused.value.context["file"] == str(manifest)
 
 
 def test_replay_missing_result_or_settings_is_refused(session: Path, tmp_path: Path) -> None:
     with pytest.raises(RigError, match="no result 7, only 0, 1"):
-        solving.replay(session, 7)
+        replaying.replay(session, 7)
     other = tmp_path / "other"
     shutil.copytree(session, other)
     (other / "passes" / "1" / "shots" / "2.tiff").write_bytes(b"")
     with pytest.raises(RigError) as cut:
-        solving.replay(other)
+        replaying.replay(other)
     assert cut.value.code is ErrorCode.STORE_CORRUPT
     for name in ("calibration.json", "recipe.json", "manifest.json"):
         (other / name).write_text("[]")
         with pytest.raises(RigError) as refused:
-            solving.replay(other)
+            replaying.replay(other)
         assert refused.value.context["file"] == str(other / name)
         shutil.copy(session / name, other / name)

@@ -236,5 +236,26 @@ def test_refuse_foreign_folder_with_other_files_is_refused(tmp_path: Path) -> No
         with pytest.raises(RigError) as refused:
             export.refuse_foreign(target, "ours.json")
         assert refused.value.code is ErrorCode.FOLDER_INVALID
-    (tmp_path / "ours.json").write_text("{}")
+    for unlisted in ("{}", "[]", "no JSON", '{"files": 3}'):
+        (tmp_path / "ours.json").write_text(unlisted)
+        with pytest.raises(RigError, match="does not list"):
+            export.refuse_foreign(tmp_path, "ours.json")
+    (tmp_path / "ours.json").write_text('{"files": {}}')
+    with pytest.raises(RigError, match=r"thesis\.tex"):
+        export.refuse_foreign(tmp_path, "ours.json")
+
+
+def test_refuse_foreign_own_folder_as_written_is_accepted(tmp_path: Path) -> None:
+    """Until a file is changed, or another one or a link is put beside, also in a folder of the folder."""
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "mask.png").write_text("as written")
+    (tmp_path / "ours.json").write_text(json.dumps({"files": export.checksums(tmp_path)}))
+    (tmp_path / ".DS_Store").write_text("litter")
     export.refuse_foreign(tmp_path, "ours.json")
+    (tmp_path / "maps" / "mask.png").write_text("corrected by hand")
+    with pytest.raises(RigError, match=r"maps/mask\.png, which was changed"):
+        export.refuse_foreign(tmp_path, "ours.json")
+    (tmp_path / "maps" / "mask.png").write_text("as written")
+    (tmp_path / "maps" / "link").symlink_to(tmp_path)
+    with pytest.raises(RigError, match="maps/link, which this program did not write"):
+        export.refuse_foreign(tmp_path, "ours.json")

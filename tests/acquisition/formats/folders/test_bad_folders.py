@@ -6,6 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import OpenEXR
 import pytest
 import tifffile
 
@@ -67,6 +68,45 @@ def field(path: str, value: object) -> Damage:
     return damage
 
 
+def scaled(factor: float) -> Damage:
+    """Multiplies the positions of all lamps."""
+
+    def damage(folder: Path) -> None:
+        content = json.loads((folder / "lights.json").read_text())
+        for light in content["lights"]:
+            light["position"] = [factor * value for value in light["position"]]
+        (folder / "lights.json").write_text(json.dumps(content))
+
+    return damage
+
+
+def exr(folder: Path) -> None:
+    pixels = np.full((N, N, 3), 0.5, np.float32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"RGB": pixels}).write(str(folder / "002.exr"))
+    names = (folder / "filenames.txt").read_text()
+    (folder / "filenames.txt").write_text(names.replace("002.png", "002.exr"))
+
+
+def float_images(folder: Path, wrong: float) -> None:
+    """Float images, large enough that not all of their rows are looked at, with one wrong value."""
+    size = 150
+    for number, path in enumerate(sorted(folder.glob("*.tiff"))):
+        pixels = np.random.default_rng(number).uniform(0.2, 0.8, (size, size)).astype(np.float32)
+        pixels[77, 40] = wrong if number == 2 else 0.5
+        tifffile.imwrite(path, pixels)
+    cv2.imwrite(str(folder / "mask.png"), np.full((size, size), 255, np.uint8))
+    (folder / "normals_gt.npy").unlink()
+
+
+def never_switched(folder: Path, noise: float) -> None:
+    """Images of one light under different ones."""
+    first = cv2.imread(str(folder / "img 0.png"), cv2.IMREAD_UNCHANGED)
+    for number, path in enumerate(sorted(folder.glob("img *.png"))):
+        spread = noise * 65535 * np.random.default_rng(number).standard_normal(first.shape)
+        cv2.imwrite(str(path), np.clip(first + spread, 0, 65535).astype(np.uint16))
+
+
 def every(folder: Path, pixels: np.ndarray) -> None:
     for path in folder.glob("0*.png"):
         cv2.imwrite(str(path), pixels)
@@ -83,6 +123,11 @@ DILIGENT: dict[str, tuple[Damage, str, str]] = {
     "damaged png": (flip("002.png"), "002.png", "damaged"),
     "empty file": (cut("002.png", 0), "002.png", "no image"),
     "grey among colours": (image("005.png", GREY), "005.png", "channels"),
+    "OpenEXR": (exr, "002.exr", "OpenEXR image, which is not read"),
+    "no format that is read": (lambda f: (f / "002.png").write_bytes(b"hello"), "002.png", "PNG, TIFF, JPEG"),
+    "blank line before a word": (line(TABLES[1], 1, "\n0 up 1"), TABLES[1], "line 3"),
+    "blank line before intensity zero": (line(TABLES[2], 3, "\n1 0 1"), TABLES[2], "line 5"),
+    "mask of one pixel": (image("mask.png", np.eye(N, dtype=np.uint8) * (np.arange(N) == 9)), "mask.png", "1 pixel"),
     "alpha": (image("001.png", np.full((N, N, 4), 9_000, np.uint16)), "001.png", "4 channels"),
     "8 bits among 16": (image("005.png", np.full((N, N, 3), 90, np.uint8)), "005.png", "uint8"),
     "black": (image("006.png", np.zeros((N, N, 3), np.uint16)), "006.png", "black"),
@@ -125,6 +170,9 @@ LP: dict[str, tuple[Damage, str, str]] = {
     "NaN": (line("lights.lp", 2, "img 1.png 0 inf 1"), "lights.lp", "line 3"),
     "zero": (line("lights.lp", 2, "img 1.png 0 0 0"), "lights.lp", "line 3"),
     "no number": (line("lights.lp", 2, "img 1.png 0 0 up"), "lights.lp", "line 3"),
+    "blank line": (line("lights.lp", 2, "\nimg 1.png 0 0 up"), "lights.lp", "line 4"),
+    "equal images": (lambda folder: never_switched(folder, 0.0), "img 1.png", "the same values as img 0.png"),
+    "lamp never switched": (lambda folder: never_switched(folder, 0.004), "", "never switched"),
     "missing image": (line("lights.lp", 2, "img 9.png 0 0 1"), "img 9.png", "missing"),
     "two lists": (lambda folder: (folder / "other.lp").write_text("0"), "", "other.lp"),
 }
@@ -144,6 +192,22 @@ NEAR: dict[str, tuple[Damage, str, str]] = {
         lambda folder: [tifffile.imwrite(p, np.full((N, N), np.nan, np.float32)) for p in folder.glob("*.tiff")],
         "0.tiff", "not numbers",
     ),
+    "one value no number": (lambda folder: float_images(folder, np.nan), "2.tiff", "row 77, column 40"),
+    "one value infinite": (lambda folder: float_images(folder, np.inf), "2.tiff", "row 77, column 40"),
+    "white is zero": (
+        lambda folder: tifffile.imwrite(folder / "2.tiff", GREY, photometric="miniswhite"), "2.tiff", "MINISWHITE",
+    ),
+    "depth in m": (field("depth_mm", 0.48), "lights.json", "depth_mm is 0.48, which is in mm"),
+    "depth in no unit": (field("depth_mm", 5.2), "lights.json", "depth_mm is 5.2, which is in mm"),
+    "depth in cm": (field("depth_mm", 48), "lights.json", "all lamps would be behind the object"),
+    "positions in µm": (scaled(1e3), "lights.json", "which cannot be"),
+    "positions in m": (scaled(1e-3), "lights.json", '`unit` is "mm"'),
+    "one position in µm": (field("lights.2.position", [3e5, 1e4, 1e5]), "lights.json", "lights.2.position"),
+    "black level of other bits": (field("black_level", 70_000), "0.tiff", "black_level of 70000"),
+    "black level above full scale": (
+        lambda folder: (field("black_level", 64)(folder), field("full_scale", 60)(folder)), "lights.json", "full_scale",
+    ),
+    "values above full scale": (field("full_scale", 4095), "0.tiff", "values above 4095"),
     "no json": (lambda folder: (folder / "lights.json").write_text("{"), "lights.json", "JSON"),
     "inches": (field("unit", "in"), "lights.json", "unit"),
     "no reference": (field("reference_mm", 0), "lights.json", "reference_mm"),

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ from scipy.io import savemat
 
 from acquisition.formats import folders
 from acquisition.formats.folders import ground_truth, image_files
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import SolveSettings
 from acquisition.normals import near_light
 from acquisition.normals.images.image_set import Camera, DistantLights, ImageSet, NearLights
@@ -282,3 +284,109 @@ def test_sphere_normals_in_perspective_agree_with_truth(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.linalg.norm(normals[inside], axis=-1), 1, atol=1e-6)
     assert cosine.min() > 0
     assert cosine.max() > 0.999
+
+
+def twelve_bits(folder: Path, top: int = 4095) -> Path:
+    """An `.lp` folder whose 16-bit files hold values of a 12-bit camera, of which some are clipped."""
+    small.lp(folder)
+    for path in folder.glob("*.png"):
+        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) / 65535
+        cv2.imwrite(str(path), np.minimum(np.round(2 * pixels * 4095), top).astype(np.uint16))
+    return folder
+
+
+def test_read_twelve_bits_in_sixteen_are_told_unless_stated(tmp_path: Path) -> None:
+    folder = twelve_bits(tmp_path / "in")
+    plain, stated = folders.read(folder, tmp_path), folders.read(folder, tmp_path, full_scale=4095)
+    assert any("12 bits, state full_scale 4095" in sentence for sentence in plain.notes["warnings"])
+    assert not any("full_scale" in sentence for sentence in stated.notes["warnings"])
+    assert not any("full_scale" in one for one in folders.read(small.lp(tmp_path / "16"), tmp_path).notes["warnings"])
+    values = stated.values(0, 0, small.SIZE)
+    assert values.max() == pytest.approx(1, rel=1e-6)
+    assert np.any(values >= stated.saturated_from)
+    assert not np.any(plain.values(0, 0, small.SIZE) >= plain.saturated_from)
+
+
+def test_read_near_full_scale_of_file_counts_and_option_is_refused(tmp_path: Path) -> None:
+    folder = small.near(tmp_path / "in")
+    before = folders.read(folder, tmp_path)
+    content = json.loads((folder / "lights.json").read_text())
+    (folder / "lights.json").write_text(json.dumps(content | {"full_scale": 2 * 65535, "black_level": 0}))
+    after = folders.read(folder, tmp_path)
+    np.testing.assert_allclose(2 * after.values(1, 0, small.SIZE), before.values(1, 0, small.SIZE), rtol=1e-6)
+    with pytest.raises(RigError, match="states full_scale itself"):
+        folders.read(folder, tmp_path, full_scale=4095)
+
+
+def test_read_copied_image_is_named_and_not_refused(tmp_path: Path) -> None:
+    folder = small.lp(tmp_path / "in")
+    (folder / "img 3.png").write_bytes((folder / "img 1.png").read_bytes())
+    said = folders.read(folder, tmp_path).notes["warnings"]
+    assert any(one.startswith("img 1.png, img 3.png hold the same values") for one in said)
+
+
+def test_read_plane_under_a_ring_is_not_taken_for_one_image(tmp_path: Path) -> None:
+    """Its images are the same but for noise, as they should be."""
+    folder = small.lp(tmp_path / "in")
+    azimuth = np.arange(6) * np.pi / 3
+    rows = [f"img {number}.png {np.cos(one)} {np.sin(one)} 1" for number, one in enumerate(azimuth)]
+    (folder / "lights.lp").write_text("\n".join(["6", *rows]))
+    albedo = np.random.default_rng(9).uniform(0.2, 0.8, (small.SIZE, small.SIZE))
+    for number in range(6):
+        noise = 0.004 * np.random.default_rng(number).standard_normal(albedo.shape)
+        cv2.imwrite(str(folder / f"img {number}.png"), small.sixteen(np.clip(albedo + noise, 0, 1)))
+    assert folders.read(folder, tmp_path).count == 6
+
+
+def test_read_mask_of_alpha_is_its_alpha(tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in")
+    inside = small.sphere()[1]
+    white = np.full((*inside.shape, 3), 255, np.uint8)
+    cv2.imwrite(str(folder / "mask.png"), np.dstack([white, inside.astype(np.uint8) * 255]))
+    np.testing.assert_array_equal(folders.read(folder, tmp_path).mask, inside)
+
+
+def test_read_jpeg_of_any_folder_is_told(tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in")
+    names = [f"{number}.jpg" for number in range(6)]
+    for name, path in zip(names, sorted(folder.glob("0*.png")), strict=True):
+        cv2.imwrite(str(folder / name), cv2.imread(str(path)))
+    (folder / "filenames.txt").write_text("\n".join(names))
+    assert any("JPEG" in sentence for sentence in folders.read(folder, tmp_path).notes["warnings"])
+
+
+def test_read_lp_file_of_capitals_is_found_in_its_folder(tmp_path: Path) -> None:
+    folder = small.lp(tmp_path / "in")
+    (folder / "lights.lp").rename(folder / "LIGHTS.LP")
+    assert folders.read(folder, tmp_path).count == 6
+
+
+def test_read_near_lamp_at_the_camera_is_solved(tmp_path: Path) -> None:
+    """As a ring of LEDs round the lens is, about."""
+    positions = [[0, 0, 0], [250, 0, 150], [-250, 50, 150], [0, 260, 120], [50, -240, 150], [180, 180, 200]]
+    images = folders.read(small.near(tmp_path / "in", np.array(positions, float)), tmp_path)
+    solved = near_light.solve(images, SolveSettings())
+    assert images.truth is not None
+    assert np.median(error_deg(solved.normals, images.truth)) < 0.6
+
+
+def black_rows(image: int, start: int, stop: int) -> np.ndarray:
+    return np.zeros((stop - start, small.SIZE), np.uint16)
+
+
+@pytest.mark.parametrize("wrong", ["positions", "depth", "images"])
+def test_solve_near_where_nothing_is_lit_is_infeasible_or_solved(wrong: str, tmp_path: Path) -> None:
+    """Not an error of some index, whoever states such lamps; at a depth in another unit the lamps are as good as far
+    away."""
+    images = folders.read(small.near(tmp_path / "in"), tmp_path)
+    assert isinstance(images.lights, NearLights)
+    if wrong == "images":
+        with pytest.raises(RigError, match="lit by two lamps") as refused:
+            near_light.solve(replace(images, rows=black_rows), SolveSettings())
+        assert refused.value.code is ErrorCode.NORMALS_INFEASIBLE
+        return
+    if wrong == "positions":
+        changed = replace(images, lights=replace(images.lights, positions_m=1000 * images.lights.positions_m))
+    else:
+        changed = replace(images, rough_depth_m=0.00048)
+    assert np.any(near_light.solve(changed, SolveSettings()).mask)

@@ -1,0 +1,205 @@
+"""Checks of a folder's images as a whole: black, overexposed or equal ones, values that are no numbers, full scale."""
+
+import hashlib
+from collections.abc import Iterator
+
+import numpy as np
+
+from acquisition.formats.folders.image_files import FolderImages
+from acquisition.formats.folders.refusal import refusal
+from acquisition.formats.folders.text_table import listed_file
+from acquisition.models.base import BoolArray, FloatArray
+from acquisition.normals.images.normalised_images import row_blocks
+
+BLACK_LEVEL = 0.0005
+"""Fraction of full scale below which an image's brightest pixels count as black."""
+
+MAX_SATURATED_SHARE = 0.9
+"""Share of clipped pixels above which an image is refused."""
+
+SAMPLE_ROWS = 64
+"""Rows of each image that are looked at where a sample will do."""
+
+LEAST_IMAGES = 3
+"""Images that differ, of which a normal can be solved at the least."""
+
+CONVERTERS = {10: 1023, 12: 4095, 14: 16383}
+"""Greatest values of cameras whose bits do not fill the 16 of a file."""
+
+GAP_PX, MIN_PAIRS = 4, 200
+"""Distance of the pixels whose residuals are compared, beyond the reach of a demosaicing filter; and how many pairs of
+them tell at the least."""
+
+SAME_SCALE, SAME_SHARE, NOISE_CORRELATION, PLANE_MISFIT = 0.03, 0.05, 0.3, 0.05
+"""Images show the same where their scales differ by less than this share, the rest is less than that share of the
+values, and correlates by less between pixels, as noise does; and no plane would look so under the lights, whose scales
+it misses by more than this share."""
+
+
+def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float) -> None:
+    """Refuses images that are all black or saturated within the mask, by a sample of rows, or that hold a value there
+    which is not a number or infinite.
+
+    Raises RigError folder.invalid naming the image.
+    """
+    for index, name in enumerate(images.names):
+        path = listed_file(images.folder, name)
+        if images.kind == "float32":
+            for rows in row_blocks(images.size[0]):
+                wrong = ~np.isfinite(images(index, rows.start, rows.stop)) & _like(images, mask[rows])
+                if np.any(wrong):
+                    row, column, *_ = np.argwhere(wrong)[0]
+                    raise refusal(
+                        path,
+                        f"holds values that are not numbers, or infinite, at row {rows.start + row}, column {column}: "
+                        "write the image again, or take these pixels out of the mask",
+                    )
+        values = _sample(images, index, mask).astype(np.float32) / images.full_scale
+        if float(np.quantile(values, 0.999)) <= BLACK_LEVEL:
+            raise refusal(path, "is black within the mask: take the image again or take its row out of the list")
+        if float(np.mean(values >= saturated_from)) > MAX_SATURATED_SHARE:
+            raise refusal(path, "is overexposed within the mask: expose it shorter or take its row out of the list")
+
+
+def exceeds(images: FolderImages, level: float, mask: BoolArray) -> str | None:
+    """The first image that holds a stored value above a level within the mask; none: no image does."""
+    for index, name in enumerate(images.names):
+        for rows in row_blocks(images.size[0]):
+            inside = mask[rows]
+            values = images(index, rows.start, rows.stop)
+            if np.any(inside) and bool(np.max(values[inside]) > level):
+                return name
+    return None
+
+
+def refuse_above_full_scale(images: FolderImages, mask: BoolArray) -> None:
+    """Refuses images whose values exceed a full scale that is stated. Raises RigError folder.invalid naming one."""
+    name = exceeds(images, images.full_scale, mask)
+    if name is not None:
+        raise refusal(
+            listed_file(images.folder, name),
+            f"holds values above {images.full_scale:g}, which is stated as full scale: correct full_scale",
+        )
+
+
+def unfilled_bits(images: FolderImages, black_level: int = 0) -> str | None:
+    """A warning where 16-bit files hold only values of a camera of fewer bits, so that none counts as clipped; none:
+    they fill them, or full scale is stated."""
+    if images.kind != "uint16" or images.stated_full_scale is not None:
+        return None
+    top = 0
+    for index in range(len(images.names)):
+        for rows in row_blocks(images.size[0]):
+            top = max(top, black_level + int(np.max(images(index, rows.start, rows.stop))))
+            if top > CONVERTERS[14]:
+                return None
+    bits, end = next((bits, end) for bits, end in CONVERTERS.items() if top <= end)
+    if bits == 14 and top <= end / 2:  # what a dark image of 16 bits holds as well
+        return None
+    return (
+        f"No value of the 16-bit files exceeds {top}: if the camera has {bits} bits, state full_scale {end} (in "
+        "lights.json, else --full-scale); without it no pixel counts as clipped and σ is wrong."
+    )
+
+
+def equal_images(images: FolderImages, mask: BoolArray) -> list[list[int]]:
+    """Numbers of images that hold the same values, a list for each group."""
+    alike = _groups([_digest([_sample(images, index, mask)]) for index in range(len(images.names))])
+    found: list[list[int]] = []
+    for group in alike:  # a sample of rows may be alike by chance
+        whole = _groups([_digest(images(one, *_span(rows)) for rows in row_blocks(images.size[0])) for one in group])
+        found += [[group[place] for place in same] for same in whole]
+    return found
+
+
+def refuse_same(images: FolderImages, mask: BoolArray, lights: FloatArray) -> list[str]:
+    """Warnings of equal images. Refuses images of which fewer than three differ, or that all show the same but for
+    noise, though a plane would not look the same under `lights` (F, 3), directions times irradiance.
+
+    Raises RigError folder.invalid naming the images.
+    """
+    groups = equal_images(images, mask)
+    if groups and len(images.names) - sum(len(group) - 1 for group in groups) < LEAST_IMAGES:
+        first, *others = (images.names[one] for one in groups[0])
+        raise refusal(
+            listed_file(images.folder, others[0]),
+            f"holds the same values as {first}, and fewer than {LEAST_IMAGES} images differ: was the lamp never "
+            "switched, or one file copied over others?",
+        )
+    if not groups and _shows_the_same(images, mask, lights):
+        raise refusal(
+            images.folder,
+            "all images show the same but for their noise, though their lights differ: was the lamp never switched?",
+        )
+    return [
+        f"{', '.join(images.names[one] for one in group)} hold the same values under different lights: copy the right "
+        "files."
+        for group in groups
+    ]
+
+
+def _shows_the_same(images: FolderImages, mask: BoolArray, lights: FloatArray) -> bool:
+    """Whether the images differ by noise alone, while a plane's would not."""
+    values: list[FloatArray] = []
+    rows = _sample_rows(mask)
+    pairs = [np.flatnonzero(mask[row, :-GAP_PX] & mask[row, GAP_PX:]) for row in rows]
+    if sum(map(len, pairs)) < MIN_PAIRS:
+        return False
+    for index in range(len(images.names)):
+        lines = [images(index, row, row + 1)[0].astype(np.float64) for row in rows]
+        grey = [line if line.ndim == 1 else line.mean(axis=-1) for line in lines]
+        near, far = (
+            np.concatenate([line[at + gap] for line, at in zip(grey, pairs, strict=True)]) for gap in (0, GAP_PX)
+        )
+        values.append(np.stack([near, far]))
+    stack = np.array(values) / images.full_scale
+    mean = np.mean(stack, axis=0)
+    power = max(float(np.sum(mean**2)), 1e-12)
+    scale = np.sum(stack * mean, axis=(1, 2)) / power
+    if np.max(np.abs(scale - 1)) > SAME_SCALE:
+        return False
+    rest = stack - scale[:, None, None] * mean
+    if np.max(np.sum(rest**2, axis=(1, 2))) > SAME_SHARE**2 * power:
+        return False
+    correlation = [_correlation(near, far) for near, far in rest]
+    plane = lights @ np.linalg.lstsq(lights, scale, rcond=None)[0]
+    return max(correlation) < NOISE_CORRELATION and float(np.sqrt(np.mean((plane - scale) ** 2))) > PLANE_MISFIT
+
+
+def _correlation(one: FloatArray, other: FloatArray) -> float:
+    one, other = one - np.mean(one), other - np.mean(other)
+    return float(np.sum(one * other) / max(float(np.sqrt(np.sum(one**2) * np.sum(other**2))), 1e-12))
+
+
+def _sample_rows(mask: BoolArray) -> list[int]:
+    rows = np.flatnonzero(np.any(mask, axis=1))
+    return rows[:: max(1, len(rows) // SAMPLE_ROWS)].tolist()
+
+
+def _sample(images: FolderImages, index: int, mask: BoolArray) -> np.ndarray:
+    """Values (K,) or (K, 3) of an image within the mask, in a sample of rows."""
+    return np.concatenate([images(index, row, row + 1)[0][mask[row]] for row in _sample_rows(mask)])
+
+
+def _like(images: FolderImages, mask: BoolArray) -> BoolArray:
+    """A mask of rows as the images' rows are: with an axis for the channels."""
+    return mask if images.channels == 1 else mask[..., None]
+
+
+def _span(rows: slice) -> tuple[int, int]:
+    return rows.start, rows.stop
+
+
+def _digest(parts: list[np.ndarray] | Iterator[np.ndarray]) -> bytes:
+    digest = hashlib.blake2b()
+    for part in parts:
+        digest.update(np.ascontiguousarray(part).data)
+    return digest.digest()
+
+
+def _groups(digests: list[bytes]) -> list[list[int]]:
+    """Numbers of equal digests, where there are several."""
+    found: dict[bytes, list[int]] = {}
+    for number, digest in enumerate(digests):
+        found.setdefault(digest, []).append(number)
+    return [group for group in found.values() if len(group) > 1]
