@@ -86,8 +86,12 @@ def studentised_squares(
 
 @dataclass(frozen=True)
 class _Residuals:
-    """Least squares of K pixels, linearised at its solution: rows (F, 3, K) of g; values, predicted ones, ρ|s| and
-    variance beside the noise model's (F, K), and which measurements are used, of pixels with enough of them."""
+    """Least squares of K pixels: Lambert's rows s (F, 3, K); values, predicted ones, ρ|s| and variance beside the noise
+    model's (F, K), and which measurements are used, of pixels with enough of them.
+
+    Leverages are Lambert's, also where there are further terms: by the rows s + ∂h/∂g of a lobe the few measurements
+    that tell of it have so much leverage that gloss of four images fits no better than no gloss.
+    """
 
     rows: FloatArray
     values: FloatArray
@@ -102,8 +106,8 @@ class _Residuals:
         strength = photometry.strength(light) * np.sqrt(np.sum(g * g, axis=0))
         used = solution.weights > 0
         used &= np.count_nonzero(used, axis=0) >= max(least_lights, photometry.OVERDETERMINED)
-        rows, predicted = np.ascontiguousarray(solution.rows, np.float64), solution.predicted(np.float64)
-        return cls(rows, values.astype(np.float64), predicted, strength, extra, used)
+        predicted = solution.predicted(np.float64)
+        return cls(np.ascontiguousarray(light), values.astype(np.float64), predicted, strength, extra, used)
 
     def studentised(self, noise: Noise) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Studentised residuals: variance v in a `noise`, squared residuals over 1 − h, which count; each (F, K)."""

@@ -145,7 +145,9 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
     by_term, term_sigma = np.zeros((count, 0, pixels)), np.zeros(0)
     if glossy:
         added, by_g, term_sigma = random(count, pixels), random(count, 3, pixels), np.full(6, 0.5)
-        solution = replace(solution, terms=TermValues(added, added, added, added, 0.0, added, by_g))
+        ambient, offset = random(pixels), 0.3  # which no lamp's intensity multiplies
+        value = added + ambient + np.float32(offset)
+        solution = replace(solution, terms=TermValues(value, added, ambient, added, offset, added, by_g))
         view = -solution.point / np.linalg.norm(solution.point, axis=0)
         by_term = image_terms.by_parameter(terms, solution.g, solution.light, solution.usable, view)
     present = SharedParameters(
@@ -165,7 +167,8 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
         own = np.column_stack([solution.light[:, :, p] + by_g[:, :, p], slope])
         each = [np.diag(predicted + added[:, p]), *(np.diag(along) for along in aside[:, :, p].T)]
         shared = np.column_stack([*each, slope, *by_term[:, :, p].T])
-        left = root * (values[:, p] - added[:, p] - predicted)
+        term_value = 0 if solution.terms is None else solution.terms.value[:, p]
+        left = root * (values[:, p] - term_value - predicted)
         own, shared = root[:, None] * own, root[:, None] * shared
         inner = np.linalg.inv(own.T @ own + pixel_prior)
         matrix += shared.T @ shared - shared.T @ own @ inner @ own.T @ shared
