@@ -147,7 +147,8 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
         added, by_g, term_sigma = random(count, pixels), random(count, 3, pixels), np.full(6, 0.5)
         ambient, offset = random(pixels), 0.3  # which no lamp's intensity multiplies
         value = added + ambient + np.float32(offset)
-        solution = replace(solution, terms=TermValues(value, added, ambient, added, offset, added, by_g))
+        values_of_terms = TermValues(value, added, ambient, added, offset, added, by_g)
+        solution, added = replace(solution, terms=values_of_terms), values_of_terms.from_lamps
         view = -solution.point / np.linalg.norm(solution.point, axis=0)
         by_term = image_terms.by_parameter(terms, solution.g, solution.light, solution.usable, view)
     present = SharedParameters(
