@@ -84,7 +84,7 @@ REASONS: dict[str, str] = {
         alternation.INITIAL_DISCONTINUITY_ROUNDS alternation.MAX_SHIFT_STEP_M final_solve.PRELIMINARY_ITERATIONS
         term_tests.LEAST_SIGNAL term_tests.LEAST_INFORMATION term_tests.TURN_DIFFERENCE_DEG
         interreflection_kernels.LEVELS surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS discontinuity.WEIGHT_FLOOR
-        discontinuity.LEAST_START_WEIGHT integration.BILATERAL_ROUNDS
+        discontinuity.LEAST_START_WEIGHT discontinuity.LEAST_LAMP_M integration.BILATERAL_ROUNDS
         integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS robust_solve.IRLS_ITERATIONS
         relaxation.MAX_GAP relaxation.MAX_ROUNDS
         relaxation.MIN_RELATIVE_WEIGHT optimise.MIN_IMPROVEMENT optimise.MAX_PASSES baselines.AZIMUTH_STEPS
