@@ -23,8 +23,8 @@ REASONS: dict[str, str] = {
     "physics, statistics, standards and formulas": """
         silhouette.WITHIN_SIGMA distant.LUMA goodness_of_fit.GAUSSIAN_MEDIAN_SQUARE microfacet.F0
         microfacet.METAL_F0 photon_transfer.CLIP_SIGMA photon_transfer.CLIPPED_GAUSSIAN_VARIANCE
-        photometry.GAUSSIAN_MEDIAN_DEVIATION self_calibration.STRONG_EVIDENCE pixel_solve_kernels.CAUCHY_MEAN_WEIGHT
-        surface_diffusion.MAX_EIGENVALUE
+        photometry.GAUSSIAN_MEDIAN_DEVIATION self_calibration.STRONG_EVIDENCE surface_diffusion.MAX_EIGENVALUE
+        pixel_solve_kernels.CAUCHY_COVARIANCE_FACTOR
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
         light_tests.STATED_AXES light_tests.SIDES light_tests.QUARTER_AXES
         error_variance.FOUR_NEIGHBOURS planned_images.INTEGRABILITY_SHARE
@@ -34,7 +34,7 @@ REASONS: dict[str, str] = {
         photometry.CAUCHY_SCALE term_alternatives.CODED_EXPONENTS image_terms.ROUGH_WEIGHTS image_terms.FACET_SLOPES_RAD
         translucency.NEAR_PX""",
     "counts of unknowns, marks and definitions": """
-        light_tests.NEAR
+        light_tests.NEAR light_tests.INWARDS
         photometry.PIXEL_UNKNOWNS image_values.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         reflectance_kernels.BASIS_SIZE
         goodness_of_fit.GRID error_variance.POOLED_PX baselines.FAR_DEG

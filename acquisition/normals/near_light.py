@@ -75,7 +75,7 @@ def windowed_images(images: ImageSet) -> Images:
     rows, columns = photometry.bounding_box(images.mask)
     read = images.read_noise_e / images.full_well_e / lights.intensity
     floor = (read**2 + _quantisation_step(images) ** 2 / 12) / images.channels
-    middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
+    middle = np.array([0.0, 0.0, -(images.rough_depth_m or 1.0)])
     return held_if_small(
         Images(
             read=_Rows(images, lights.of_channels(images.channels), rows, columns),

@@ -26,7 +26,7 @@ def create(
     if known is not None:
         return known, False
     identity, new = new_session_id(time.time()), False
-    folder = store.data / "sessions" / identity
+    folder = store.session_path(identity)
     try:
         write_value(folder / "recipe.json", recipe)
         write_value(folder / "cell.json", cell)

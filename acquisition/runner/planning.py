@@ -18,7 +18,6 @@ from acquisition.formats.frames import FolderFrames
 from acquisition.models.base import Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import BoardRecipe, require_capture
-from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_forecast import ForecastInput, LightForecast
 from acquisition.models.light_plan import LightPlan, PriorForecast
@@ -87,11 +86,6 @@ class PlanningService:
         return self._choices.calibration
 
     @property
-    def _cell(self) -> CellConfig:
-        """The cell with the lamp on the flange, as in every session that has a plan, whatever is there now."""
-        return mounted_tool.with_tool(self._rig.cell, "lamp")
-
-    @property
     def reach_file(self) -> Path:
         """Where the cell's reach is kept."""
         return self._executor.reach_cache
@@ -103,7 +97,7 @@ class PlanningService:
         if self._store.journal.holder() is not None and not cache.exists():
             raise RigError(ErrorCode.RIG_BUSY, "The reach is made once, when no session runs: ask again later")
         if not cache.exists():
-            self._compute.run(self._closing, "make_reach", self._rig.cell, calibration, cache)
+            self._compute.run(self._closing, "make_reach", self._choices.lamp_cell, calibration, cache)
         return cache.read_text(encoding="utf-8")
 
     def dry_run(self, recipe: Recipe) -> DryRun:
@@ -113,7 +107,7 @@ class PlanningService:
         plan.infeasible, waypoints.unreachable, waypoints.collision.
         """
         self._require_idle()
-        arm, cell = self._rig.arm.reading, self._cell
+        arm, cell = self._rig.arm.reading, self._choices.lamp_cell
         exposure.require_in_range(recipe.exposure, cell.camera)
         start = arm.joints if arm.connected else cell.arm.home
         try:
@@ -147,7 +141,7 @@ class PlanningService:
 
     def _design(self, recipe: Recipe) -> tuple[LightPlan, PriorForecast]:
         """The lights of a recipe's first pass and what accuracy to expect. Raises Preempted."""
-        known = (recipe, self._cell, self._calibration, self._executor.reach_cache)
+        known = (recipe, self._choices.lamp_cell, self._calibration, self._executor.reach_cache)
 
         def compute() -> tuple[LightPlan, PriorForecast]:
             plan: LightPlan = self._compute.run(self._closing, "first_lights", *known, preemptible=True)
@@ -163,7 +157,13 @@ class PlanningService:
         return self._routes.of(
             (lights, grid, self._calibration.fingerprint),
             lambda: self._compute.run(
-                self._closing, "plan_route", plan.lights, start, self._cell, self._calibration, preemptible=True
+                self._closing,
+                "plan_route",
+                plan.lights,
+                start,
+                self._choices.lamp_cell,
+                self._calibration,
+                preemptible=True,
             ),
         )
 
@@ -179,7 +179,7 @@ class PlanningService:
         folder = self._store.folder(session_id)
         previous = folder / "results" / str(number - 1) if number > 0 else None
         plan, route = self._compute.run(
-            self._closing, "own_lights", list(positions), self._cell, self._calibration,
+            self._closing, "own_lights", list(positions), self._choices.lamp_cell, self._calibration,
             self._executor.reach_cache, previous, self._rig.arm.reading.joints,
         )  # fmt: skip
         self._executor.predict_images(session_id, number, plan, self._closing)
@@ -207,7 +207,7 @@ class PlanningService:
         def compute() -> tuple[LightForecast, bytes | None]:
             given = ForecastInput(
                 recipe=require_capture(record.recipe),
-                cell=self._cell,
+                cell=self._choices.lamp_cell,
                 calibration=self._calibration,
                 result=folder / "results" / str(number - 1) if number > 0 else None,
                 observations=re_solve.observations(record, folder),

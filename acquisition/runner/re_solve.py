@@ -213,24 +213,21 @@ class ReSolveService:
         session.action_not_allowed when it has ended otherwise.
         """
         with self._numbering:
-            self._store.journal.session(session_id)
-            requests = solve_requests.submitted(self._store.journal, session_id, with_finished=True)
-            if number not in [request.number for request in requests]:
+            journal = self._store.journal
+            journal.session(session_id)
+            asked = solve_requests.submitted(journal, session_id, with_finished=True)
+            if number not in [request.number for request in asked]:
                 raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Nobody asked for a result {number} of {session_id}")
-            request = next(
-                (item for item in solve_requests.submitted(self._store.journal, session_id) if item.number == number),
-                None,
-            )
-            if request is None:
-                if (
-                    solve_requests.failures(self._store.journal, session_id).get(number, {}).get("code")
-                    == ErrorCode.RESULT_CANCELLED
-                ):
+            pending = {request.number: request for request in solve_requests.submitted(journal, session_id)}
+            if number not in pending:
+                failure = solve_requests.failures(journal, session_id).get(number, {})
+                if failure.get("code") == ErrorCode.RESULT_CANCELLED:
                     return
                 raise RigError(
                     ErrorCode.SESSION_ACTION_NOT_ALLOWED, f"The solve of result {number} has ended", allowed=[]
                 )
-            self._store.journal.record_action(session_id, "cancel-solve", actor, f"result {number}")
+            request = pending[number]
+            journal.record_action(session_id, "cancel-solve", actor, f"result {number}")
             if self._running is not None and self._key(self._running) == self._key(request):
                 self._halting.set()  # its thread announces it, once the process has ended
             else:
@@ -247,11 +244,11 @@ class ReSolveService:
 
     def raise_outcome(self, session_id: str, number: int) -> None:
         """Raises result.not_ready for a pending result, or the problem of a failed one; else returns."""
-        if number not in [
-            request.number for request in solve_requests.submitted(self._store.journal, session_id, with_finished=True)
-        ]:
+        journal = self._store.journal
+        asked = solve_requests.submitted(journal, session_id, with_finished=True)
+        if number not in [request.number for request in asked]:
             return
-        reason = solve_requests.failures(self._store.journal, session_id).get(number)
+        reason = solve_requests.failures(journal, session_id).get(number)
         if reason is not None:
             raise RigError(ErrorCode(reason["code"]), reason["detail"])
         raise RigError(ErrorCode.RESULT_NOT_READY, f"Result {number} of session {session_id} is being solved")
@@ -317,8 +314,8 @@ class ReSolveService:
                 self._solve(request)
         except Halted:
             if not self._closing.is_set():
-                folder = self._store.data / "sessions" / request.session_id
-                shutil.rmtree(folder / "results" / str(request.number), ignore_errors=True)
+                results = self._store.session_path(request.session_id) / "results"
+                shutil.rmtree(results / str(request.number), ignore_errors=True)
                 self._end(request, _cancelled(request.number))
         except RigError as error:
             self._end(request, error)
@@ -340,9 +337,8 @@ class ReSolveService:
     def _begin(self, request: SolveRequest) -> bool:
         """Notes which solve runs from now on; False for one that was cancelled while it waited."""
         with self._numbering:
-            waits = request.number in [
-                item.number for item in solve_requests.submitted(self._store.journal, request.session_id)
-            ]
+            pending = solve_requests.submitted(self._store.journal, request.session_id)
+            waits = request.number in [item.number for item in pending]
             if waits:
                 self._running, self._ended = request, threading.Event()
             if not self._closing.is_set():
@@ -358,7 +354,7 @@ class ReSolveService:
     def _remove_if_deleted(self, session_id: str) -> None:
         """Removes what was written of a session after it was deleted, here or by `prune` beside the service."""
         if self._is_deleted(session_id):
-            shutil.rmtree(self._store.data / "sessions" / session_id, ignore_errors=True)
+            shutil.rmtree(self._store.session_path(session_id), ignore_errors=True)
 
     def _is_deleted(self, session_id: str) -> bool:
         try:

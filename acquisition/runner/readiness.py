@@ -18,13 +18,14 @@ _log = logging.getLogger(__name__)
 
 
 class Readiness:
-    """Connects the devices of a rig, in the runner's thread; the three attributes may be read by any."""
+    """Connects the devices of a rig, in the runner's thread; the attributes may be read by any."""
 
     def __init__(self, rig: Rig, choices: RigChoices) -> None:
         """`choices` say what is on the flange, and which calibration is in use."""
         self._rig, self._choices = rig, choices
         self.identity: ArmIdentity | None = None
         self.camera_ready = False
+        self.payload_told = True  # the controller has not refused that of the tool that was stated last
         self.problems: list[dict[str, Any]] = [
             problem(ErrorCode.RIG_NOT_READY, "The devices have not been connected yet")
         ]
@@ -38,8 +39,10 @@ class Readiness:
         try:
             self._rig.arm.carry(*self._payload())
             identity = self._rig.arm.connect()
-            if not self._rig.arm.reading.program_running:  # connecting has not taken control: this says why it cannot
+            # Connecting has not taken control: this says why it cannot. Or it was taken with the payload of before.
+            if not self._rig.arm.reading.program_running or not self.payload_told:
                 self._rig.arm.prepare()
+            self.payload_told = True
             findings = self._rig.arm.preflight()
             if findings:
                 raise RigError(
@@ -56,19 +59,21 @@ class Readiness:
         self.identity, self.camera_ready, self.problems = identity, True, []
         return identity
 
+    @property
+    def is_ready(self) -> bool:
+        """Whether the arm may move as it is: nothing is missing, this program has control, the payload is right."""
+        return not self.problems and self.payload_told and self._rig.arm.reading.program_running
+
     def tell_payload(self) -> None:
         """Tells the controller the payload of another tool, where this program has control; else `prepare` does.
 
-        Refused, it leaves the rig not ready: nothing moves with the payload of before. Raises RigError as
-        `Arm.prepare`.
+        Raises RigError as `Arm.prepare`; nothing moves then before `make_ready` has told it.
         """
+        self.payload_told = False
         self._rig.arm.carry(*self._payload())
         if self._rig.arm.reading.program_running:
-            try:
-                self._rig.arm.prepare()
-            except RigError as error:
-                self.problems = [_as_problem(error)]
-                raise
+            self._rig.arm.prepare()
+        self.payload_told = True
 
     def reconnect_missing(self) -> bool:
         """Connects missing devices and keeps the problem of each; True when that has made the rig complete."""

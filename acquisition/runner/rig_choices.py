@@ -94,6 +94,11 @@ class RigChoices:
         """The cell with that tool, for paths that belong to no session."""
         return mounted_tool.with_tool(self._cell, self._tool)
 
+    @property
+    def lamp_cell(self) -> CellConfig:
+        """The cell with the lamp on the flange, whatever is there now: of the reach, and of all plans of lights."""
+        return mounted_tool.with_tool(self._cell, "lamp")
+
     def values(self, identity: str) -> Calibration:
         """The values of a calibration by its identifier. Raises RigError calibration.not_found, store.corrupt."""
         return self._of_cell if identity == CELL_FILE else self._store.calibrations.calibration(identity)

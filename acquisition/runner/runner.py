@@ -341,7 +341,7 @@ class Runner:
             refuse_held=self._refuse_held,
             require_clear=self._monitor.require_clear,
             make_ready=make_ready,
-            is_ready=lambda: not self._readiness.problems and self._rig.arm.reading.program_running,
+            is_ready=lambda: self._readiness.is_ready,
             halts=lambda: self.halts,
             take_over=take_over,
             is_current=lambda token: self._token is token,

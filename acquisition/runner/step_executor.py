@@ -149,7 +149,7 @@ class StepExecutor:
             self._choose_views(record, step, stop)
             return
         number, folder = step.pass_number, self._store.folder(record.session_id)
-        known = (record.recipe, self._rig.cell, self._calibration, self.reach_cache)
+        known = (record.recipe, self._choices.lamp_cell, self._calibration, self.reach_cache)
         pictures: list[bytes] = []
         if number == 0:
             plan: LightPlan = self._compute.run(stop, "first_lights", *known)

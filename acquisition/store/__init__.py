@@ -64,7 +64,11 @@ class Store:
 
     def folder(self, session_id: str) -> Path:
         """The folder of a session that the journal knows."""
-        return self.data / "sessions" / self.journal.session(session_id).id
+        return self.session_path(self.journal.session(session_id).id)
+
+    def session_path(self, session_id: str) -> Path:
+        """Where a session's folder is, or was, or will be, whether the journal knows it or not."""
+        return self.data / "sessions" / session_id
 
     def cache(self, name: str) -> Path:
         """Path of a cached file, which can be computed again."""

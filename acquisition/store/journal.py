@@ -72,8 +72,8 @@ class Journal(OutboxTable):
         """Changes a session's state by the table and returns (before, after), all in one transaction.
 
         `actor` is a person's name, or that of `session.Actor.RUNNER` or `SERVICE`. Of a session in another state than
-        the `expected` one nothing changes. Raises RigError
-        session.action_not_allowed, rig.busy (naming the holder), session.not_found.
+        the `expected` one nothing changes. Raises RigError session.action_not_allowed, rig.busy (naming the holder),
+        session.not_found.
         """
         with self._transaction() as connection:
             row = self.session(session_id)

@@ -158,7 +158,7 @@ class CameraPreview:
             raise RigError(
                 ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig and has captured no image yet", holder=holder.id
             )
-        path = self._service.store.data / "sessions" / holder.id / shots[-1].frame.path
+        path = self._service.store.session_path(holder.id) / shots[-1].frame.path
         return self._stored(path)
 
     def _stored(self, path: Path) -> PreviewImage:

@@ -50,8 +50,9 @@ async def reach_picture(service: ServiceOf, request: Request, form: Format) -> R
     """The reach of the arm: the dome seen from the camera, or cell and dome in 3-D, with the reason of each refusal."""
     runner = service.runner
     reach = await in_turn(service.limits.reach, runner.planning.reach)
-    draw = partial(runner.render, "draw_reach", service.cell, service.calibration, runner.planning.reach_file, form)
-    return await _rendered(service, request, draw, form, reach, service.cell, service.calibration)
+    cell = runner.choices.lamp_cell
+    draw = partial(runner.render, "draw_reach", cell, service.calibration, runner.planning.reach_file, form)
+    return await _rendered(service, request, draw, form, reach, cell, service.calibration)
 
 
 @router.get(

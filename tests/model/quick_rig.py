@@ -48,7 +48,7 @@ LEG_S = 0.004
 JOB_S = 0.002
 JOG_WALL = 3.2  # rad of any joint
 NORMAL, PROTECTIVE_STOP = 0b1, 0b101
-REPOSITORY = Path(__file__).parents[2]
+CELL_FILE = Path(__file__).parents[2] / "tests" / "data" / "cell.test.toml"
 
 
 class QuickArm:
@@ -254,10 +254,9 @@ def _place(cell: CellConfig, number: int) -> Any:
 
 @contextmanager
 def quick_service(
-    folder: Path, host: str, *, with_keys: bool = True
+    folder: Path, host: str, *, with_keys: bool = True, cell_file: Path = CELL_FILE
 ) -> Generator[tuple[Server, QuickArm, str, dict[Role, str]]]:
     """A running service over a quick rig; with it its arm, its address, and a key for each role, if it asks for any."""
-    cell_file = REPOSITORY / "tests" / "data" / "cell.test.toml"
     cell = cell_config.load(cell_file)
     calibration = nominal.calibration(PIXELS)
     chosen = settings.read(cell=cell_file, data=folder / "data", host=host, port=0)

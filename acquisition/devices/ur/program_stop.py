@@ -84,7 +84,9 @@ class ProgramStop:
                 if not self._serve():
                     break
             except Exception:  # noqa: BLE001 - nothing else stops an arm whose driver hangs: the thread must live on
-                self._stop()
+                with contextlib.suppress(Exception):  # on a new connection: the old one may be what has failed
+                    self._drop()
+                    self._stop()
                 _log.exception("the second halt path failed: the arm is stopped")
                 time.sleep(protocol.ACKNOWLEDGE_S)
         self._new_process = None

@@ -44,9 +44,8 @@ def other_axes(present: Solution) -> list[Alternative]:
         # The normals of turned lamps are not turned by quite as much, since light from near fits others worse.
         again = sum(kind.startswith(REFINED) for kind in hypothesis.corrected) + 1
         left_deg = light_tests.turn_deg(found.unmirrored)
-        if (
-            SCORED in hypothesis.corrected and present.scores is not None
-        ):  # by likelihood alone: evidence is there already
+        if SCORED in hypothesis.corrected and present.scores is not None:
+            # By likelihood alone: evidence is there already.
             left_deg = float(np.degrees(present.scores.turn.step))
         if again > REFINEMENTS or abs(left_deg) < REFINED_DEG:
             return []
@@ -126,7 +125,7 @@ def _quarter_turns_of_far_lamps(present: Solution, found: IntegrableAxes) -> lis
     axes = found.quarter
     if np.array_equal(axes, light_tests.STATED_AXES):
         outwards = _outwardness(present, axes)
-        if outwards is None or outwards > -model_trial.SETTINGS.better_at_least:
+        if outwards is None or outwards > light_tests.INWARDS:
             return []
     elif not found.sure:
         return []

@@ -121,8 +121,8 @@ class ImageSet:
     """(H, W) where errors are graded; none: the mask."""
     truth: Float32Array | None = None
     """(H, W, 3) true normals, view frame."""
-    rough_depth_m: float | Float32Array | None = None
-    """The object's rough depth along OpenCV's z, a number or (H, W)."""
+    rough_depth_m: float | None = None
+    """The object's rough depth along OpenCV's z."""
     full_well_e: float = FULL_WELL_E
     """Electrons at full scale, for a first guess of shot noise."""
     read_noise_e: float = READ_NOISE_E

@@ -17,7 +17,7 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 BLOCK_PIXELS = 128
 """Pixels of a block: its arrays stay in the cache."""
 
-CAUCHY_MEAN_WEIGHT = np.float32(0.95)
+CAUCHY_COVARIANCE_FACTOR = np.float32(0.95)
 """Factor of the covariance, which Cauchy's weights inflate: of Gaussian noise their mean is 0.88 to 0.92, by leverage,
 and their efficiency 0.95. The constants of σ are fitted with it (`error_variance`)."""
 
@@ -174,7 +174,7 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
         for c in range(3):
             for p in range(size):
                 out[c, start + p] = pixel[9 + c, p]
-        kept = CAUCHY_MEAN_WEIGHT if inverse_cauchy2 > zero else one
+        kept = CAUCHY_COVARIANCE_FACTOR if inverse_cauchy2 > zero else one
         for p in range(size):
             variance[start + p] = kept * pixel[17, p]
 

@@ -6,6 +6,7 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from acquisition import geometry, lamp_pose
 from acquisition.models.cell_config import Capsule, HalfSpace
@@ -191,3 +192,19 @@ def test_blocked_cones_agree_with_cast_rays() -> None:
     assert len(clear) > 20
     for sample in clear[:30]:
         assert audit.occlusions(joints[[sample]], cell, emitters[sample], with_tool=False) == []
+
+
+def test_scene_refuses_joints_that_are_no_numbers() -> None:
+    """No distance of theirs is below any clearance, so that they would seem free."""
+    cell, calibration = simulated_cell()
+    arm, home = scene(cell, calibration), np.array([cell.arm.home])
+    unknown = home.copy()
+    unknown[0, 2] = np.nan
+    for check in (arm.free, arm.clearance, lambda joints: arm.edges_free(home, joints)):
+        with pytest.raises(ValueError, match="finite"):
+            check(unknown)
+
+
+def test_half_space_without_a_direction_is_refused() -> None:
+    with pytest.raises(ValidationError, match="no direction"):
+        HalfSpace(name="table", point_m=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 0.0))
