@@ -125,6 +125,18 @@ def test_page_refusal_is_in_view_and_keeps_what_was_written(opened: Callable[...
     expect(page.locator("#failure")).to_have_count(0)
 
 
+def test_page_counts_no_images_that_could_not_be_read(opened: Callable[..., Page], lab: Lab) -> None:
+    session = lab.client.create(Recipe(label="unread"))
+    page = opened(Role.OPERATOR)
+    passes = f"**/v1/sessions/{session.id}/passes**"
+    page.route(passes, lambda route: route.abort())
+    page.goto(f"{lab.url}/#/sessions/{session.id}/images")
+    expect(page.locator("#image-count")).to_have_text("–")
+    expect(page.locator("session-progress [role=alert]")).to_contain_text("does not answer")
+    page.unroute(passes)
+    expect(page.locator("#image-count")).to_have_text("0")
+
+
 def test_page_old_image_is_not_called_live(opened: Callable[..., Page], lab: Lab) -> None:
     page = opened(Role.OPERATOR, "#/preview")
     expect(page.locator("#preview-age")).to_have_text("The camera's image now")

@@ -1,10 +1,12 @@
 /**
  * What an element shows, read from the API: read again when that failed, when events tell of more, and when the
  * connection is back. The element says which of it is the case (`parts/reading-state`).
+ *
+ * One reading at a time; what happens meanwhile is read after it, however many events tell of it.
  */
 import type { LitElement, ReactiveController } from "lit";
 import { live } from "./live";
-import type { JournalEvent } from "./schemas";
+import type { JournalEvent, Session } from "./schemas";
 
 /** Pause before what could not be read is asked for again, ms. */
 const RETRY_MS = 2_000;
@@ -12,8 +14,18 @@ const RETRY_MS = 2_000;
 export interface ReadingOptions {
   /** Events that call for another reading. */
   again?: (event: JournalEvent) => boolean;
+  /** What is read about; of another one what was read is forgotten, what is being read dropped. */
+  of?: () => string;
   /** Not read again when the connection is back: a person works on what was read. */
   once?: boolean;
+}
+
+/** The options of a reading about an element's session: read again on its events of these types. */
+export function ofSession(host: { readonly session: Session }, types: RegExp): ReadingOptions {
+  return {
+    of: () => host.session.id,
+    again: ({ type, session_id }) => session_id === host.session.id && types.test(type),
+  };
 }
 
 export class Reading<T> implements ReactiveController {
@@ -23,6 +35,7 @@ export class Reading<T> implements ReactiveController {
   failed: unknown = null;
   private reading = false;
   private repeat = false;
+  private subject = "";
   private turn = 0;
   private timer = 0;
 
@@ -37,7 +50,11 @@ export class Reading<T> implements ReactiveController {
   hostConnected(): void {
     live.addEventListener("journal", this.hear);
     live.addEventListener("reopened", this.reopened);
-    void this.load();
+    if (!this.followed()) void this.load();
+  }
+
+  hostUpdate(): void {
+    this.followed();
   }
 
   hostDisconnected(): void {
@@ -70,6 +87,15 @@ export class Reading<T> implements ReactiveController {
     this.turn += 1;
     if (forget) this.found = this.failed = null;
     void this.load();
+  }
+
+  /** Restarts where there is another subject than before; whether there is. */
+  private followed(): boolean {
+    const subject = this.options.of?.() ?? "";
+    if (subject === this.subject) return false;
+    this.subject = subject;
+    this.restart();
+    return true;
   }
 
   private readonly hear = (event: Event): void => {

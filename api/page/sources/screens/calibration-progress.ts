@@ -1,11 +1,11 @@
 /** A calibration session: the next view as a picture, what the camera sees, accuracy found and wished, residuals, what next. */
 import { html, nothing } from "lit";
-import { customElement, property, state } from "lit/decorators.js";
+import { customElement, property } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
+import { ofSession, Reading } from "../connection/reading";
 import { all, get, Refusal } from "../connection/requests";
 import type { Estimate, Pass, PassSummary, PlannedViews, Session } from "../connection/schemas";
 import { scene } from "../connection/scene";
-import { SessionReading } from "../connection/session-reading";
 import { domeOf, type Dome } from "../drawing/dome-geometry";
 import "../drawing/dome-plot";
 import { changedNames } from "../parts/calibration-checks";
@@ -13,6 +13,7 @@ import "../parts/calibration-sets";
 import { PageElement } from "../parts/element";
 import { listTable } from "../parts/list-table";
 import { plannedView } from "../parts/planned-view";
+import { readingState } from "../parts/reading-state";
 import "../parts/target-preview";
 import "../parts/tool-statement";
 import { duration, number, t, tOr } from "../words/language";
@@ -37,35 +38,33 @@ interface Found {
   residuals: Residual[];
 }
 
-const NOTHING: Found = { planned: null, pass: null, dome: null, estimate: null, residuals: [] };
-
 @customElement("calibration-progress")
 export class CalibrationProgress extends PageElement {
   @property({ attribute: false }) session!: Session;
-  @state() private found: Found = NOTHING;
   protected readonly watching = new LiveController(this);
-  protected readonly reading = new SessionReading(
+  private readonly reading = new Reading<Found>(
     this,
-    /^(shot|shots|plan|waypoints|estimate)\./,
-    (address) => this.read(address),
-    (found) => (this.found = found ?? NOTHING),
+    () => this.read(),
+    ofSession(this, /^(shot|shots|plan|waypoints|estimate)\./),
   );
 
-  private async read(address: string): Promise<Found> {
-    const before = this.found;
+  private async read(): Promise<Found> {
+    const address = `/v1/sessions/${this.session.id}`;
+    const before = this.reading.found;
     const passes = await all<PassSummary>(`${address}/passes`);
     const last = passes.filter((one) => one.lights > 0).at(-1);
     const planned = last ? await viewsOf(`${address}/passes/${last.number}/views`) : null;
     const pass = last && !planned ? await get<Pass>(`${address}/passes/${last.number}`) : null;
     const dome = pass ? domeOf(await scene()) : null;
     const estimate = (await all<Estimate>(`${address}/estimates`)).at(-1) ?? null;
-    const same = estimate?.created === before.estimate?.created;
-    const residuals = same ? before.residuals : estimate ? await residualsOf(estimate) : [];
+    const known = before && before.estimate?.created === estimate?.created ? before.residuals : null;
+    const residuals = known ?? (estimate ? await residualsOf(estimate) : []);
     return { planned, pass, dome, estimate, residuals };
   }
 
   override render() {
     const { session } = this;
+    const { found } = this.reading;
     const running = session.state === "running";
     return html`<ol class="stages" aria-label=${t("progress.stages")}>
         ${STAGES.map(
@@ -75,12 +74,12 @@ export class CalibrationProgress extends PageElement {
             </li>`,
         )}
       </ol>
-      ${this.figures()} ${session.ended ? this.next() : this.eyes()} ${this.table()}`;
+      ${readingState(this.reading)} ${found ? this.figures(found) : nothing}
+      ${session.ended ? (found ? this.next(found) : nothing) : this.eyes(found)} ${found ? this.table(found) : nothing}`;
   }
 
-  private figures() {
+  private figures({ estimate }: Found) {
     const { session } = this;
-    const { estimate } = this.found;
     const summary = (estimate?.summary ?? {}) as Record<string, unknown>;
     const recipe = session.recipe as unknown as Record<string, unknown>;
     const wished = Object.keys(FOUND).filter((name) => recipe[name] != null);
@@ -102,13 +101,13 @@ export class CalibrationProgress extends PageElement {
       ${estimate && !estimate.summary.estimated ? html`<p class="notice">${estimate.summary.why_not}</p>` : nothing}`;
   }
 
-  private eyes() {
-    const { planned, pass } = this.found;
+  private eyes(found: Found | null) {
+    const { planned, pass, dome } = found ?? {};
     const next = planned?.views.find((one) => one.number === planned.next);
     return html`<div class="split">
       <section class="card" aria-labelledby="next-view">
         <h2 id="next-view">${t(pass ? "plan.lights" : "view.next")}</h2>
-        ${planned && next ? plannedView(planned, next) : pass ? this.lights(pass) : html`<p>${t("view.none")}</p>`}
+        ${planned && next ? plannedView(planned, next) : pass ? this.lights(pass, dome ?? null) : html`<p>${t("view.none")}</p>`}
       </section>
       <section class="card" aria-labelledby="seen">
         <h2 id="seen">${t("view.seen")}</h2>
@@ -117,10 +116,10 @@ export class CalibrationProgress extends PageElement {
     </div>`;
   }
 
-  private lights({ plan, shots }: Pass) {
+  private lights({ plan, shots }: Pass, dome: Dome | null) {
     const taken = new Set(shots.map(({ shot }) => shot.light_number));
     return html`<dome-plot
-      .dome=${this.found.dome}
+      .dome=${dome}
       .lights=${plan.lights.map(({ position }, index) => ({
         position,
         label: String(index + 1),
@@ -130,8 +129,8 @@ export class CalibrationProgress extends PageElement {
   }
 
   /** What to do now that it has ended. */
-  private next() {
-    const summary = this.found.estimate?.summary;
+  private next({ estimate }: Found) {
+    const summary = estimate?.summary;
     if (!summary?.estimated) return html`<p class="notice warning">${t("next.nothing")}</p>`;
     if (summary.passed != null) return this.verdict(summary);
     const wished = Object.keys(FOUND).some((name) => (this.session.recipe as unknown as Values)[name] != null);
@@ -162,8 +161,7 @@ export class CalibrationProgress extends PageElement {
     </section>`;
   }
 
-  private table() {
-    const { residuals } = this.found;
+  private table({ residuals }: Found) {
     const columns = [...new Set(residuals.flatMap((one) => Object.keys(one)))].filter((name) => !HIDDEN.has(name));
     if (residuals.length === 0) return nothing;
     return html`<h2>${t("residuals.title")}</h2>

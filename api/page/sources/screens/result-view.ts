@@ -3,7 +3,7 @@ import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { attempt, edit } from "../connection/actions";
 import { JournalController, live, LiveController } from "../connection/live";
-import { Reading } from "../connection/reading";
+import { ofSession, Reading } from "../connection/reading";
 import { all, get, post } from "../connection/requests";
 import type { CalibrationSet, Page, Result, Session } from "../connection/schemas";
 import { download, openInTab } from "../parts/downloads";
@@ -30,22 +30,18 @@ export class ResultView extends PageElement {
   /** The number of the result that is being solved; null: none. */
   @state() private solved: number | null = null;
   @state() private asking = false;
-  private readFor = "";
+  private shownFor = "";
   protected readonly watching = new LiveController(this);
-  private readonly reading = new Reading<Found>(this, () => this.read(), {
-    again: ({ type, session_id }) => session_id === this.session.id && /^(normals|resolve)\./.test(type),
-  });
+  private readonly reading = new Reading<Found>(this, () => this.read(), ofSession(this, /^(normals|resolve)\./));
   protected readonly hearing = new JournalController(this, ({ type, session_id }) => {
     if (session_id === this.session.id && type === "resolve.failed") this.solved = null;
   });
 
   override willUpdate(): void {
-    if (this.readFor === this.session.id) return;
-    const another = this.readFor !== "";
-    this.readFor = this.session.id;
+    if (this.shownFor === this.session.id) return;
+    this.shownFor = this.session.id;
     this.chosen = -1;
     this.solved = null;
-    if (another) this.reading.restart(); // else it is being read already
   }
 
   private async read(): Promise<Found> {

@@ -1,11 +1,12 @@
 /** A session as it goes: stages, time left, images as they come, what happened in words. */
 import { html, nothing } from "lit";
-import { customElement, property, state } from "lit/decorators.js";
+import { customElement, property } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
+import { ofSession, Reading } from "../connection/reading";
 import { all, get } from "../connection/requests";
 import type { JournalEvent, Pass, PassSummary, Session, Shot } from "../connection/schemas";
-import { SessionReading } from "../connection/session-reading";
 import { PageElement } from "../parts/element";
+import { readingState } from "../parts/reading-state";
 import "../parts/api-picture";
 import { clock, duration, number, percent, t, tOr, type Word } from "../words/language";
 import { imageName, stageName } from "../words/names";
@@ -23,21 +24,21 @@ const UNTOLD = new Set(["session.progress"]);
 @customElement("session-progress")
 export class SessionProgress extends PageElement {
   @property({ attribute: false }) session!: Session;
-  @state() private passes: Pass[] = [];
   protected readonly watching = new LiveController(this);
-  protected readonly reading = new SessionReading(
+  private readonly reading = new Reading<Pass[]>(
     this,
-    /^(shot|shots|plan|waypoints|normals)\./,
-    async (address) => {
-      const summaries = await all<PassSummary>(`${address}/passes`);
-      return Promise.all(summaries.map(({ number: one }) => get<Pass>(`${address}/passes/${one}`)));
+    async () => {
+      const address = `/v1/sessions/${this.session.id}/passes`;
+      const summaries = await all<PassSummary>(address);
+      return Promise.all(summaries.map(({ number: one }) => get<Pass>(`${address}/${one}`)));
     },
-    (passes) => (this.passes = passes ?? []),
+    ofSession(this, /^(shot|shots|plan|waypoints|normals)\./),
   );
 
   override render() {
     const { session } = this;
-    const shots = this.passes.flatMap((pass) => pass.shots);
+    const passes = this.reading.found;
+    const lit = passes?.flatMap((pass) => pass.shots).filter(({ shot }) => shot.kind === "light").length;
     return html`<ol class="stages" aria-label=${t("progress.stages")}>
         ${(session.recipe.kind === "capture" ? STAGES : CALIBRATION_STAGES).map(
           (stage) =>
@@ -52,7 +53,7 @@ export class SessionProgress extends PageElement {
       <dl class="figures">
         <div>
           <dt>${t("progress.images")}</dt>
-          <dd id="image-count">${shots.filter(({ shot }) => shot.kind === "light").length}</dd>
+          <dd id="image-count">${lit ?? "–"}</dd>
         </div>
         <div>
           <dt>${t("progress.done")}</dt>
@@ -67,7 +68,7 @@ export class SessionProgress extends PageElement {
           <dd class="words">${t(`arm.${session.state}` as Word)}</dd>
         </div>
       </dl>
-      ${this.passes.map((pass) => this.pass(pass))}
+      ${readingState(this.reading)} ${passes?.map((pass) => this.pass(pass))}
       <h2>${t("progress.happened")}</h2>
       ${this.events()}`;
   }
