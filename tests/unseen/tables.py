@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from acquisition.models.result import MEAN_ERROR_PER_SIGMA
+from acquisition.normals.alternatives import term_alternatives
+from acquisition.normals.indirect_light import translucency
 from tests.unseen import trials
 
 Line = dict[str, object]
@@ -18,6 +20,8 @@ Cell = tuple[str, int]  # family, seed
 RESAMPLES = 2000
 PUT_RIGHT = 1.3
 """Error over that without the fault, up to which a fault counts as put right."""
+OF_SURFACES = {term_alternatives.TERMS[name][0] for name in ("roughness", "gloss", "metal")} | {translucency.KIND}
+"""Kinds of the findings of what a surface is, not of a fault of its capture."""
 SIGMA_KEYS = (
     "within_1",
     "within_2",
@@ -171,7 +175,8 @@ def _material(line: Line) -> str:
 
 
 def alarm_table(lines: Sequence[Line]) -> str:
-    """Captures without a fault that have findings which were not put right, by material, with their mean errors."""
+    """Captures without a fault that are told one, by material: findings that were not put right, with their mean
+    errors, and faults of the capture that were, which it does not have."""
     groups: dict[str, list[Line]] = defaultdict(list)
     for line in lines:
         if "findings" in line:
@@ -181,9 +186,15 @@ def alarm_table(lines: Sequence[Line]) -> str:
         alarms = [line for line in group if any(not corrected for _, corrected in line["findings"])]  # type: ignore[attr-defined]
         error = _mean([_number(line, "found_mean") for line in alarms])
         rest = _mean([_number(line, "found_mean") for line in group if line not in alarms])
-        rows.append([material, str(len(group)), f"{len(alarms) / len(group):.1%}", _shown(error), _shown(rest)])
-    head = ["no fault", "captures", "with uncorrected findings", "their error °", "the others' °"]
+        corrected = [line for line in group if _corrected_kinds(line) - OF_SURFACES]
+        shares = [f"{len(some) / len(group):.1%}" for some in (alarms, corrected)]
+        rows.append([material, str(len(group)), shares[0], _shown(error), _shown(rest), shares[1]])
+    head = ["no fault", "captures", "uncorrected findings", "their error °", "the others' °", "corrected faults"]
     return _table([head, *rows]) if rows else ""
+
+
+def _corrected_kinds(line: Line) -> set[str]:
+    return {kind for kind, corrected in line["findings"] if corrected}  # type: ignore[attr-defined]
 
 
 def _forecast(line: Line) -> float:

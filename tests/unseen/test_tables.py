@@ -95,11 +95,12 @@ def test_fault_table_counts_put_right_named_and_neither() -> None:
     assert row == ["gamma", "3", "4.00", "5.00", "1", "1", "1.20", "1.20", "blob", "2"]
 
 
-def test_alarm_table_counts_uncorrected_findings_by_material() -> None:
+def test_alarm_table_counts_uncorrected_findings_and_corrected_faults_by_material() -> None:
     one = line("blob", 0, "two-rings", 0, 1.0) | {"material": "ggx:0.2", "scatter_mm": 0.0}
     lines = [one | {"findings": []}, one | {"findings": [["lamps", False]], "found_mean": 7.0}]
+    lines += [one | {"findings": [[kind, True]]} for kind in ("gloss", "bad image")]
     row = tables.alarm_table(lines).splitlines()[1].split()
-    assert row == ["ggx", "2", "50.0%", "7.00", "1.00"]
+    assert row == ["ggx", "4", "25.0%", "7.00", "1.00", "25.0%"]
 
 
 def test_error_table_leaves_out_captures_with_faults() -> None:

@@ -104,7 +104,7 @@ def scored_terms(present: Solution) -> list[Alternative]:
     rough, whatever the score; light from elsewhere from `min_gain` on, since light between surfaces that is not
     predicted resembles it; beside roughness from strong evidence on, since the step tells by itself (of ambient light
     0.010, of an offset 0.003 at most of 44 sound rough captures; design seeds 401–437). Where shadows tell ambient from
-    stray light, the other one is not tried.
+    stray light, the other one is not tried, and no ambient light where it may be indirect light.
     """
     hypothesis, scores = present.hypothesis, present.scores
     known = hypothesis.nominal.terms
@@ -122,7 +122,7 @@ def scored_terms(present: Solution) -> list[Alternative]:
         least = self_calibration.STRONG_EVIDENCE if rough else model_trial.SETTINGS.min_gain
         if name == "roughness":
             least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
-        if tried_gain(scores, name) > least and not _outdone(name, present):
+        if tried_gain(scores, name) > least and not (_outdone(name, present) or _may_be_indirect(name, present)):
             demanded.append(_with_term(hypothesis, name, known or LAMBERTIAN, 1.0, score.step))
         elif name == "roughness" and known is None and _fits_as_rough(present):
             demanded.append(_with_term(hypothesis, name, LAMBERTIAN, 1.0, model_trial.ROUGH.roughness))
@@ -152,6 +152,15 @@ def _outdone(name: str, present: Solution) -> bool:
     if other is None or other.step <= 0:
         return False
     return other.gain > getattr(scores, name).gain + self_calibration.STRONG_EVIDENCE
+
+
+def _may_be_indirect(name: str, present: Solution) -> bool:
+    """Whether so little ambient light is told that it may be an error of the predicted indirect light in shadows, which
+    one factor has of all pixels alike: inside of vessels surfaces that the camera does not see send as much."""
+    shared, shadows = photometry.SETTINGS, present.state.shadows
+    if name != "ambient" or present.scores is None:
+        return False
+    return present.scores.ambient.step < shared.outlying_deviations * shared.predicted_light_sigma * shadows.indirect
 
 
 def vanished(accepted: Alternative, terms: ImageTerms) -> bool:

@@ -36,6 +36,9 @@ LEAST_SKY_VIEW = 0.5
 """Share of the sky from which a shadowed pixel tells of ambient and stray light: inside of cavities indirect light
 outweighs both, and surfaces that the camera does not see send some of it."""
 
+LEAST_REFLECTED = 1e-9
+"""Sum of what shadowed pixels reflect, as a divisor."""
+
 ROBUST_ROUNDS = 10
 """Reweighted least squares of a and o."""
 
@@ -43,10 +46,11 @@ ROBUST_ROUNDS = 10
 @dataclass(frozen=True)
 class ShadowEquations:
     """Normal equations of ambient irradiance a and offset o by shadowed measurements: `matrix` (2, 2) · (a, o) =
-    `right` (2,)."""
+    `right` (2,); and `indirect`, what is predicted of indirect light there, as the ambient irradiance it equals."""
 
     matrix: FloatArray
     right: FloatArray
+    indirect: float = 0.0
 
     @property
     def told(self) -> bool:
@@ -90,7 +94,8 @@ def equations(
     for _ in range(ROBUST_ROUNDS):
         found = np.linalg.lstsq(weighted @ rows.T, weighted @ left, rcond=None)[0]
         weighted = rows / (variance + (left - found @ rows) ** 2 / photometry.CAUCHY_SCALE**2)
-    return ShadowEquations(weighted @ rows.T, weighted @ left)
+    equal = float(np.sum(indirect[used], dtype=np.float64) / max(np.sum(columns), LEAST_REFLECTED))
+    return ShadowEquations(weighted @ rows.T, weighted @ left, equal)
 
 
 def umbra(pixels: Pixels, values: Float32Array, estimate: Estimate) -> BoolArray:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acquisition.models.base import Float32Array
 from acquisition.normals.alternatives import model_selection, term_alternatives
 from acquisition.normals.alternatives.model_trial import Solution
 from tests.acquisition import scenes
@@ -12,23 +13,40 @@ from tests.acquisition.normals.alternatives.selection_cases import images_of, ob
 
 SIZE = 48
 STRAY = 0.05
-TRIED = term_alternatives.TERMS["offset"][0]
+AMBIENT, TRIED = (term_alternatives.TERMS[name][0] for name in ("ambient", "offset"))
+
+
+def plain(added: Float32Array | float) -> Solution:
+    """The solution by the plain model of a cushion's images with values (h, w) added."""
+    made, images = object_of(scenes.bumps, SIZE), images_of(scenes.bumps, SIZE)
+    with pytest.MonkeyPatch.context() as monkeypatch, recorded_solutions() as found:
+        monkeypatch.setattr(model_selection, "ALTERNATIVES", ())
+        solved(made, scenes.with_values(images, images.whole.values + np.float32(added)))
+    (solution,) = found
+    return solution
 
 
 @pytest.fixture(scope="module")
 def solutions() -> tuple[Solution, Solution]:
     """A cushion's images with stray light by the plain model, and with the stray light that its score demands."""
-    made, images = object_of(scenes.bumps, SIZE), images_of(scenes.bumps, SIZE)
-    with pytest.MonkeyPatch.context() as monkeypatch, recorded_solutions() as found:
-        monkeypatch.setattr(model_selection, "ALTERNATIVES", ())
-        solved(made, scenes.with_values(images, images.whole.values + np.float32(STRAY)))
-    (before,) = found
+    before = plain(STRAY)
     return before, model_selection.solve(demanded(before).hypothesis)
 
 
-def demanded(before: Solution) -> term_alternatives.Alternative:
-    (alternative,) = (one for one in term_alternatives.scored_terms(before) if one.kind == TRIED)
+def demanded(before: Solution, kind: str = TRIED) -> term_alternatives.Alternative:
+    (alternative,) = (one for one in term_alternatives.scored_terms(before) if one.kind == kind)
     return alternative
+
+
+def test_ambient_light_is_demanded_unless_errors_of_the_indirect_light_may_be_as_large() -> None:
+    """The inside of a vessel reflects light that no camera sees coming, and was solved as lit from elsewhere."""
+    made, images = object_of(scenes.bumps, SIZE), images_of(scenes.bumps, SIZE)
+    before = plain(STRAY * made.albedo[images.rows, images.columns])
+    assert demanded(before, AMBIENT).step == pytest.approx(STRAY, rel=0.2)
+    for indirect, tried in ((STRAY / 0.8, True), (STRAY / 0.4, False)):
+        shadows = replace(before.state.shadows, indirect=indirect)
+        again = replace(before, state=replace(before.state, shadows=shadows))
+        assert (AMBIENT in {one.kind for one in term_alternatives.scored_terms(again)}) is tried
 
 
 def darker(solution: Solution, by: float) -> Solution:

@@ -63,6 +63,8 @@ def test_equations_give_ambient_light_and_offset_of_shadows(
     received = np.full_like(pixels.values, indirect)
     values = (pixels.values + received + ambient * sky * estimate.albedo + offset).astype(np.float32)
     found = found_in(pixels, sky, values, received, estimate)
+    in_shadow = np.broadcast_to(sky * estimate.albedo, values.shape)[shadow_light.umbra(pixels, values, estimate)]
+    assert found.indirect == pytest.approx(indirect / np.mean(in_shadow, dtype=np.float64), abs=1e-6)
     # A negative offset makes some grazing light pass for shadow.
     np.testing.assert_allclose(solved(found), [ambient, offset], atol=2e-4 + 0.1 * max(-offset, 0))
 
