@@ -34,7 +34,7 @@ REASONS: dict[str, str] = {
         photometry.CAUCHY_SCALE term_alternatives.CODED_EXPONENTS image_terms.ROUGH_WEIGHTS image_terms.FACET_SLOPES_RAD
         translucency.NEAR_PX""",
     "counts of unknowns, marks and definitions": """
-        light_tests.NEAR light_tests.INWARDS
+        light_tests.NEAR light_tests.INWARDS image_terms.NEARLY_DIFFUSE
         photometry.PIXEL_UNKNOWNS image_values.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         reflectance_kernels.BASIS_SIZE
         goodness_of_fit.GRID error_variance.POOLED_PX baselines.FAR_DEG

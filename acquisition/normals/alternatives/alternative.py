@@ -12,6 +12,7 @@ from acquisition import photometry
 from acquisition.models.result import ModelFinding
 from acquisition.normals.alternatives import model_trial
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
+from acquisition.normals.pixels import image_terms
 from acquisition.normals.pixels.image_terms import ImageTerms
 
 
@@ -104,6 +105,8 @@ class Alternative:
             another_was_bad = before.intensities_scatter and trial.intensities_scatter
             return not sound or another_was_bad
         if self.coding != 1 and not trial.seems_linear:
+            return True
+        if self.term in ("gloss", "metal") and image_terms.nearly_diffuse(trial.state.shared.terms):
             return True
         return self.term in ("ambient", "offset") and trial.more_subtracted_than_measured
 

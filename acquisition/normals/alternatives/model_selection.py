@@ -158,6 +158,7 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
             and (alternative.demanded or alternative.kind not in no_better)
             and alternative.has_enough_images(len(present.scene.lamps))
         ]
+        solved: list[tuple[Alternative, Solution]] = []
         accepted: list[tuple[Alternative, Solution]] = []
         best: tuple[Alternative, Solution] | None = None
         for alternative in alternatives:
@@ -166,13 +167,15 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
             trial = _trial(alternative)
             if trial is None:
                 no_better.add(alternative.kind)
-            elif alternative.accepted(present, trial):
+                continue
+            solved.append((alternative, trial))
+            if alternative.accepted(present, trial):
                 accepted.append((alternative, trial))
                 best = min(accepted, key=_residuals)
             elif not alternative.demanded and trial.fit.misfit >= present.fit.misfit:
                 no_better.add(alternative.kind)
-        if best:
-            accepted = _without_codings_of_roughness(accepted)
+        accepted = _without_ambiguous_images(_without_codings_of_roughness(accepted), solved)
+        if accepted:
             best = min(accepted, key=_residuals)
             return _better_with_another(accepted, best) or best
         tried |= {alternative.kind for alternative in alternatives}
@@ -208,6 +211,17 @@ def _without_codings_of_roughness(accepted: list[tuple[Alternative, Solution]]) 
         or trial.fit.loss <= most * rough.loss
         or trial.fit.relative_residual <= rough.relative_residual
     ]
+
+
+def _without_ambiguous_images(
+    accepted: list[tuple[Alternative, Solution]], solved: list[tuple[Alternative, Solution]]
+) -> list[tuple[Alternative, Solution]]:
+    """Accepted trials without those that leave an image out, if of all that were solved no single one is clearly the
+    best: then the model fits badly, and no image (decision 96)."""
+    losses = sorted(trial.fit.loss for alternative, trial in solved if alternative.leaves_out)
+    if len(losses) < 2 or losses[0] <= model_trial.SETTINGS.better * losses[1]:
+        return accepted
+    return [(alternative, trial) for alternative, trial in accepted if not alternative.leaves_out]
 
 
 def _better_with_another(

@@ -36,9 +36,6 @@ LEAST_SKY_VIEW = 0.5
 """Share of the sky from which a shadowed pixel tells of ambient and stray light: inside of cavities indirect light
 outweighs both, and surfaces that the camera does not see send some of it."""
 
-LEAST_REFLECTED = 1e-9
-"""Sum of what shadowed pixels reflect, as a divisor."""
-
 ROBUST_ROUNDS = 10
 """Reweighted least squares of a and o."""
 
@@ -94,7 +91,7 @@ def equations(
     for _ in range(ROBUST_ROUNDS):
         found = np.linalg.lstsq(weighted @ rows.T, weighted @ left, rcond=None)[0]
         weighted = rows / (variance + (left - found @ rows) ** 2 / photometry.CAUCHY_SCALE**2)
-    equal = float(np.sum(indirect[used], dtype=np.float64) / max(np.sum(columns), LEAST_REFLECTED))
+    equal = float(np.sum(indirect[used], dtype=np.float64) / max(np.sum(columns), 1e-9))
     return ShadowEquations(weighted @ rows.T, weighted @ left, equal)
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from acquisition.normals import Images
 from acquisition.normals.alternatives import changed_images, image_alternatives, model_selection, model_trial
+from acquisition.normals.alternatives.alternative import Alternative
 from acquisition.normals.alternatives.model_trial import Solution
 from tests.acquisition import scenes
 from tests.acquisition.normals.alternatives.selection_cases import images_of, object_of, recorded_solutions, solved
@@ -133,3 +134,24 @@ def test_worst_image_is_tried_without_where_intensities_scatter_by_more_than_thr
     tried = [image_alternatives.bad_image(with_intensities(sound, one * scattered)) for one in (0.028, 0.032)]
     assert [bool(one) for one in tried] == [False, True]
     assert {one.worse_at_most for one in tried[1]} == {model_trial.SETTINGS.better**2}
+
+
+@pytest.mark.parametrize(("left_out", "found"), [((BAD,), True), ((BAD, BAD + 1), False)])
+def test_image_is_left_out_only_if_without_no_other_one_the_rest_fits_as_well(
+    monkeypatch: pytest.MonkeyPatch, left_out: tuple[int, ...], found: bool
+) -> None:
+    """Without either of two images a rough sheet, which no model fitted, had a quarter less loss."""
+    made, images = object_of(scenes.bumps, SIZE), images_of(scenes.bumps, SIZE)
+
+    def without_either(present: Solution) -> list[Alternative]:
+        hypothesis = present.hypothesis
+        return [
+            Alternative(
+                "bad image", "", hypothesis.reread(changed_images.without(images, number)), 2.0, number,
+                by_loss=True, leaves_out=True,
+            )
+            for number in left_out
+        ]  # fmt: skip
+
+    monkeypatch.setattr(model_selection, "ALTERNATIVES", (without_either,))
+    assert [finding.kind for finding in solved(made, images).findings] == (["bad image"] if found else [])

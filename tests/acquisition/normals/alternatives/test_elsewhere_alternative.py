@@ -8,6 +8,8 @@ import pytest
 from acquisition.models.base import Float32Array
 from acquisition.normals.alternatives import model_selection, term_alternatives
 from acquisition.normals.alternatives.model_trial import Solution
+from acquisition.normals.pixels import image_terms
+from acquisition.normals.pixels.image_terms import ImageTerms
 from tests.acquisition import scenes
 from tests.acquisition.normals.alternatives.selection_cases import images_of, object_of, recorded_solutions, solved
 
@@ -70,6 +72,22 @@ def test_stray_light_that_leaves_shadows_below_zero_is_not_accepted(solutions: t
     assert over.more_subtracted_than_measured
     assert not demanded(before).accepted(before, over)
     assert replace(demanded(before), term="gloss").accepted(before, over)
+
+
+@pytest.mark.parametrize("term", ["gloss", "metal"])
+def test_lobe_whose_roughness_runs_to_the_end_of_its_range_is_not_accepted(
+    solutions: tuple[Solution, Solution], term: str
+) -> None:
+    """Glossy objects under mirrored lamps were solved as metal of α 0.7, 16–36° off."""
+    before, trial = solutions
+    lobe = replace(demanded(before), term=term, independently_tested=True)
+
+    def with_alpha(alpha: float) -> Solution:
+        shared = replace(trial.state.shared, terms=ImageTerms(**{term: alpha}))
+        return replace(trial, state=replace(trial.state, shared=shared))
+
+    end = image_terms.SETTINGS.gloss_range[1]
+    assert [lobe.accepted(before, with_alpha(alpha)) for alpha in (0.5 * end, end)] == [True, False]
 
 
 def test_trial_of_an_object_far_from_its_place_is_accepted_only_if_it_was_farther_before(
