@@ -176,7 +176,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         if from_elsewhere:
             sky = interreflection.sky_view(coarse, depth, normals, level.table)
             coarse = replace(coarse, sky=sky)
-            shadows = shadow_light.equations(coarse, sky, measured, indirect.radiance, estimate, present.noise)
+            shadows = _shadow_equations(coarse, sky, measured, indirect.radiance, estimate, present)
             priors = replace(priors, shadows=shadows)
         direct_diffuse = indirect.irradiance is None and not shared.terms.specular
 
@@ -199,7 +199,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         continuity_weight=continuity_weight,
         mixed=mixed.astype(np.float32),
         sky=sky,
-        shadows=shadow_light.equations(coarse, sky, measured, indirect.radiance, estimate, present.noise),
+        shadows=_shadow_equations(coarse, sky, measured, indirect.radiance, estimate, present),
         shared=shared,
         shared_variance=_shared_normal_variance(estimate, shared, ray_direction, present.lamps, indirect.radiance),
         indirect_irradiance=indirect.irradiance,
@@ -242,6 +242,7 @@ def _indirect_light(
     Unless it is `expected`, a few pixels decide first whether it is significant.
     """
     coarse = level.coarse
+    none = _IndirectLight(None, np.zeros_like(measured))
     lit_by_lamps = measured - estimate.beside_direct_diffuse
     diffuse, direct = measured - estimate.nondiffuse_value, direct - estimate.nondiffuse_value
 
@@ -255,9 +256,9 @@ def _indirect_light(
         )
         share = np.sum(radiance[:, ::every], axis=0) / np.maximum(np.sum(diffuse[:, ::every], axis=0), 1e-6)
         significant = float(np.quantile(share, 0.98)) > 2 * photometry.SETTINGS.flat_field_sigma
-        if significant and shadow_light.shadows_show_indirect(coarse, lit_by_lamps, radiance, estimate):
-            return _IndirectLight(irradiance, radiance)
-        return _IndirectLight(None, np.zeros_like(radiance))
+        if significant and scene.shadows_tell:
+            significant = shadow_light.shadows_show_indirect(coarse, lit_by_lamps, radiance, estimate)
+        return _IndirectLight(irradiance, radiance) if significant else none
 
     every = len(coarse.index) // PROBE_PIXELS
     if every > 1 and not expected:
@@ -265,6 +266,15 @@ def _indirect_light(
         if probe.irradiance is None:
             return probe
     return predicted(1)
+
+
+def _shadow_equations(
+    coarse: Pixels, sky: Float32Array, values: Float32Array, indirect: Float32Array, estimate: Estimate, scene: Scene
+) -> ShadowEquations:
+    """`shadow_light.equations`; none where shadows tell nothing."""
+    if not scene.shadows_tell:
+        return ShadowEquations.none()
+    return shadow_light.equations(coarse, sky, values, indirect, estimate, scene.noise)
 
 
 def hardly_lit(

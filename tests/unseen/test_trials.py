@@ -53,4 +53,4 @@ def test_selection_tables_show_ranges(tmp_path: Path) -> None:
         "0.50–0.50",
     ]
     assert not any(row[0] == "gamma" for row in rows)
-    assert [row[1] for row in rows if row[0] == "metal"] == ["exponent", "turn"]
+    assert [row[1] for row in rows if row[0] == "metal"] == ["excess", "exponent", "turn"]

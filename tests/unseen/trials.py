@@ -90,12 +90,13 @@ def score_table(lines: Sequence[Line], group: Callable[[Line], str], table: Call
     least = asdict(term_alternatives.SETTINGS.min_step) | {
         "exponent": model_trial.SETTINGS.coded_exponent,
         "turn": math.radians(lamp_alternatives.REFINED_DEG),
+        "excess": term_alternatives.SETTINGS.min_step.offset,
     }
     gains: dict[tuple[str, str], list[float]] = defaultdict(list)
     for line in lines:
         scores = cast("dict[str, tuple[float, float]]", line.get("scores") or {})
         for term, (gain, step) in scores.items():
-            amount = {"exponent": -step, "turn": abs(step)}.get(term, step)
+            amount = {"exponent": -step, "excess": -step, "turn": abs(step)}.get(term, step)
             gains[group(line), term].append(gain if amount > least[term] else 0.0)
     rows = [
         [name, term, str(len(all_)), *(f"{value:.1f}" for value in _range(all_)), f"{_demanded(all_)}"]

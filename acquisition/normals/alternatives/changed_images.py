@@ -41,6 +41,15 @@ def without(images: Images, number: int) -> Images:
     return _changed(images, change)
 
 
+def below_black(images: Images, offset: float) -> Images:
+    """The images with values at black as dark as if an `offset` below zero had been stored."""
+
+    def change(block: ImageBlock, _: int) -> ImageBlock:
+        return block._replace(values=np.where(block.values <= 0, np.float32(offset), block.values))
+
+    return _changed(images, change)
+
+
 def linearised(images: Images, exponent: float) -> Images:
     """The images with a power law undone: values to the `exponent`, at the level of each image's signal.
 

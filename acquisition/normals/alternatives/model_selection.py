@@ -31,6 +31,7 @@ ALTERNATIVES: tuple[Callable[[Solution], list[Alternative]], ...] = (
     lamp_alternatives.swapped_lamps,
     lamp_alternatives.other_axes,
     term_alternatives.translucent_surface,
+    term_alternatives.darker_than_black,
     term_alternatives.other_formation,
     image_alternatives.moved_object,
     image_alternatives.bad_image,

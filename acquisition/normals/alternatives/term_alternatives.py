@@ -126,9 +126,30 @@ def scored_terms(present: Solution) -> list[Alternative]:
             demanded.append(_with_term(hypothesis, name, known or LAMBERTIAN, 1.0, score.step))
         elif name == "roughness" and known is None and _fits_as_rough(present):
             demanded.append(_with_term(hypothesis, name, LAMBERTIAN, 1.0, model_trial.ROUGH.roughness))
-    if known is None and _excess_subtracted(scores):
-        demanded.append(_with_term(hypothesis, "offset", LAMBERTIAN, 1.0, scores.offset.step))
     return decisive(demanded)
+
+
+def darker_than_black(present: Solution) -> list[Alternative]:
+    """Stray light below zero, of which too much was subtracted, where it gains more than any other term that would be
+    tried, with strong evidence; none beside metal.
+
+    Gloss and roughness leave such a score in half of their captures, a sound Lambertian surface in one of 201 (design
+    seeds 40–64). Where what is darker than black is stored as black, shadows are as dark as it, and tell nothing
+    (decision 97).
+    """
+    hypothesis, scores = present.hypothesis, present.scores
+    known = hypothesis.nominal.terms or LAMBERTIAN
+    if scores is None or known.metal > 0 or hypothesis.term_sigma.from_elsewhere:
+        return []
+    excess = scores.excess
+    rival = max(tried_gain(scores, one) for one in ("roughness", "gloss", "ambient", "offset"))
+    least = max(model_trial.SETTINGS.min_gain, rival + self_calibration.STRONG_EVIDENCE)
+    if excess.step > -SETTINGS.min_step.offset or excess.gain < least:
+        return []
+    if hypothesis.nominal.stores_black_as_zero:
+        hypothesis = hypothesis.reread(changed_images.below_black(hypothesis.masked.images, excess.step))
+        hypothesis = replace(hypothesis, nominal=replace(hypothesis.nominal, shadows_tell=False))
+    return [_with_term(hypothesis, "offset", replace(known, offset=excess.step), 1.0, excess.step)]
 
 
 def tried_gain(scores: TermScores, name: str) -> float:
@@ -200,14 +221,6 @@ def _without_light_from_elsewhere(hypothesis: Hypothesis) -> Hypothesis:
         term_sigma=replace(sigma, ambient=0.0, offset=0.0),
         corrected=tuple(kind for kind in hypothesis.corrected if kind not in FROM_ELSEWHERE),
     )
-
-
-def _excess_subtracted(scores: TermScores) -> bool:
-    """Whether the score test finds an offset below zero that gains more than any other term: gloss and roughness leave
-    one in half of their captures, a sound Lambertian surface in one of 201 (design seeds 40–64)."""
-    offset = scores.offset
-    demanded = offset.gain > model_trial.SETTINGS.min_gain and offset.step < -SETTINGS.min_step.offset
-    return demanded and scores.gains_most(offset)
 
 
 def gloss(present: Solution) -> list[Alternative]:

@@ -15,6 +15,7 @@ from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.tuned import tuned
 from acquisition.normals import self_calibration
 from acquisition.normals.alternatives import light_tests
+from acquisition.normals.indirect_light.shadow_light import ShadowEquations
 from acquisition.normals.pixels import pixel_solve
 from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixels.pixel_solve import Estimate, Scene
@@ -34,6 +35,12 @@ class TermTestSettings:
 
 
 SETTINGS = TermTestSettings()
+
+OFFSET = 2
+"""Number of the offset among the terms that are tested."""
+
+DARK = 0.25
+"""Albedo over the median one below which a pixel may be in shadow under all lamps."""
 
 LEAST_SIGNAL = 1e-6
 """Signal, of what a white surface gives, from which its logarithm is taken."""
@@ -58,10 +65,11 @@ class TermScore:
 class TermScores:
     """Scores of the weight of a rough diffuse term, of ambient light, and of an offset, as in `ImageTerms`; of a
     dielectric's gloss of `gloss_tested` as a whole, whose value would be 1; of ε of values that are coded as the signal
-    to the power of 1 + ε, 0 where they are linear; and of the angle, rad, by which the lamps have to be turned about
+    to the power of 1 + ε, 0 where they are linear; of the angle, rad, by which the lamps have to be turned about
     the viewing axis, from x towards y. Light from near tells it: under lamps turned by 10° it is 5.8–11.2° for 16
     Lambertian objects, of 32 others, Lambertian and rough, under the right ones 2.9° at most, with gains up to 1
-    (design seeds 62, 63, 101 and 105)."""
+    (design seeds 62, 63, 101 and 105); and of the offset as far as values above black tell, where what is darker is
+    stored as black, `excess` of what was subtracted."""
 
     roughness: TermScore
     ambient: TermScore
@@ -69,6 +77,7 @@ class TermScores:
     gloss: TermScore
     exponent: TermScore
     turn: TermScore
+    excess: TermScore
 
     def gains_most(self, one: TermScore) -> bool:
         """Whether no term of `ImageTerms` that would be above zero gains more than this score."""
@@ -93,14 +102,25 @@ def scores(
     columns = np.stack([*np.moveaxis(usual[:, :3], 1, 0), glossy.value, coded, turned], axis=1, dtype=np.float32)
     ray_direction = photometry.depth_directions(estimate.point)
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
-    equations = self_calibration.normal_equations(
-        replace(estimate, terms=present), by_depth, values, scene.lamps, shared, priors,
-        photometry.SETTINGS.depth_sigma_m, columns,
-    )  # fmt: skip
-    if equations is None:
+
+    def by_term(weights: Float32Array, priors: Priors) -> list[TermScore]:
+        equations = self_calibration.normal_equations(
+            replace(estimate, terms=present, weights=weights), by_depth, values, scene.lamps, shared, priors,
+            photometry.SETTINGS.depth_sigma_m, columns,
+        )  # fmt: skip
+        first = 4 * len(values) + 1
+        return [] if equations is None else [_score(equations, first + number) for number in range(columns.shape[1])]
+
+    found = by_term(estimate.weights, priors)
+    if not found:
         return None
-    first = 4 * len(values) + 1
-    return TermScores(*(_score(equations, first + number) for number in range(6)))
+    lit = found
+    if scene.stores_black_as_zero:
+        # Pixels that no light reaches are black whatever is subtracted.
+        above_black = (values > 0) & (estimate.albedo > DARK * np.median(estimate.albedo))
+        weights = np.where(above_black, estimate.weights, 0).astype(np.float32)
+        lit = by_term(weights, replace(priors, shadows=ShadowEquations.none()))
+    return TermScores(*found, excess=lit[OFFSET] if lit else TermScore(0.0, 0.0))
 
 
 def _light_by_turn(point: Float32Array, scene: Scene) -> Float32Array:

@@ -179,6 +179,19 @@ def test_solve_wrong_black_level_is_put_right(
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
+@pytest.mark.parametrize("offset", [-0.03, -0.06])
+def test_solve_too_high_a_black_level_is_put_right_where_what_is_darker_is_stored_as_black(
+    cushion: scenes.Scene, images: Images, sound: NormalMap, offset: float
+) -> None:
+    """Shadows are black then, as they would be without an offset, and were taken as a proof that there is none."""
+    sensor = cushion.calibration.sensor.model_copy(update={"black_level_dn": 0.0})
+    known = replace(cushion, calibration=cushion.calibration.model_copy(update={"sensor": sensor}))
+    result = solved(known, scenes.with_values(images, np.maximum(images.whole.values + np.float32(offset), 0)))
+    assert kinds(result) == [("stray light", True)]
+    assert result.findings[0].value == pytest.approx(offset, rel=0.2)
+    assert mean_deg(known, result) < 1.3 * mean_deg(cushion, sound)
+
+
 @full_size
 def test_solve_image_of_half_exposure_is_scaled(cushion: scenes.Scene, images: Images, sound: NormalMap) -> None:
     values = images.whole.values.copy()
