@@ -35,7 +35,7 @@ REASONS: dict[str, str] = {
         translucency.NEAR_PX""",
     "counts of unknowns, marks and definitions": """
         light_tests.NEAR light_tests.INWARDS image_terms.NEARLY_DIFFUSE
-        term_tests.DARK term_tests.OFFSET
+        term_tests.OFFSET
         photometry.PIXEL_UNKNOWNS image_values.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         reflectance_kernels.BASIS_SIZE
         goodness_of_fit.GRID error_variance.POOLED_PX baselines.FAR_DEG

@@ -242,7 +242,6 @@ def _indirect_light(
     Unless it is `expected`, a few pixels decide first whether it is significant.
     """
     coarse = level.coarse
-    none = _IndirectLight(None, np.zeros_like(measured))
     lit_by_lamps = measured - estimate.beside_direct_diffuse
     diffuse, direct = measured - estimate.nondiffuse_value, direct - estimate.nondiffuse_value
 
@@ -256,9 +255,11 @@ def _indirect_light(
         )
         share = np.sum(radiance[:, ::every], axis=0) / np.maximum(np.sum(diffuse[:, ::every], axis=0), 1e-6)
         significant = float(np.quantile(share, 0.98)) > 2 * photometry.SETTINGS.flat_field_sigma
-        if significant and scene.shadows_tell:
+        if significant and scene.shadows_informative:
             significant = shadow_light.shadows_show_indirect(coarse, lit_by_lamps, radiance, estimate)
-        return _IndirectLight(irradiance, radiance) if significant else none
+        if not significant:
+            return _IndirectLight(None, np.zeros_like(radiance))
+        return _IndirectLight(irradiance, radiance)
 
     every = len(coarse.index) // PROBE_PIXELS
     if every > 1 and not expected:
@@ -272,7 +273,7 @@ def _shadow_equations(
     coarse: Pixels, sky: Float32Array, values: Float32Array, indirect: Float32Array, estimate: Estimate, scene: Scene
 ) -> ShadowEquations:
     """`shadow_light.equations`; none where shadows tell nothing."""
-    if not scene.shadows_tell:
+    if not scene.shadows_informative:
         return ShadowEquations.none()
     return shadow_light.equations(coarse, sky, values, indirect, estimate, scene.noise)
 

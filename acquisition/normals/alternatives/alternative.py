@@ -26,8 +26,8 @@ class Alternative:
     - `term`: the one of `ImageTerms` that it estimates; empty: none.
     - `step`: the value of the term that one Newton step of the score test predicts; 0: no score demands it. Accepted if
       the estimate exceeds half of it and the misfit is at most 1/`slightly_better` of that before (at most equal where
-      the loss does not fall); otherwise only if the misfit falls to `better`. Below zero any sound fit is accepted that
-      exceeds half of it: before, values at black fitted whatever there is.
+      the loss does not fall); otherwise only if the misfit falls to `better`. Where values at black have been taken for
+      censored ones, their misfits do not compare: any sound fit is accepted that exceeds half of the step.
     - `unreported`: it corrects the solver, not the capture, and there is no finding of it.
     - `independently_tested`: a test demands it that does not look at residuals; any sound fit is accepted.
     - `least_images`: with fewer images residuals do not tell it from other models.
@@ -84,10 +84,10 @@ class Alternative:
         if self.coding != 1:
             return self._linearises(before, trial)
         if self.step != 0:
-            hardly_worse = 1 / model_trial.SETTINGS.slightly_better if after.loss < before_fit.loss else 1.0
             found = getattr(terms, self.term) / self.step > 0.5
-            if self.step < 0:
+            if not self.hypothesis.nominal.shadows_informative:
                 return found and not trial.badly_fitting
+            hardly_worse = 1 / model_trial.SETTINGS.slightly_better if after.loss < before_fit.loss else 1.0
             return after.misfit <= (hardly_worse if found else model_trial.SETTINGS.better) * before_fit.misfit
         if not after.misfit <= self.worse_at_most * before_fit.misfit:
             return False

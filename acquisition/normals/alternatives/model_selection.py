@@ -159,7 +159,7 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
             and (alternative.demanded or alternative.kind not in no_better)
             and alternative.has_enough_images(len(present.scene.lamps))
         ]
-        solved: list[tuple[Alternative, Solution]] = []
+        losses_without: list[float] = []
         accepted: list[tuple[Alternative, Solution]] = []
         best: tuple[Alternative, Solution] | None = None
         for alternative in alternatives:
@@ -169,13 +169,14 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
             if trial is None:
                 no_better.add(alternative.kind)
                 continue
-            solved.append((alternative, trial))
+            if alternative.leaves_out:
+                losses_without.append(trial.fit.loss)
             if alternative.accepted(present, trial):
                 accepted.append((alternative, trial))
                 best = min(accepted, key=_residuals)
             elif not alternative.demanded and trial.fit.misfit >= present.fit.misfit:
                 no_better.add(alternative.kind)
-        accepted = _without_ambiguous_images(_without_codings_of_roughness(accepted), solved)
+        accepted = _without_ambiguous_images(_without_codings_of_roughness(accepted), losses_without)
         if accepted:
             best = min(accepted, key=_residuals)
             return _better_with_another(accepted, best) or best
@@ -215,12 +216,12 @@ def _without_codings_of_roughness(accepted: list[tuple[Alternative, Solution]]) 
 
 
 def _without_ambiguous_images(
-    accepted: list[tuple[Alternative, Solution]], solved: list[tuple[Alternative, Solution]]
+    accepted: list[tuple[Alternative, Solution]], losses_without: list[float]
 ) -> list[tuple[Alternative, Solution]]:
-    """Accepted trials without those that leave an image out, if of all that were solved no single one is clearly the
-    best: then the model fits badly, and no image (decision 96)."""
-    losses = sorted(trial.fit.loss for alternative, trial in solved if alternative.leaves_out)
-    if len(losses) < 2 or losses[0] <= model_trial.SETTINGS.better * losses[1]:
+    """Accepted trials without those that leave an image out, if of the losses of all such trials no single one is
+    clearly the least: then the model fits badly, and no image (decision 96)."""
+    least = sorted(losses_without)[:2]
+    if len(least) < 2 or least[0] <= model_trial.SETTINGS.better * least[1]:
         return accepted
     return [(alternative, trial) for alternative, trial in accepted if not alternative.leaves_out]
 

@@ -39,9 +39,6 @@ SETTINGS = TermTestSettings()
 OFFSET = 2
 """Number of the offset among the terms that are tested."""
 
-DARK = 0.25
-"""Albedo over the median one below which a pixel may be in shadow under all lamps."""
-
 LEAST_SIGNAL = 1e-6
 """Signal, of what a white surface gives, from which its logarithm is taken."""
 
@@ -116,9 +113,9 @@ def scores(
         return None
     lit = found
     if scene.stores_black_as_zero:
-        # Pixels that no light reaches are black whatever is subtracted.
-        above_black = (values > 0) & (estimate.albedo > DARK * np.median(estimate.albedo))
-        weights = np.where(above_black, estimate.weights, 0).astype(np.float32)
+        # Left-censored at black; and pixels that no light reaches are black whatever is subtracted.
+        reached = estimate.albedo > pixel_solve.least_prior_albedo(float(np.median(estimate.albedo)))
+        weights = np.where((values > 0) & reached, estimate.weights, 0).astype(np.float32)
         lit = by_term(weights, replace(priors, shadows=ShadowEquations.none()))
     return TermScores(*found, excess=lit[OFFSET] if lit else TermScore(0.0, 0.0))
 

@@ -45,7 +45,7 @@ class Scene:
     none are not solved for, nor are their derivatives. `median_albedo` is that of the whole object where the pixels at
     hand are but a part of it; none: theirs. `common_lamp_errors_m` (F, 3, C) is by how much 1 σ of each
     error of the calibration that all lamps share displaces each lamp, as of `lamp_pose.common_errors`; none: unknown.
-    `shadows_tell` of light from elsewhere, unless it is darker than black, and black is what is stored.
+    `shadows_informative`: of light from elsewhere; not where it is darker than black, and left-censored there.
     """
 
     lamps: Float32Array
@@ -56,11 +56,11 @@ class Scene:
     terms: ImageTerms | None = None
     common_lamp_errors_m: FloatArray | None = None
     stated_noise: image_values.Noise | None = None
-    shadows_tell: bool = True
+    shadows_informative: bool = True
 
     @property
     def stores_black_as_zero(self) -> bool:
-        """Whether what is darker than black is stored as black: there is no black level below which values could go."""
+        """Whether values are left-censored at black: no black level leaves room for what is darker."""
         return self.calibration.sensor.black_level_dn == 0
 
     def response(self, channel: Sites | None) -> Float32Array | None:
