@@ -18,12 +18,13 @@ STRAY = 0.05
 AMBIENT, TRIED = (term_alternatives.TERMS[name][0] for name in ("ambient", "offset"))
 
 
-def plain(added: Float32Array | float) -> Solution:
-    """The solution by the plain model of a cushion's images with values (h, w) added."""
+def plain(added: Float32Array | float, least: float = -np.inf) -> Solution:
+    """The solution by the plain model of a cushion's images with values (h, w) added, none below `least`."""
     made, images = object_of(scenes.bumps, SIZE), images_of(scenes.bumps, SIZE)
+    values = np.maximum(images.whole.values + np.float32(added), np.float32(least))
     with pytest.MonkeyPatch.context() as monkeypatch, recorded_solutions() as found:
         monkeypatch.setattr(model_selection, "ALTERNATIVES", ())
-        solved(made, scenes.with_values(images, images.whole.values + np.float32(added)))
+        solved(made, scenes.with_values(images, values))
     (solution,) = found
     return solution
 
@@ -49,6 +50,15 @@ def test_ambient_light_is_demanded_unless_errors_of_the_indirect_light_may_be_as
         shadows = replace(before.state.shadows, indirect=indirect)
         again = replace(before, state=replace(before.state, shadows=shadows))
         assert (AMBIENT in {one.kind for one in term_alternatives.scored_terms(again)}) is tried
+
+
+def test_shadows_censored_at_black_say_nothing_of_indirect_light_nor_of_an_offset() -> None:
+    """Cushions reflect light onto themselves; where too much was subtracted, their shadows show none of it."""
+    before = plain(-STRAY, least=0.0)
+    nominal = replace(before.hypothesis.nominal, shadows_informative=False)
+    without = model_selection.solve(replace(before.hypothesis, nominal=nominal))
+    assert [one.state.indirect_irradiance is None for one in (before, without)] == [True, False]
+    assert [one.state.shadows.told for one in (before, without)] == [True, False]
 
 
 def darker(solution: Solution, by: float) -> Solution:
