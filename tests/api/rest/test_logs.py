@@ -116,7 +116,7 @@ def test_log_entry_waits_for_no_output_that_is_stuck(monkeypatch: pytest.MonkeyP
     heard = entries(received[filled:].decode())
     assert heard[-1]["event"] == "afterwards"
     assert len(heard) <= 3 + 2
-    assert heard[-1]["left_out"] == 51 - len(heard)
+    assert sum(one.get("left_out", 0) for one in heard) == 51 - len(heard)  # told as often as there was room again
 
 
 def test_request_log_names_caller_and_status(shared: Any, capsys: pytest.CaptureFixture[str]) -> None:
