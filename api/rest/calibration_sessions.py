@@ -29,7 +29,7 @@ router = APIRouter()
 
 @router.get("/v1/rig/calibration-kinds", tags=["rig"])
 def calibration_kinds(service: ServiceOf) -> Page[CalibrationKindResource]:
-    """The kinds of calibration sessions (`POST /v1/sessions`), what each needs, and how old its newest result is."""
+    """Lists the kinds of calibration sessions (`POST /v1/sessions`), what each needs, and its newest result's age."""
     now, sets = datetime.now(UTC), service.store.calibrations.all()
     made = {one.kind: one for one in sets}  # the last of a kind: they come oldest first
     made_at = {kind: one.made_at for kind, one in made.items()}

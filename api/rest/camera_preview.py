@@ -82,7 +82,7 @@ class CameraPreview:
         self._stopping.set()
 
     async def image(self) -> PreviewImage:
-        """The newest image, at most `PERIOD_S` old.
+        """Returns the newest image, at most `PERIOD_S` old.
 
         Raises RigError rig.busy when a session holds the rig and has captured none yet, rig.not_ready,
         camera.unreachable, camera.timeout, device.disconnected, store.corrupt.
@@ -109,7 +109,7 @@ class CameraPreview:
         return figures
 
     async def board(self, board: BoardConfig) -> tuple[PreviewImage, View | None, str]:
-        """The newest image, the calibration board in it, and why it is not seen; looked for once for all callers.
+        """Returns the newest image, the board's view or None, and why there is none; detected once for all callers.
 
         Raises RigError as `image` does.
         """
@@ -125,9 +125,7 @@ class CameraPreview:
     async def stream(
         self, first: PreviewImage, is_admitted: Callable[[], bool] = lambda: True
     ) -> AsyncGenerator[bytes, None]:
-        """Yields the parts of a multipart response, each as soon as the last one is sent, until `end`, or until the
-        caller is no longer admitted.
-        """
+        """Yields the parts of a multipart response until `end`, or until the caller is no longer admitted."""
         image, sent, pause = first, 0, PERIOD_S
         self.viewers += 1
         try:
@@ -227,7 +225,7 @@ async def preview_figures_of(request: Request, response: Response) -> PreviewFig
     responses={**stored_files.binary("image/png", description="The overlay"), **PROBLEMS},
 )
 async def preview_clipping(request: Request, service: ServiceOf) -> Response:
-    """A transparent overlay for the present image: red where it is saturated, blue where it has no measurable light."""
+    """Returns a transparent overlay for the present image: red where saturated, blue where no light is measurable."""
     preview: CameraPreview = request.app.state.camera_preview
     image = await preview.image()
     overlay = await anyio.to_thread.run_sync(

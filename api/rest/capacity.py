@@ -12,8 +12,9 @@ WANTED_DESCRIPTORS = 16_384
 """Descriptors that the process asks for at start; the kernel's own default of a hard limit is 4,096 or more."""
 
 RESERVED_DESCRIPTORS = 200
-"""Descriptors for the service itself: journal, sessions' files, devices, processes. An idle service has some 40 open,
-a session about 20 more."""
+"""Number of descriptors for the service itself: journal, sessions' files, devices, processes. An idle service has about
+40 open, a session about 20 more.
+"""
 
 MOST_CONNECTIONS = 4_096
 """Connections beyond which more descriptors are of no use to a lab's service."""

@@ -1,9 +1,9 @@
-"""Server-sent events: streams the journal's event table to clients.
+"""Server-sent events: streams of the journal's event table for clients.
 
-The table is the message bus. One thread waits for the journal to grow and wakes the listeners on the event loop; each
-listener then reads the table itself, in batches, from the last id that it has sent. So a slow client falls behind on
-its own, costs one wake-up flag and misses nothing, and a client that reconnects with its last id resumes from there.
-Between those events a stream carries joint readings for whoever asks, which are not journalled (`joint_readings`).
+The table is the message bus. One thread waits for the journal to grow and wakes the listeners on the event loop. Each
+listener then reads the table itself, in batches, from the last id that it has sent. A slow client therefore falls
+behind alone, costs only one wake-up flag and misses nothing. A client that reconnects with its last id resumes there.
+On request a stream also carries joint readings, which are not journalled (`joint_readings`).
 """
 
 import asyncio
@@ -86,11 +86,11 @@ class EventFeed:
         joints: bool = False,
         is_admitted: Callable[[], bool] = lambda: True,
     ) -> AsyncGenerator[str, None]:
-        """Yields events above `after` (None: from now on) as the text of an event stream, until `end`, or until the
-        caller is no longer admitted.
+        """Yields events above `after` (None: from now on) as event-stream text until `end` or loss of admission.
 
         Without `follow` the stream ends with the newest event. With `joints` it carries joint readings too. An `after`
-        above the newest id is of another journal: the event `stream.reset` says so, and the stream goes on from now.
+        above the newest id is from another journal; the stream then begins with the event `stream.reset` and continues
+        from now.
         """
         wake = asyncio.Event()
         self._listeners.add(wake)

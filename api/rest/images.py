@@ -1,8 +1,9 @@
 """Routes of a session's images: the frame as captured, a picture of it, and a thumbnail.
 
-Pass and shot numbers name a place in the session, not a frame: images of a pass are discarded and taken anew when the
-object was moved, under the same numbers. So an answer is cached for good only under an address that holds the frame's
-hash (`?frame=`), which another frame refuses; without it a browser asks each time, and the ETag is the frame's.
+Pass and shot numbers name a place in the session, not a frame: when the object was moved, the images of a pass are
+discarded and taken anew under the same numbers. An answer is therefore immutable only under an address that holds the
+frame's hash (`?frame=`), which answers 404 once the shot has another frame. Without the hash a browser revalidates each
+time, with the frame's hash as ETag.
 """
 
 from functools import lru_cache

@@ -58,7 +58,7 @@ class Role(StrEnum):
 
 @dataclass(frozen=True)
 class Caller:
-    """Name (for the record) and role of the caller of a request, and what that rests on."""
+    """Caller of a request: name (for the record) and role, with the key's hash and the end of the ticket's validity."""
 
     name: str
     role: Role
@@ -91,9 +91,7 @@ def path_in(data: Path) -> Path:
 
 
 def read(path: Path) -> KeyFile | None:
-    """Reads the key file; None without one. Raises RigError config.invalid for one that cannot be read, or that others
-    than its owner may read or write.
-    """
+    """Reads the key file; None without one. Raises RigError config.invalid if it is unreadable or open to others."""
     try:
         mode = stat.S_IMODE(path.stat().st_mode)
         if mode & OF_OTHERS:
@@ -129,7 +127,7 @@ def add(path: Path, name: str, role: Role) -> str:
 
 
 def revoke(path: Path, name: str) -> None:
-    """Revokes a key; a running service refuses it within a second. Raises RigError config.invalid for no such key."""
+    """Revokes a key; a running service refuses it within a second. Raises RigError config.invalid if there is none."""
     known = read(path) or KeyFile()
     remaining = tuple(key for key in known.keys if key.name != name)
     if len(remaining) == len(known.keys):
@@ -192,7 +190,7 @@ class KeyRing:
         return caller
 
     def listed(self) -> list[tuple[Key, float | None]]:
-        """The keys in the order of their making, and when each was last sent since the start, s since 1970, if ever."""
+        """Returns the keys, oldest first, each with its last use since the start (s since 1970) or None."""
         return [(key, self._last_used.get(key.sha256)) for key in self._keys]
 
     def issue_ticket(self, caller: Caller, now: float) -> str:
@@ -212,7 +210,7 @@ class KeyRing:
         return caller if caller is not None and self.is_valid(caller, now) else None
 
     def is_valid(self, caller: Caller, now: float) -> bool:
-        """Whether a caller's key is still among the keys, and a ticket still valid at `now` (s, monotonic)."""
+        """Returns whether a caller's key still exists and a ticket is still valid at `now` (s, monotonic)."""
         known = not self.required or any(key.sha256 == caller.sha256 for key in self._keys)
         return known and now <= caller.valid_until
 

@@ -28,20 +28,20 @@ LogFormat = Literal["text", "json"]
 _log = logging.getLogger(__name__)
 _SESSION = re.compile(rb"^/v1/sessions/([0-9A-Za-z-]{1,80})(?:/|$)")
 MAX_ADDRESS_LENGTH = 200
-"""Characters of an address that are logged."""
+"""Maximum number of characters of an address that are logged."""
 
 
 ENTRIES_PER_S = 40.0
-"""Entries of one kind (up to INFO, above) that are written in the long run, 1/s: some 0.7 MB a minute of requests."""
+"""Long-term rate of written entries of one kind (up to INFO, above), 1/s: about 0.7 MB a minute of requests."""
 
 BURST = 400
 """Entries of one kind that are written at once, before that rate holds."""
 
 
 class RateLimit(logging.Filter):
-    """Leaves out entries beyond a rate, so that no flood of requests fills the disk, and says how many were left out.
+    """Leaves out log entries beyond a rate, so that a flood of requests does not fill the disk, and counts them.
 
-    Entries above INFO have a share of their own: a flood of requests does not hide a fault.
+    Entries above INFO have a limit of their own, so that a flood of requests does not hide a fault.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class RateLimit(logging.Filter):
             return True
 
     def count_left_out(self, record: logging.LogRecord) -> None:
-        """Counts an entry that passed and could not be kept, and those that it would have told of."""
+        """Counts an entry that passed but could not be kept, together with the entries in its `left_out`."""
         with self._lock:
             self._buckets[record.levelno > logging.INFO][2] += 1 + getattr(record, "left_out", 0)
 
@@ -78,10 +78,9 @@ OLD_FILES = 5
 
 
 def configure(log_format: LogFormat, file: Path | None = None) -> None:
-    """Configures this process to log in a format, from INFO upwards: to its standard error, or to a file that rotates.
+    """Configures logging of this process, from INFO upwards, to its standard error or to a file that rotates.
 
-    Whoever logs never waits for either. A traceback has no values of variables: they hold keys of callers.
-
+    A thread that logs never waits for either. Tracebacks omit the values of variables, because those may hold keys.
     Raises RigError config.invalid when the file cannot be written.
     """
     common: list[Processor] = [

@@ -63,7 +63,7 @@ def response(
 
 
 def with_status(status: int, code: ErrorCode, detail: str, instance: str | None = None) -> JSONResponse:
-    """Builds the HTTP response of a problem for which HTTP has a status of its own, besides that of the code."""
+    """Builds the HTTP response of a problem with an HTTP status other than that of its code."""
     problem = Problem.of(code, detail, None, instance and instance[:MAX_INSTANCE_LENGTH])
     body = problem.model_copy(update={"status": status}).model_dump(mode="json")
     return JSONResponse(body, status_code=status, media_type=MEDIA_TYPE)
@@ -170,6 +170,6 @@ async def _fault(request: Request, error: Exception) -> Response:
 
 
 def _field(location: Sequence[str | int]) -> str:
-    """The dotted name of a field as the caller wrote it, without the part of the request (body, query) before it."""
+    """Returns the dotted name of a field as the caller wrote it, without the leading part (body, query)."""
     location = [part for part in location if part not in TAGS]
     return ".".join(str(part) for part in (location[1:] if len(location) > 1 else location))

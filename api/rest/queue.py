@@ -1,7 +1,7 @@
 """Routes of the queue: sessions that run one after another, each with the name of its object.
 
-Adding, ordering and removing entries moves nothing. The queue goes on by itself only after a person has resumed it, and
-stops before every object that has to be placed; the rules are the runner's (`acquisition.runner.session_queue`).
+Adding, ordering and removing entries moves nothing. The queue continues by itself only after a person has resumed it,
+and stops before every object that has to be placed. The rules are in `acquisition.runner.session_queue`.
 """
 
 from datetime import datetime

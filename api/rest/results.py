@@ -1,7 +1,7 @@
-"""Routes of results: summaries and files, exports made on their first request, the choice of the answer, re-solving.
+"""Routes of results: summaries, files, exports made on their first request, choice of the answer, re-solving.
 
-A re-solve needs no hardware: it is accepted at once, computed when no session runs, and its end is announced by an
-event, so that no request waits for minutes.
+A re-solve needs no hardware. It is accepted at once, computed when no session runs, and an event announces its end, so
+that no request waits for minutes.
 """
 
 from typing import Annotated
@@ -134,7 +134,7 @@ async def artefact(
         str, InPath(max_length=100, description="File name: one of `artefacts` or `exports` of the result")
     ],
 ) -> FileResponse:
-    """One file of a result by its name: maps, `report.html`, or an export, which is made on its first request."""
+    """Returns one file of a result: a map, `report.html`, or an export, which is made on its first request."""
     limiter = service.limits.exports if artefact in EXPORTS else None
     return await anyio.to_thread.run_sync(_artefact, service, session_id, number, artefact, limiter=limiter)
 
@@ -201,7 +201,7 @@ def _artefact(service: Service, session_id: str, number: int, artefact: str) -> 
 
 
 def _ready(service: Service, session_id: str, number: int) -> Artifact:
-    """The journal's entry of a result. Raises RigError result.not_ready while it is pending, else request.not_found."""
+    """Returns the journal's entry of a result. Raises RigError result.not_ready if pending, else request.not_found."""
     row = service.store.journal.session(session_id)
     entry = stored_files.newest(service, session_id, "result", number)
     if entry is not None:

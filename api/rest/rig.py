@@ -69,9 +69,9 @@ async def live() -> Health:
 
 @router.get("/health/ready", tags=["health"], responses=problems.responses_of(ErrorCode.RIG_NOT_READY))
 def ready(service: ServiceOf, request: Request) -> Health:
-    """The devices answer; 503 names one that does not. (`GET /v1/rig` says whether a session may start.)
+    """Confirms that the devices answer; 503 names one that does not. (`GET /v1/rig` says whether a session may start.)
 
-    Where keys are in use this answers everybody, and leaves out what concerns the cell: addresses, for one.
+    It needs no key. Where keys are in use, it therefore omits facts about the cell, such as addresses.
     """
     status = service.runner.status()
     if not status.camera_ready or not status.reading.connected:
@@ -85,7 +85,7 @@ def ready(service: ServiceOf, request: Request) -> Health:
 
 @router.get("/v1/rig", tags=["rig"])
 def rig(service: ServiceOf) -> RigResource:
-    """Status of the devices, the session that holds the rig, and whether another may start, with the reasons if not."""
+    """Returns the devices' status, the session that holds the rig, and whether another may start, else the reasons."""
     return _resource(service.runner.status(), service.runner.choices.tool)
 
 
@@ -180,7 +180,7 @@ async def park(service: ServiceOf, actor: Actor) -> Accepted:
     },
 )
 async def reach(service: ServiceOf) -> Response:
-    """Which light positions the arm can reach, and why not the others; computed once for a cell, in a minute or so."""
+    """Returns which light positions the arm can reach, else why not; computed once per cell, in about a minute."""
     content = await in_turn(service.limits.reach, service.runner.planning.reach)
     return Response(content, media_type="application/json")
 

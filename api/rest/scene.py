@@ -1,8 +1,8 @@
 """Routes of the cell's geometry: what a page needs to draw arm, lamp, object, obstacles, camera and dome in 3-D.
 
-A client gets each link's pose from six joint angles by itself, so that one description of the cell and a stream of
-joint angles suffice, and a moving arm costs the service nothing but the angles. Meshes have their content's hash in
-their address and are cached for good; the description changes only when the reach becomes known, and has an ETag.
+A client computes each link's pose from six joint angles, so that a moving arm costs the service only the angles. Meshes
+have their content's hash in their address and are cached for good. The description has an ETag; it changes when the
+reach becomes known or another calibration comes into use.
 """
 
 import hashlib
@@ -68,7 +68,7 @@ class CellScene:
         self._encoded: tuple[object, bytes] | None = None
 
     def encoded(self) -> bytes:
-        """The SceneResource as JSON; made anew when the reach has become known or another calibration is in use."""
+        """Returns the SceneResource as JSON, encoded anew when the reach becomes known or the calibration changes."""
         with self._lock:
             reach_file = self._service.runner.planning.reach_file
             stamp = (reach_file, _stamp(reach_file))
@@ -280,9 +280,10 @@ router = APIRouter(tags=["rig"])
 
 @router.get("/v1/rig/scene", response_model=SceneResource, responses=stored_files.NOT_MODIFIED)
 async def scene(request: Request) -> Response:
-    """The cell's geometry for a 3-D view: arm, tool, camera, object, obstacles, dome and lights, with all frames named.
+    """Returns the cell's geometry for a 3-D view: arm, tool, camera, object, bodies, dome and lights, with all frames.
 
-    It changes only when the reach becomes known: `If-None-Match` with its ETag saves the transfer.
+    It changes when the reach becomes known or another calibration comes into use; until then its ETag saves the
+    transfer.
     """
     cell_scene: CellScene = request.app.state.scene
     content = await anyio.to_thread.run_sync(cell_scene.encoded)
@@ -303,7 +304,7 @@ async def scene_mesh(
     request: Request,
     name: Annotated[str, InPath(max_length=100, description="Last part of an address that the scene holds")],
 ) -> Response:
-    """A surface of the cell: binary STL, m, in the frame that the scene states; its address holds its hash."""
+    """Returns a surface of the cell: binary STL, m, in the frame that the scene states; its address holds its hash."""
     cell_scene: CellScene = request.app.state.scene
     content = await anyio.to_thread.run_sync(cell_scene.mesh, name)
     return Response(content, media_type="model/stl", headers=stored_files.immutable(name.removesuffix(".stl")))

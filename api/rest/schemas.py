@@ -33,9 +33,9 @@ class Resource(BaseModel):
 
 
 class RequestBody(BaseModel):
-    """Base of all bodies that only this API has; others are values of `acquisition.models`.
+    """Base of all request bodies that are not values of `acquisition.models`.
 
-    Strict as those: 0 is no boolean and "4" no number, so that what was meant otherwise is refused and never guessed.
+    Strict like those: 0 is not a boolean and "4" is not a number. A value of another type is refused.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)

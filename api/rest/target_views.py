@@ -49,7 +49,7 @@ class PlannedView(Resource):
 
 
 class PlannedViews(Resource):
-    """The views of a pass of a calibration session with the board, as the best estimate before it predicts them."""
+    """Planned views of a pass of a calibration session with the board, as predicted by the best estimate before it."""
 
     width_px: int = Field(description="Width of the camera's image, px")
     height_px: int = Field(description="Height of the camera's image, px")
@@ -142,10 +142,10 @@ def planned_views(service: ServiceOf, session_id: SessionId, number: Number) -> 
     ),
 )
 async def foreseen_views(service: ServiceOf, recipe: BoardRecipe) -> PlannedViews:
-    """Where the board will be in the first images of a calibration session, before there is one. Nothing moves.
+    """Predicts where the board will be in the first images of a calibration session before it exists. Nothing moves.
 
-    By the calibration in use; the board need not be on the flange yet. A session of the same recipe plans the same
-    views as long as that calibration is in use, in an order that follows from where the arm stands.
+    The prediction uses the calibration in use; the board need not be on the flange yet. A session of the same recipe
+    plans the same views while that calibration is in use, in an order that depends on where the arm stands.
     """
     plan, calibration = await in_turn(service.limits.reach, service.runner.planning.first_views, recipe)
     return PlannedViews(
