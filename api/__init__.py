@@ -1,7 +1,7 @@
 """The REST service, its command line and its Python clients; no photometry and no motion of its own.
 
-Scripts import from here: `from api import Client`. The names are loaded when they are first asked for, so that
-`lightpose --help`, which imports this package too, loads no HTTP library.
+Scripts import from here: `from api import Client`. A name is loaded on first use, so that `lightpose --help`, which
+imports this package too, loads no HTTP library.
 """
 
 from importlib import import_module
@@ -22,7 +22,7 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Imports a public name when it is first used (PEP 562). Raises AttributeError for any other name."""
+    """Imports a public name on first use (PEP 562). Raises AttributeError for any other name."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_MODULES[name]), name)

@@ -1,14 +1,14 @@
 # Generated from async_client.py by `python -m api.client.generate`: change that one.
-"""Client: what a session script needs, typed, over the same HTTP that anybody may use.
+"""Client: typed methods for session scripts, over the same HTTP API that anybody may use.
 
-Following a session loses nothing: events are replayed from the first one, and after a broken connection the stream is
-resumed from the last event (`Last-Event-ID`). Every refusal of the service is a `ProblemError` that says what to do.
+Following a session loses nothing: events are replayed from the first one, and after a broken connection the stream
+resumes from the last event (`Last-Event-ID`). Every refusal of the service is a `ProblemError` that says what to do.
 
     with Client("http://127.0.0.1:8000") as client:
         session = client.capture(Recipe(planned_lights=8))
         client.download(session.id, session.answer.number, "normals.png", Path("normals.png"))
 
-There are two clients with the same methods, one awaited and one not; `async_client.py` is the source, `client.py` is
+There are two clients with the same methods, one awaited and one not. `async_client.py` is the source, `client.py` is
 generated from it by `python -m api.client.generate`, and a test compares them.
 """
 
@@ -68,7 +68,7 @@ class Client:
     """Client of one service; use it as a context manager or `close` it.
 
     Methods raise ProblemError when the service refuses, httpx.TransportError when it cannot be reached. `key` is the
-    caller's API key; without one, that of the environment variable LIGHTPOSE_KEY, or none at all.
+    caller's API key; its default is the environment variable LIGHTPOSE_KEY, or none.
     """
 
     def __init__(self, url: str, key: str | None = None) -> None:
@@ -87,31 +87,31 @@ class Client:
         self._http.close()
 
     def rig(self) -> RigResource:
-        """Status of arm, camera and calibration, and whether a session may start."""
+        """Returns the status of arm, camera and calibration, and whether a session may start."""
         return self._get("/v1/rig", RigResource)
 
     def scene(self) -> SceneResource:
-        """The cell's geometry for a three-dimensional view: arm, lamp, camera, object, obstacles, dome."""
+        """Returns the cell's geometry for a three-dimensional view: arm, lamp, camera, object, obstacles, dome."""
         return self._get("/v1/rig/scene", SceneResource)
 
     def caller(self) -> CallerResource:
-        """Name and role of the key that this client sends."""
+        """Returns name and role of the key that this client sends."""
         return self._get("/v1/caller", CallerResource)
 
     def keys(self) -> list[KeyResource]:
-        """The service's keys by name, without their secrets; for admins."""
+        """Returns the service's keys without their secrets; for admins."""
         return self._all("/v1/keys", KeyResource)
 
     def calibration(self) -> RigCalibration:
-        """The calibration in use: its values, age, source and validity."""
+        """Returns the calibration in use: its values, age, source and validity."""
         return self._get("/v1/rig/calibration", RigCalibration)
 
     def activate_calibration(self, identity: str) -> RigCalibration:
-        """Makes a calibration the one in use; `cell` is the cell file's."""
+        """Puts a calibration into use; `cell` is the cell file's."""
         return parsed(self._send("PUT", "/v1/rig/calibrations/active", json={"id": identity}), RigCalibration)
 
     def state_tool(self, tool: Tool) -> ToolResource:
-        """States what a person has put on the flange."""
+        """States which tool a person has put on the flange."""
         return parsed(self._send("PUT", "/v1/rig/tool", json={"tool": tool}), ToolResource)
 
     def halt(self) -> None:
@@ -119,15 +119,15 @@ class Client:
         self._send("POST", "/v1/rig/stop")
 
     def preview(self) -> bytes:
-        """The camera's present image as a JPEG; while a session holds the rig, the last frame that it captured."""
+        """Returns the camera's present image as a JPEG; while a session holds the rig, its last captured frame."""
         return (self._send("GET", "/v1/rig/preview.jpg")).content
 
     def preview_figures(self) -> PreviewFigures:
-        """Histogram, clipped shares and focus score of the camera's present image."""
+        """Returns histogram, clipped shares and focus score of the camera's present image."""
         return self._get("/v1/rig/preview/figures", PreviewFigures)
 
     def safety(self) -> SafetyResource:
-        """The unacknowledged safety faults."""
+        """Returns the unacknowledged safety faults."""
         return self._get("/v1/rig/safety", SafetyResource)
 
     def acknowledge(self) -> SafetyResource:
@@ -135,7 +135,7 @@ class Client:
         return parsed(self._send("POST", "/v1/rig/safety/acknowledgement"), SafetyResource)
 
     def recover(self, step: Literal["unlock", "power", "brakes"]) -> None:
-        """Recovers from a stop by one step, where the cell file allows it, after `acknowledge` by the same caller."""
+        """Takes one step of recovery from a stop, where the cell file allows it, after `acknowledge` by this caller."""
         self._send("POST", "/v1/rig/safety/recovery", json={"step": step})
 
     def park(self) -> None:
@@ -160,11 +160,11 @@ class Client:
         return parsed(self._send("POST", "/v1/sessions", json=content, headers=headers), SessionResource)
 
     def session(self, session_id: str) -> SessionResource:
-        """The present state of a session."""
+        """Returns the present state of a session."""
         return self._get(f"/v1/sessions/{session_id}", SessionResource)
 
     def sessions(self, **wanted: Any) -> Generator[SessionResource, None, None]:
-        """Sessions, newest first: all, or those `wanted` by `state`, `label`, `since`, `until`."""
+        """Yields sessions, newest first: all, or those selected by `state`, `label`, `since`, `until`."""
         next_address: str | None = f"/v1/sessions?{httpx.QueryParams(wanted)}"
         while next_address is not None:
             page = self._get(next_address, Page[SessionResource])
@@ -210,20 +210,20 @@ class Client:
         return parsed(response, ActionAccepted).state
 
     def passes(self, session_id: str) -> list[PassSummary]:
-        """The passes that have a plan."""
+        """Returns the passes that have a plan."""
         return self._all(f"/v1/sessions/{session_id}/passes", PassSummary)
 
     def one_pass(self, session_id: str, number: int) -> PassResource:
-        """One pass: plan, route, shots."""
+        """Returns one pass: plan, route, shots."""
         return self._get(f"/v1/sessions/{session_id}/passes/{number}", PassResource)
 
     def replace_plan(self, session_id: str, number: int, lights: Sequence[Vector3]) -> PassResource:
-        """Replaces a plan that waits for review by positions of one's own (m, view frame)."""
+        """Replaces the lights of a plan that waits for review by these positions (m, view frame)."""
         address = f"/v1/sessions/{session_id}/passes/{number}/plan"
         return parsed(self._send("PUT", address, json={"lights": list(map(list, lights))}), PassResource)
 
     def forecast_plan(self, session_id: str, number: int, lights: Sequence[Vector3]) -> LightForecast:
-        """Expected σ if the lights of a plan that waits for review stood at these positions; nothing is committed."""
+        """Forecasts σ of a plan that waits for review with its lights at these positions; nothing is committed."""
         address = f"/v1/sessions/{session_id}/passes/{number}/plan/forecast"
         return parsed(self._send("POST", address, json={"lights": list(map(list, lights))}), LightForecast)
 
@@ -233,11 +233,11 @@ class Client:
         return parsed(self._send("POST", "/v1/dry-runs", json=body), DryRunResource)
 
     def results(self, session_id: str) -> list[ResultResource]:
-        """The results so far, oldest first."""
+        """Returns the results so far, oldest first."""
         return self._all(f"/v1/sessions/{session_id}/results", ResultResource)
 
     def estimates(self, session_id: str) -> list[EstimateResource]:
-        """The estimates of a calibration session so far, oldest first."""
+        """Returns the estimates of a calibration session so far, oldest first."""
         return self._all(f"/v1/sessions/{session_id}/estimates", EstimateResource)
 
     def choose_answer(self, session_id: str, number: int) -> ResultResource:
@@ -251,24 +251,24 @@ class Client:
         return parsed(self._send("PATCH", f"/v1/sessions/{session_id}", json=body), SessionResource)
 
     def result(self, session_id: str, number: int) -> ResultResource:
-        """One result."""
+        """Returns one result."""
         return self._get(f"/v1/sessions/{session_id}/results/{number}", ResultResource)
 
     def resolve(
         self, session_id: str, settings: SolveSettings | None = None, last_pass: int | None = None,
         calibration: str | None = None,
     ) -> int:  # fmt: skip
-        """Requests another solve of an ended session's images up to `last_pass`, with a calibration; its number."""
+        """Solves an ended session's images up to `last_pass` again, with `calibration`; returns the result's number."""
         wanted = ResolveRequest(settings=settings or SolveSettings(), last_pass=last_pass, calibration=calibration)
         address = f"/v1/sessions/{session_id}/results"
         return parsed(self._send("POST", address, json=wanted.model_dump(mode="json")), ResolveAccepted).number
 
     def cancel_resolve(self, session_id: str, number: int) -> None:
-        """Cancels a solve that waits or runs."""
+        """Cancels a waiting or running solve."""
         self._send("POST", f"/v1/sessions/{session_id}/results/{number}/cancellation")
 
     def download(self, session_id: str, number: int, name: str, path: Path) -> Path:
-        """Downloads one file of a result, checked against the manifest; `path` is written atomically.
+        """Downloads one file of a result and checks it against the manifest; `path` is written atomically.
 
         Raises ProblemError store.corrupt when the content differs from the manifest's digest.
         """
@@ -281,11 +281,11 @@ class Client:
         return self._fetch(f"/v1/sessions/{session_id}/archive", path, None)
 
     def log(self, session_id: str) -> str:
-        """The log of a session, a line for each event or action."""
+        """Returns the log of a session, one line for each event or action."""
         return (self._send("GET", f"/v1/sessions/{session_id}/log")).text
 
     def queue(self) -> QueueResource:
-        """The queue of sessions that run one after another."""
+        """Returns the queue of sessions that run one after another."""
         return self._get("/v1/queue", QueueResource)
 
     def enqueue(self, object_name: str, recipe: Recipe | None = None, **more: Any) -> QueueEntryResource:
@@ -303,9 +303,9 @@ class Client:
         after: int | None = None,
         reconnect_timeout_s: float = RECONNECT_TIMEOUT_S,
     ) -> Generator[EventResource, None, None]:
-        """Yields events above `after` (None: from now on), without end; a broken connection is resumed where it broke.
+        """Yields events above `after` (None: from now on) without end; resumes a broken connection where it broke.
 
-        Raises httpx.TransportError when the service stays away for `reconnect_timeout_s`.
+        Raises httpx.TransportError when the service cannot be reached for `reconnect_timeout_s`.
         """
         cursor = EventCursor(session_id, after, reconnect_timeout_s)
         while True:
@@ -325,7 +325,7 @@ class Client:
             time.sleep(cursor.next_pause())
 
     def past_events(self, session_id: str) -> list[EventResource]:
-        """The events of a session so far."""
+        """Returns the events of a session so far."""
         query = {"session_id": session_id, "after": 0, "follow": False}
         return parse_events(self._send("GET", "/v1/events", params=query))
 
@@ -336,10 +336,10 @@ class Client:
         *,
         on_session: Callable[[SessionResource], None] | None = None,
     ) -> SessionResource:
-        """Follows a session from its first event until it has ended or is suspended until a person acts.
+        """Follows a session from its first event until it has ended, or is suspended until a person acts.
 
-        The latter is a session that is interrupted, or paused for a reason of its own. `on_event` is called with each
-        event, `on_session` with the session as it is after each event, which costs a request each time.
+        A suspended session is interrupted, or paused for a reason of its own. `on_event` is called with each event, and
+        `on_session` with the session's state after each event, which costs one request each time.
         """
         for event in self.events(session_id, after=0):
             if on_event is not None:
@@ -369,7 +369,7 @@ class Client:
         return parsed(self._send("GET", address), model)
 
     def _all(self, address: str, model: type[ModelT]) -> list[ModelT]:
-        """All items of a paged list."""
+        """Returns all items of a paged list."""
         items: list[ModelT] = []
         next_address: str | None = address
         while next_address is not None:
@@ -379,7 +379,7 @@ class Client:
         return items
 
     def _fetch(self, address: str, path: Path, sha256: str | None) -> Path:
-        """Downloads to a hidden file beside `path`, which takes its name once its digest is checked."""
+        """Downloads to a hidden file beside `path`, and renames it once its digest is checked."""
         partial = path.with_name(f".{path.name}.part")
         digest = hashlib.sha256()
         try:

@@ -1,8 +1,8 @@
 """Generates `client.py` from `async_client.py`: `python -m api.client.generate` after a change of the latter.
 
-The two clients differ in nothing but `async` and `await`, so one of them is derived by replacing tokens, as httpcore
-does with `unasync`: what is fixed in one is fixed in both, and neither pays for an event loop that it does not need. A
-test fails while the committed `client.py` is not what this module generates.
+The two clients differ only in `async` and `await`, so one is derived from the other by replacing tokens, as httpcore
+does with `unasync`. A fix of one fixes both, and the synchronous client needs no event loop. A test fails if the
+committed `client.py` is not what this module generates.
 """
 
 import re
@@ -26,7 +26,7 @@ REPLACEMENTS = (
     (r"\ba(close|read|iter_bytes|iter_sse|connect_sse)\b", r"\1"),
     (r"\ban async context manager\b", "a context manager"),
 )
-"""Regular expressions and what each is replaced by, in this order."""
+"""Regular expressions and their replacements, applied in this order."""
 
 
 def synchronous(source: str) -> str:

@@ -8,7 +8,7 @@ from api.rest.schemas import SessionResource
 
 
 class SessionProgressBar:
-    """Progress bar of one session, with its state, its stage and the time left; a context manager."""
+    """Progress bar of one session with its state, its stage and the time left; a context manager."""
 
     def __init__(self) -> None:
         self._progress = Progress(

@@ -1,4 +1,4 @@
-"""Parsing of the service's answers, into values or a `ProblemError`; shared by both clients."""
+"""Parsing of the service's answers into values or a `ProblemError`; shared by both clients."""
 
 from collections.abc import Mapping
 from typing import Any, NoReturn, TypeVar
@@ -50,12 +50,12 @@ def require_completed(session: SessionResource) -> SessionResource:
 
 
 def parsed(response: httpx.Response, model: type[ModelT]) -> ModelT:
-    """Parses the body of an answer into a value. Raises ValidationError when it is of another type."""
+    """Parses the body of an answer into a value. Raises ValidationError if it does not fit the model."""
     return model.model_validate_json(response.content)
 
 
 def raise_problem(response: httpx.Response) -> NoReturn:
-    """Raises the problem object of an answer as ProblemError; another body as service.fault."""
+    """Raises an answer's problem object as ProblemError; a body of another kind becomes service.fault."""
     try:
         problem = Problem.model_validate_json(response.content)
     except ValidationError:

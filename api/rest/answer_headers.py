@@ -1,9 +1,9 @@
-"""HTTP's habits around every route: HEAD, OPTIONS, Allow, ranges, headers against misuse by browsers, preflights.
+"""Generic HTTP behaviour of all routes: HEAD, OPTIONS, Allow, ranges, security headers, preflights.
 
-Routes state what GET answers; that HEAD answers the same without a body, and what else an address allows, follows from
-them. An answer that says nothing else may be used by no page but the service's own, loads and runs nothing when it is
-opened, and is taken for what its media type says; a report, which has scripts of its own, runs in a sandbox without
-the service's origin, so that it can send no request in its reader's name.
+A route states what GET answers. HEAD answers the same without a body, and the other allowed methods follow from the
+routes. Unless an answer has its own headers, only the service's own page may use it, it loads and runs nothing when it
+is opened, and browsers take it for what its media type states. A report contains scripts, so it runs in a sandbox
+without the service's origin and can send no request in its reader's name.
 """
 
 import asyncio
@@ -27,15 +27,15 @@ SANDBOX = (
     "sandbox allow-scripts allow-downloads allow-popups; default-src 'none'; script-src 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; frame-ancestors 'none'"
 )
-"""Policy of HTML that has none of its own: reports, drawings, pages of problems."""
+"""Policy of HTML without one of its own: reports, drawings, pages of problems."""
 
 METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE")
 
 
 def security_headers(foreign_pages: bool) -> dict[str, str]:
-    """The security headers of every answer that has none of its own, HTML aside.
+    """Returns the security headers of every answer that has none of its own, except HTML's policy.
 
-    `foreign_pages`: whether the settings allow other pages, which show images of the service.
+    `foreign_pages` states whether the settings allow other pages, which show images of the service.
     """
     return {
         "Content-Security-Policy": CONTENT_SECURITY_POLICY,
@@ -46,19 +46,19 @@ def security_headers(foreign_pages: bool) -> dict[str, str]:
 
 
 class AnswerHeaders:
-    """ASGI middleware that adds security headers where an answer has none of its own.
+    """ASGI middleware that adds security headers where an answer has none of its own, except to a 304.
 
-    Not to a 304: a browser puts its headers in the place of those that it has kept with the content, so that a page or
-    a report that is loaded again would get the policy of bare data.
+    A browser replaces the headers stored with the content by those of the 304, so a page or a report that is loaded
+    again would get the policy of bare data.
     """
 
     def __init__(self, app: ASGIApp, defaults: Mapping[str, str]) -> None:
-        """`defaults`: `security_headers`."""
+        """`defaults` are the headers of `security_headers`."""
         self._app = app
         self._defaults = defaults
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handles one request."""
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start" and message["status"] != 304:
@@ -73,13 +73,13 @@ class AnswerHeaders:
 
 
 class HeadAsGet:
-    """ASGI middleware that answers HEAD as GET without the body; a stream is ended when its head is sent."""
+    """ASGI middleware that answers HEAD like GET without the body. A stream ends when its head has been sent."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handles one request."""
         if scope["type"] != "http" or scope["method"] != "HEAD":
             await self._app(scope, receive, send)
             return
@@ -103,14 +103,14 @@ class HeadAsGet:
 
 
 class AllowedMethods:
-    """ASGI middleware that completes the Allow header of a 405, and answers OPTIONS by it."""
+    """ASGI middleware that completes the Allow header of a 405, and answers OPTIONS with it."""
 
     def __init__(self, app: ASGIApp, routes: Any) -> None:
         self._app = app
         self._routes = routes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handles one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -126,7 +126,7 @@ class AllowedMethods:
         await self._app(scope, receive, send_allowed)
 
     def _of(self, scope: Scope) -> str:
-        """The methods of an address, as the Allow header has them; empty for an address that there is not."""
+        """Returns the methods of an address in the form of the Allow header; empty for an unknown address."""
         found = [
             method
             for method in METHODS
@@ -136,13 +136,13 @@ class AllowedMethods:
 
 
 class RefusedRanges:
-    """ASGI middleware that answers a `Range` that cannot be served by a problem object, as other errors."""
+    """ASGI middleware that answers a `Range` that cannot be served with a problem object, like other errors."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handles one request."""
         wanted = Headers(scope=scope).get("range", "") if scope["type"] == "http" else ""
         if not wanted:
             await self._app(scope, receive, send)
@@ -167,10 +167,10 @@ class RefusedRanges:
 
 
 class Preflights(CORSMiddleware):
-    """CORS for the allowed pages, whose other preflights are refused by a problem object."""
+    """CORS for the allowed pages; preflights of other pages are refused with a problem object."""
 
     def preflight_response(self, request_headers: Headers) -> Response:
-        """The answer to a preflight."""
+        """Returns the answer to a preflight."""
         answer = super().preflight_response(request_headers)
         if answer.status_code < 400:
             return answer

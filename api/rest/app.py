@@ -1,7 +1,7 @@
 """The web application: routes, middleware, problem objects, and the lifespan of the service behind them.
 
-`create_app` is given all that it serves and keeps no state outside the app, so that tests can run several services side
-by side in one process.
+`create_app` receives everything that it serves and keeps no state outside the app, so that tests can run several
+services side by side in one process.
 """
 
 import json
@@ -88,7 +88,7 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
 
 
 def _add_archive(app: FastAPI, address: str, catalogue: str | None) -> None:
-    """Adds the archive for reading, which is described by its own server: most services have none."""
+    """Adds the archive's routes, which only its own server describes, because most services have no archive."""
     from api.rest.archive_page import routes  # noqa: PLC0415 - needs the extra `archive`
     from api.rest.archive_page.reading import ReadArchive  # noqa: PLC0415
 
@@ -98,13 +98,13 @@ def _add_archive(app: FastAPI, address: str, catalogue: str | None) -> None:
 
 
 def description() -> dict[str, Any]:
-    """Generates the OpenAPI description of all routes, a value of the caller's own; needs no service."""
+    """Generates the OpenAPI description of all routes without a service. The caller may change the returned value."""
     return json.loads(_description())
 
 
 @cache
 def _description() -> str:
-    """The same as JSON: it takes half a second, and depends on the code alone."""
+    """The description as JSON, cached because it takes half a second and depends only on the code."""
     return json.dumps(_with_routes(None).openapi())
 
 
@@ -114,7 +114,7 @@ def _with_routes(lifespan: Any) -> FastAPI:
         version=version("lightpose"),
         description=openapi_document.DESCRIPTION,
         lifespan=lifespan,
-        docs_url=None,  # the usual pages load scripts from elsewhere (`docs_page`)
+        docs_url=None,  # FastAPI's pages load scripts from other hosts (see `docs_page`)
         redoc_url=None,
         redirect_slashes=False,  # one address for each thing
         responses=problems.default_response(),

@@ -1,8 +1,8 @@
 """Export of a session: its folder as one zip file, and its log as text.
 
-The zip is streamed file by file and stored, not deflated: 16-bit frames hardly compress, and a lab's disk is faster
-than one core. Only completely written files are included, and the journal's entries about the session go with them, so
-that the folder can be understood without the database.
+The zip is streamed file by file and not compressed, because 16-bit frames hardly compress and a lab's disk is faster
+than one core. It includes only completely written files. The journal's entries about the session are included, so that
+the folder can be understood without the database.
 """
 
 import json
@@ -27,7 +27,7 @@ router = APIRouter(tags=["sessions"])
 EVENTS_PER_QUERY = 500
 
 _PLAIN = re.compile(r"[\w.:/@+-]+")
-"""Text that stands in the log as it is; any other is quoted."""
+"""Text that is logged unchanged; any other text is quoted."""
 
 
 @router.get(
@@ -36,7 +36,7 @@ _PLAIN = re.compile(r"[\w.:/@+-]+")
     responses={**stored_files.binary("application/zip", description="The zip file"), **problems.NOT_FOUND},
 )
 def archive(service: ServiceOf, session_id: SessionId) -> StreamingResponse:
-    """The session's folder as a zip file, with the journal's entries about it in `journal.jsonl`."""
+    """Returns the session's folder as a zip file, with the journal's entries about it in `journal.jsonl`."""
     folder = service.store.folder(session_id)
     packed = ZipStream(compress_type=ZIP_STORED, sized=True)
     journal = "".join(json.dumps(entry, ensure_ascii=False) + "\n" for entry in _entries(service, session_id))
@@ -61,14 +61,14 @@ def archive(service: ServiceOf, session_id: SessionId) -> StreamingResponse:
     responses={**stored_files.binary("text/plain", description="The lines"), **problems.NOT_FOUND},
 )
 def log(service: ServiceOf, session_id: SessionId) -> PlainTextResponse:
-    """The session's log as text: a line for each event, and for each action with its actor."""
+    """Returns the session's log as text: one line for each event, and for each action with its actor."""
     service.store.journal.session(session_id)
     lines = [f"{entry['at']}  {entry['what']:<20} {_facts(entry)}".rstrip() for entry in _entries(service, session_id)]
     return PlainTextResponse("\n".join([*lines, ""]))
 
 
 def _entries(service: Service, session_id: str) -> list[dict[str, Any]]:
-    """Events and actions in chronological order."""
+    """Returns events and actions in chronological order."""
     journal = service.store.journal
     entries = [
         {"at": as_datetime(event.at).isoformat(), "what": event.type, **event.body}
@@ -96,7 +96,7 @@ def _facts(entry: dict[str, Any]) -> str:
 
 
 def _fact(value: Any) -> str:
-    """A value that forges neither a line nor another fact; what people wrote in any language stays readable."""
+    """Formats a value so that it can forge neither a line nor another fact. Text in any language stays readable."""
     if isinstance(value, str) and _PLAIN.fullmatch(value):
         return value
     text = json.dumps(value, ensure_ascii=False)
@@ -104,7 +104,7 @@ def _fact(value: Any) -> str:
 
 
 def _is_exportable(path: Path, folder: Path) -> bool:
-    """Whether a file may be exported: completely written (neither hidden nor `.part`), and no symbolic link."""
+    """Returns whether a file is completely written (neither hidden nor `.part`) and no symbolic link."""
     parts = path.relative_to(folder).parts
     hidden = any(part.startswith(".") or part.endswith(".part") for part in parts)
     return path.is_file() and not path.is_symlink() and not hidden

@@ -1,9 +1,9 @@
 """Authentication and authorisation of every request in one place, before any route sees it.
 
-Reading needs the role viewer, changing operator, deleting and the list of keys admin; every key may stop. A page that
-shows images or follows events cannot send headers, so it requests a ticket first, which is short-lived and allows
-reading only. All of it is done on the event loop from memory, so that a stop waits for nothing. Without keys, only this
-machine can call, and whoever is logged in on it is an operator: deleting and the list need a key, or the command line.
+Reading needs the role viewer, changing operator, deleting and the list of keys admin. Every key may stop. A page that
+shows images or follows events cannot send headers, so it requests a short-lived ticket that allows reading only. All
+checks run on the event loop from memory, so that a stop waits for nothing. Without keys only this machine can call, and
+everybody logged in on it is an operator; deleting and the list then need a key, or the command line.
 """
 
 import time
@@ -17,30 +17,32 @@ from acquisition.models.errors import ErrorCode, RigError
 from api.rest.keys import Caller, KeyRing, Role
 
 PUBLIC_PATHS = ("/health/", "/problems/", "/page/", "/archive/page/", "/docs/")
-"""Path prefixes that need no key: health probes, the pages that explain problems, and the files of the operator's page,
-the archive's, and the one that tries the API, which ask for the key themselves."""
+"""Path prefixes that need no key: health probes, explanations of problems, and the files of the operator's page, the
+archive's page and the page for trying the API, which ask for the key themselves.
+"""
 
 PUBLIC_PAGES = frozenset({"/", "/archive", "/docs", "/openapi.json"})
-"""Addresses of these pages, and of the description, which is the same for every cell."""
+"""Addresses of these pages, and of the OpenAPI description, which is the same for every cell."""
 
 STOP_PATH = "/v1/rig/stop"
-"""Address of the stop: every key may call it, no limit refuses it, and the listener's thread answers it itself."""
+"""Address of the stop. Every key may call it, no limit refuses it, and the listener's thread answers it itself."""
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 ALLOWED_TO_EVERY_KEY = frozenset({("POST", STOP_PATH), ("POST", "/v1/tickets")})
 FOR_ADMINS = "/v1/keys"
-"""Address that only admins may read: who may do what in a lab is nobody else's business."""
+"""Address that only admins may read, because the permissions of people in a lab are confidential."""
 
 OPERATORS_MAY_DELETE = ("/v1/queue/",)
-"""Path prefixes below which DELETE removes no data, only what an operator has added."""
+"""Path prefixes below which DELETE removes no data, only entries that an operator has added."""
 
 MAX_FAILURES = 10
 FAILURE_WINDOW_S = 60.0
-"""Wrong keys that one host may send within this time, s, before it has to wait. A valid key is accepted all the same:
-with 256 bits guessing is hopeless, and nobody's guessing may keep an operator from the stop."""
+"""Time in which one host may send MAX_FAILURES wrong keys before it has to wait, s. A valid key is accepted even then:
+guessing 256 bits is hopeless, and nobody's guessing may keep an operator from the stop.
+"""
 
 MAX_HOSTS = 10_000
-"""Hosts whose failures are remembered; bounds the memory."""
+"""Maximum number of hosts whose failures are remembered; bounds the memory."""
 
 
 class Authentication:
@@ -51,7 +53,7 @@ class Authentication:
         self._failures: dict[str, deque[float]] = {}
 
     def caller(self, scope: Scope, headers: Headers) -> Caller:
-        """The authenticated caller of a request, allowed to make it.
+        """Returns the authenticated caller of a request that the caller may make.
 
         Raises RigError request.unauthenticated, request.forbidden, request.too_many_failures.
         """
@@ -77,7 +79,7 @@ class Authentication:
         return caller
 
     def recognised(self, scope: Scope, headers: Headers) -> Caller | None:
-        """The caller by key or ticket, whatever the role; None for an unknown one. Any thread may ask."""
+        """Returns the caller by key or ticket, whatever the role; None if unknown. Callable from any thread."""
         if not self.keys.required:
             return Caller("operator", Role.OPERATOR)
         scheme, _, secret = headers.get("authorization", "").partition(" ")
@@ -101,7 +103,7 @@ class Authentication:
 
 
 def needed_role(method: str, path: str) -> Role:
-    """The role that a request needs."""
+    """Returns the role that a request needs."""
     if path == FOR_ADMINS:
         return Role.ADMIN
     if method in SAFE_METHODS or (method, path) in ALLOWED_TO_EVERY_KEY:

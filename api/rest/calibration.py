@@ -1,8 +1,8 @@
-"""Routes of calibrations: the one in use with its values, all that there are, their files, and the choice of another.
+"""Routes of calibrations: the one in use with its values, the list of all, their files, and the choice of another one.
 
-A calibration takes effect for sessions that are created after it was chosen: a session's images are solved with the
-calibration that they were taken with, and waypoints are certified with it. So none is chosen while a session runs, and
-none by itself: a calibration session makes a set and leaves the choice to a person.
+A chosen calibration applies to sessions created afterwards. A session's images are solved with the calibration that
+they were taken with, and waypoints are certified with it. A calibration therefore cannot be chosen while a session
+runs, and none is chosen automatically: a calibration session makes a set and leaves the choice to a person.
 """
 
 from datetime import UTC, datetime
@@ -31,7 +31,7 @@ router = APIRouter(tags=["rig"])
 
 
 class RigCalibration(CalibrationResource):
-    """The calibration in use, complete."""
+    """The calibration in use with all its values."""
 
     id: str = Field(description="Which one: `cell` is the cell file's, else the session that made it")
     age_days: float = Field(description="Days since it was made")
@@ -42,7 +42,7 @@ class RigCalibration(CalibrationResource):
 
 
 class CalibrationSetResource(Resource):
-    """A calibration that there is, in use or not."""
+    """One of the available calibrations, in use or not."""
 
     id: str = Field(description="Identifier: `cell` for that of the cell file, else the session that made it")
     active: bool = Field(description="Whether it is in use")
@@ -57,19 +57,19 @@ class CalibrationSetResource(Resource):
 
 
 class CalibrationChoice(RequestBody):
-    """Which calibration shall be used."""
+    """The calibration to be used."""
 
     id: str = Field(min_length=1, max_length=80, description="One of GET /v1/rig/calibrations; `cell`: the cell file's")
 
 
 class ToolStatement(RequestBody):
-    """What is on the arm's flange, as a person has seen."""
+    """A person's statement of what is on the arm's flange."""
 
     tool: Tool = Field(description="`lamp`, or `board`: the calibration board of the cell file")
 
 
 class ToolResource(Resource):
-    """What is on the arm's flange, as somebody stated last: paths are certified for it."""
+    """What is on the arm's flange, as last stated by a person. Paths are certified for this tool."""
 
     tool: Tool = Field(description="`lamp`, or `board`")
     warning: str = Field(default="", description="What to know of its payload, for people; empty: nothing")
@@ -78,7 +78,7 @@ class ToolResource(Resource):
 
 @router.get("/v1/rig/calibration")
 def calibration(service: ServiceOf) -> RigCalibration:
-    """The calibration in use: camera, lamp, sensor and their uncertainties, with age, source and validity."""
+    """Returns the calibration in use: camera, lamp, sensor and their uncertainties, with age, source and validity."""
     return _in_use(service)
 
 
@@ -86,7 +86,7 @@ def calibration(service: ServiceOf) -> RigCalibration:
 def calibrations(
     service: ServiceOf, request: Request, limit: Limit = 100, after: Offset = 0
 ) -> Page[CalibrationSetResource]:
-    """The calibrations that there are: the cell file's first, then those that sessions have made, oldest first."""
+    """Lists the calibrations: the cell file's first, then those made by sessions, oldest first."""
     choices = service.runner.choices
     of_cell = choices.values(CELL_FILE)
     first = CalibrationSetResource(
@@ -117,7 +117,7 @@ def calibrations(
     ),
 )
 def choose_calibration(service: ServiceOf, choice: CalibrationChoice, actor: Actor) -> RigCalibration:
-    """Makes a calibration the one in use, for sessions created from now on and after a restart too.
+    """Puts a calibration into use for sessions created from now on. The choice survives a restart.
 
     Refused while a session holds the rig, and for a calibration of another camera, image size or arm.
     """
@@ -138,14 +138,14 @@ def calibration_file(
     calibration_id: Annotated[str, InPath(max_length=80, description="Identifier of the calibration, its `id`")],
     name: Annotated[str, InPath(max_length=100, description="File name, one of its `links`")],
 ) -> FileResponse:
-    """One file of a calibration: values with covariance and residuals, corners, pictures."""
+    """Returns one file of a calibration: values with covariance and residuals, corners, pictures."""
     path = service.store.calibrations.file(calibration_id, name)
     return stored_files.file_response(path, f"{calibration_id}-{name}", sha256_of(path))
 
 
 @router.get("/v1/rig/tool")
 def tool(service: ServiceOf) -> ToolResource:
-    """What is on the arm's flange, as somebody stated last."""
+    """Returns what is on the arm's flange, as last stated by a person."""
     mounted = service.runner.choices.tool
     warning = mounted_tool.payload_warning(service.cell, mounted)
     return ToolResource(tool=mounted, warning=warning, links={"self": "/v1/rig/tool", "rig": "/v1/rig"})
@@ -158,9 +158,9 @@ def tool(service: ServiceOf) -> ToolResource:
     ),
 )
 def state_tool(service: ServiceOf, statement: ToolStatement, actor: Actor) -> ToolResource:
-    """A person states what is on the flange now: paths of sessions, parking and jogging are certified for it.
+    """States what is on the flange now. Paths of sessions, parking and jogging are certified for this tool.
 
-    Nothing moves; the controller is told the payload of this tool. Refused while a session holds the rig.
+    Nothing moves. The controller receives the payload of this tool. Refused while a session holds the rig.
     """
     service.runner.state_tool(statement.tool, actor)
     return tool(service)

@@ -1,4 +1,4 @@
-"""Schemas of calibration sessions, apart from their routes: the clients read them as well."""
+"""Schemas of calibration sessions, separate from their routes because the clients use them as well."""
 
 from datetime import datetime
 
@@ -10,7 +10,7 @@ from api.rest.schemas import ArtefactResource, Links, Resource
 
 
 class CalibrationKindResource(Resource):
-    """A kind of calibration session, and the newest calibration of it."""
+    """A kind of calibration session, and the newest calibration that such a session has made."""
 
     kind: str = Field(description="`kind` of the recipe: `camera`, `hand-eye`, …")
     recipe: str = Field(description="Name of its recipe's schema in /openapi.json")
@@ -27,7 +27,7 @@ class CalibrationKindResource(Resource):
 
 
 class EstimateResource(Resource):
-    """What a calibration session estimated from all its images after a pass."""
+    """Estimate that a calibration session made after a pass, from all its images so far."""
 
     number: int = Field(ge=0, description="Number of the pass after which it was made")
     created: datetime = Field(description="When it was made, UTC")

@@ -1,7 +1,7 @@
-"""Routes of calibration sessions beside those of all sessions: the kinds that there are, and a session's estimates.
+"""Routes of calibration sessions besides those of all sessions: the kinds of calibration, and a session's estimates.
 
-The kinds follow from the recipes' schemas, so that a page or a script offers a new kind without being changed: it takes
-the form from the schema that is named, and the tool from what its sessions need on the flange.
+The kinds follow from the recipes' schemas, so that a page or a script offers a new kind without a change: the named
+schema defines the form, and `tool` states what must be on the flange.
 """
 
 from datetime import UTC, datetime
@@ -60,7 +60,7 @@ def calibration_kinds(service: ServiceOf) -> Page[CalibrationKindResource]:
 def estimates(
     service: ServiceOf, request: Request, session_id: SessionId, limit: Limit = 100, after: Offset = 0
 ) -> Page[EstimateResource]:
-    """The estimates of a calibration session so far, oldest first; none for a session of capture."""
+    """Lists the estimates of a calibration session so far, oldest first. A capture session has none."""
     service.store.journal.session(session_id)
     made = service.store.journal.artifacts(session_id, "estimate")
     return page(request, [_resource(service, session_id, entry) for entry in made], limit, after)
@@ -82,7 +82,7 @@ def estimate_file(
     number: Number,
     artefact: Annotated[str, InPath(max_length=100, description="File name, one of the estimate's `artefacts`")],
 ) -> FileResponse:
-    """One file of an estimate: values with covariance and the residuals of each image, corners, pictures."""
+    """Returns one file of an estimate: values with covariance, residuals of each image, corners, pictures."""
     service.store.journal.session(session_id)
     entry = stored_files.newest(service, session_id, "estimate", number)
     if entry is None:
@@ -98,7 +98,7 @@ def estimate_file(
 
 
 def _recipes() -> list[type[CalibrationRecipe]]:
-    """The recipes of calibration among those of a session."""
+    """Returns the calibration recipes among all recipes of a session."""
     union = get_args(calibration_recipe.AnyRecipe)[0]
     members = [get_args(tagged)[0] for tagged in get_args(union)]
     return [one for one in members if issubclass(one, CalibrationRecipe)]

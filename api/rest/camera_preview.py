@@ -1,8 +1,8 @@
-"""The camera's live image, as one JPEG or as a stream of them (MJPEG), without ever disturbing a session.
+"""The camera's live image, as one JPEG or as a stream (MJPEG), without ever disturbing a session.
 
-Viewers pull: each takes the newest image when it has received the last one, so a slow viewer drops images and delays
-nobody else. An image is captured when a viewer asks and the newest is older than `PERIOD_S`, one for all viewers. While
-a session holds the rig, the camera belongs to the session, and the image is the last frame that it captured.
+Each viewer takes the newest image when it has received the last one, so a slow viewer drops images and delays nobody
+else. An image is captured, once for all viewers, when one asks and the newest is older than `PERIOD_S`. While a session
+holds the rig, the camera belongs to the session, and the image is the last frame that the session captured.
 """
 
 import asyncio
@@ -33,21 +33,21 @@ from api.rest.schemas import as_datetime
 from api.rest.wiring import Service
 
 PERIOD_S = 0.2
-"""Least time between two captures, s."""
+"""Minimum time between two captures, s."""
 
 RETRY_S = 1.0
 """Time between two attempts while the camera does not answer, s."""
 
 FIRST_EXPOSURE_S, LONGEST_EXPOSURE_S = 0.05, 0.2
 TARGET_LEVEL = 0.5
-"""Level that the exposure time is controlled to: fraction of full scale of the 99.5th percentile."""
+"""Target of the exposure control: 99.5th percentile of the signal, fraction of full scale."""
 
 BOUNDARY = b"picture"
 """Separates the parts of the multipart stream."""
 
 
 FRAME_HEADER = "X-Frame-Number"
-"""Header with the number of the frame that a picture shows."""
+"""Header with the number of the frame shown by a picture."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class CameraPreview:
         self.viewers = 0
 
     def end(self) -> None:
-        """Ends all streams; called on the event loop, does not wait."""
+        """Ends all streams without waiting. Call it on the event loop."""
         self._stopping.set()
 
     async def image(self) -> PreviewImage:
@@ -99,7 +99,7 @@ class CameraPreview:
             return self._newest
 
     async def figures(self) -> PreviewFigures:
-        """The figures of the newest image, measured once for all callers. Raises RigError as `image` does."""
+        """Returns the figures of the newest image, measured once for all callers. Raises RigError as `image` does."""
         image = await self.image()
         figures = self._figures
         if figures is None or figures.frame != image.number:
@@ -205,7 +205,7 @@ PROBLEMS = problems.responses_of(
     responses={**stored_files.binary("image/jpeg", description="The image"), **PROBLEMS},
 )
 async def preview_picture(request: Request) -> Response:
-    """The camera's present image; while a session holds the rig, the last frame that it captured."""
+    """Returns the camera's present image; while a session holds the rig, the last frame that the session captured."""
     preview: CameraPreview = request.app.state.camera_preview
     image = await preview.image()
     return Response(image.jpeg, media_type="image/jpeg", headers=_headers(image))
@@ -213,7 +213,7 @@ async def preview_picture(request: Request) -> Response:
 
 @router.get("/v1/rig/preview/figures", responses=PROBLEMS)
 async def preview_figures_of(request: Request, response: Response) -> PreviewFigures:
-    """Histogram, clipped shares and focus score of the present image: of the frame that `preview.jpg` shows."""
+    """Returns histogram, clipped shares and focus score of the present image, the frame that `preview.jpg` shows."""
     preview: CameraPreview = request.app.state.camera_preview
     response.headers["Cache-Control"] = "no-store"
     return await preview.figures()
@@ -244,9 +244,9 @@ async def preview_clipping(request: Request, service: ServiceOf) -> Response:
     },
 )
 async def preview_stream(request: Request, caller: CallerOf) -> StreamingResponse:
-    """The camera's live image as a stream; a slow viewer receives fewer images.
+    """Streams the camera's live image. A slow viewer receives fewer images.
 
-    It ends with the validity of the key or ticket that opened it.
+    The stream ends when the key or ticket that opened it is no longer valid.
     """
     preview: CameraPreview = request.app.state.camera_preview
     streams: OpenStreams = request.app.state.streams
@@ -264,7 +264,7 @@ def _headers(image: PreviewImage) -> dict[str, str]:
 
 
 def _part(image: PreviewImage) -> bytes:
-    """One image as a part of the stream, with the next boundary, at which browsers display it."""
+    """Returns one image as a part of the stream, including the next boundary, at which browsers display the image."""
     facts = FRAME_HEADER.encode(), image.number, len(image.jpeg)
     head = b"Content-Type: image/jpeg\r\n%s: %d\r\nContent-Length: %d\r\n\r\n" % facts
     return head + image.jpeg + b"\r\n--" + BOUNDARY + b"\r\n"

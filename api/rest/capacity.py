@@ -1,15 +1,15 @@
-"""How many connections, requests and streams the service holds at once, from the descriptors that it may open.
+"""Limits of open connections, requests and streams, derived from the number of descriptors the process may open.
 
-A descriptor is what runs out first: each connection takes one, each download another, and without any left neither the
-journal nor the camera can open a file. So all that comes from outside is bounded by what remains after a reserve, and
-a stop never competes for it (`listener`).
+Descriptors run out first: each connection takes one and each download another. Without a free one neither the journal
+nor the camera can open a file. All callers together are therefore limited to what remains after a reserve, and a stop
+never competes for it (`listener`).
 """
 
 import resource
 from dataclasses import dataclass
 
 WANTED_DESCRIPTORS = 16_384
-"""Descriptors that the process asks for at start; the kernel's own default of a hard limit is 4,096 or more."""
+"""Number of descriptors that the process requests at start; the kernel's default hard limit is 4,096 or more."""
 
 RESERVED_DESCRIPTORS = 200
 """Number of descriptors for the service itself: journal, sessions' files, devices, processes. An idle service has about
@@ -17,22 +17,22 @@ RESERVED_DESCRIPTORS = 200
 """
 
 MOST_CONNECTIONS = 4_096
-"""Connections beyond which more descriptors are of no use to a lab's service."""
+"""Upper limit of connections; a lab's service has no use for more."""
 
 
 @dataclass(frozen=True)
 class Capacity:
-    """Upper limits of what is open at once."""
+    """Upper limits of what is open at the same time."""
 
     undecided: int  # connections whose first line has not arrived
-    connections: int  # connections that the application serves, one address may have all but a quarter
+    connections: int  # connections that the application serves; one address may have three quarters of them
     requests: int  # requests in progress, each of which may open a file
     streams: int  # event streams and live images
     streams_per_caller: int
 
     @property
     def connections_per_address(self) -> int:
-        """Connections of one address that the application serves."""
+        """Maximum number of connections from one address that the application serves."""
         return self.connections * 3 // 4
 
 
@@ -56,7 +56,7 @@ def present() -> Capacity:
 
 
 def raise_descriptor_limit() -> int:
-    """Raises this process's soft limit of descriptors as far as its hard limit allows; returns the limit."""
+    """Raises this process's soft limit of descriptors as far as its hard limit allows, and returns the limit."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = WANTED_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(WANTED_DESCRIPTORS, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:

@@ -1,8 +1,8 @@
 """Compression (gzip) of text for callers that accept it; images and archives are compressed already.
 
-An answer is compressed as a whole in a thread, because a page of several MB takes longer than the event loop may be
-held. Streams are left as they are: an event must leave at once. The compressed form has other bytes than the plain one,
-so its ETag is a weak one (RFC 9110, 8.8.3); `If-None-Match` compares weakly, so that both forms find it valid.
+An answer is compressed as a whole in a thread, because a page of several MB would block the event loop too long.
+Streams are not compressed: an event must be sent at once. The compressed form has other bytes than the plain one, so
+its ETag is a weak one (RFC 9110, 8.8.3). `If-None-Match` compares weakly, so that both forms match.
 """
 
 import gzip
@@ -13,13 +13,13 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 SMALLEST_BYTES = 1_000
-"""Size below which compressing saves less than a network's packet, bytes."""
+"""Size below which compression saves less than a network's packet, bytes."""
 
 LARGEST_BYTES = 32_000_000
-"""Size above which an answer is sent as it is, bytes: it would be held in memory as a whole."""
+"""Size above which an answer is not compressed, bytes, because compression holds it in memory as a whole."""
 
 LEVEL = 5
-"""Compression level: 6 and more take twice as long for 2 % of the reach page."""
+"""Compression level. Levels of 6 and more take twice as long and save 2 % of the reach page."""
 
 THREADS = 2
 
@@ -35,7 +35,7 @@ class Compressed:
         self._threads = CapacityLimiter(THREADS)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handles one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -49,7 +49,7 @@ class Compressed:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(raw=message["headers"])
                 if message["status"] == 304 and f"W/{headers.get('etag')}" in asked.get("if-none-match", ""):
-                    headers["ETag"] = f"W/{headers['etag']}"  # that of the form which the caller has
+                    headers["ETag"] = f"W/{headers['etag']}"  # the ETag of the compressed form, which the caller has
                 if _is_text(headers):
                     headers.add_vary_header("Accept-Encoding")
                 if accepted and _is_worth_it(headers):
@@ -73,7 +73,7 @@ class Compressed:
 
 
 def accepts_gzip(accept_encoding: str) -> bool:
-    """Whether an `Accept-Encoding` header names gzip, with a weight above 0."""
+    """Returns whether an `Accept-Encoding` header names gzip with a weight above 0."""
     for item in accept_encoding.lower().split(","):
         name, _, weight = item.partition(";")
         if name.strip() == "gzip":

@@ -1,8 +1,8 @@
-"""Conditional GET (RFC 9110, If-None-Match) for every answer with an ETag, in one place; text without one gets its own.
+"""Conditional GET (RFC 9110, If-None-Match) for every answer with an ETag; text without an ETag gets one.
 
-A route states the ETag of what it sends; whether the caller has that already is no concern of the route. Where making
-the answer is what costs, the route asks `is_current` before it does. A resource is made for each request and has no
-hash at hand, so its ETag is that of its text: the answer is made all the same, and not sent again.
+A route states the ETag of what it sends; this module decides whether the caller has that content already. Where the
+answer is expensive to make, the route calls `is_current` first. A resource is made for each request, and its ETag is
+the hash of its text: it is made in any case, but sent only if it differs.
 """
 
 import hashlib
@@ -15,7 +15,7 @@ KEPT = frozenset({"etag", "cache-control", "vary", "expires", "content-location"
 
 _HASHED = ("application/json", "text/plain", "text/html")
 LARGEST_HASHED_BYTES = 4_000_000
-"""Size above which a text gets no ETag by itself, bytes: hashing it takes 5 ms of the event loop."""
+"""Size above which a text gets no ETag here, bytes; hashing this size takes 5 ms of the event loop."""
 
 _REVALIDATED = "private, no-cache"
 
@@ -27,7 +27,7 @@ class ConditionalGet:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handles one request."""
         if scope["type"] != "http" or scope["method"] not in ("GET", "HEAD"):
             await self._app(scope, receive, send)
             return
@@ -36,7 +36,7 @@ class ConditionalGet:
 
 
 class _Answer:
-    """One answer on its way: held until its ETag is known, and left out where the caller has it."""
+    """One answer being sent: held until its ETag is known, and replaced by a 304 if the caller has it."""
 
     def __init__(self, wanted: str, send: Send) -> None:
         self._wanted, self._send = wanted, send
@@ -45,7 +45,7 @@ class _Answer:
         self._left_out = False
 
     async def send(self, message: Message) -> None:
-        """Sends a message of the answer on, later, or not at all."""
+        """Sends a message of the answer at once, later, or not at all."""
         if self._left_out:
             return
         if message["type"] == "http.response.start":
@@ -78,7 +78,7 @@ class _Answer:
 
 
 def is_current(if_none_match: str, etag: str) -> bool:
-    """Weak comparison of an `If-None-Match` header with an ETag (RFC 9110, 13.1.2)."""
+    """Compares an `If-None-Match` header with an ETag by weak comparison (RFC 9110, 13.1.2)."""
     if not etag:
         return False
     return if_none_match.strip() == "*" or _opaque(etag) in map(_opaque, if_none_match.split(","))

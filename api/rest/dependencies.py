@@ -1,4 +1,4 @@
-"""Dependencies that FastAPI injects into routes (service, caller, actor), and the types of parameters."""
+"""Dependencies that FastAPI injects into routes (service, caller, actor), and types of parameters."""
 
 from typing import Annotated, Any
 
@@ -13,7 +13,7 @@ from api.rest.wiring import Service
 
 
 async def _service(request: Request) -> Service:
-    # A coroutine, because a plain function would be run in a thread, and stop must not wait for one.
+    # A coroutine, because FastAPI runs a plain function in a thread, and stop must not wait for one.
     return request.app.state.service
 
 
@@ -26,7 +26,7 @@ async def _actor(request: Request) -> str:
 
 
 async def refuse_unknown_query(request: Request) -> None:
-    """Refuses query parameters that the route does not have: a filter with a typo would list everything.
+    """Refuses query parameters that the route does not have: a filter with a typing error would list everything.
 
     Raises RigError request.invalid naming each.
     """
@@ -56,7 +56,7 @@ def _refuse_number(value: Any) -> Any:
 
 
 Time = Annotated[AwareDatetime, BeforeValidator(_refuse_number)]
-"""A time with its zone; a number is none, although pydantic would take it for seconds since 1970."""
+"""A time with its zone. A plain number is refused, although pydantic would accept it as seconds since 1970."""
 
 SessionId = Annotated[str, InPath(max_length=80, description="Identifier of the session, its `id`")]
 Number = Annotated[int, InPath(ge=0, le=10_000, description="Number within the session or the pass, from 0")]

@@ -1,7 +1,7 @@
-"""Routes of rendered drawings: the reach of the arm, and a route, as a still or a 3-D page; rendered on request.
+"""Routes of drawings rendered on request, as a still or a 3-D page: the reach of the arm, and a route.
 
-A drawing takes seconds and depends on stored values alone. Their hash is its ETag, so that a caller who has the drawing
-is told so before anything is rendered; the newest drawings are kept for the others.
+A drawing takes seconds and depends only on stored values. Their hash is its ETag, so that a caller who has the drawing
+receives a 304 before anything is rendered. The newest drawings are kept for other callers.
 """
 
 import hashlib
@@ -37,7 +37,7 @@ _BUSY = problems.responses_of(
 )  # fmt: skip
 
 KEPT_DRAWINGS = 4
-"""Drawings that are kept, the newest ones; a 3-D page has 5 MB."""
+"""Number of newest drawings that are kept; a 3-D page has 5 MB."""
 
 
 @router.get(
@@ -47,7 +47,7 @@ KEPT_DRAWINGS = 4
     responses={**_PICTURE, **stored_files.NOT_MODIFIED, **_BUSY},
 )
 async def reach_picture(service: ServiceOf, request: Request, form: Format) -> Response:
-    """The reach of the arm: the dome seen from the camera, or cell and dome in 3-D, with the reason of each refusal."""
+    """Returns a drawing of the arm's reach with reasons of refusals: the dome seen from the camera, or the cell in 3-D."""
     runner = service.runner
     reach = await in_turn(service.limits.reach, runner.planning.reach)
     cell = runner.choices.lamp_cell
@@ -69,7 +69,7 @@ async def reach_picture(service: ServiceOf, request: Request, form: Format) -> R
 async def route_picture(
     service: ServiceOf, request: Request, session_id: SessionId, number: Number, form: Format
 ) -> Response:
-    """The cell, a pass's lights in the order of travel, and the lamp's path through them and home."""
+    """Returns a drawing of the cell, a pass's lights in order of travel, and the lamp's path through them and home."""
     route, cell, calibration = await anyio.to_thread.run_sync(
         _stored_route, service, session_id, number, limiter=service.limits.pictures
     )
@@ -100,7 +100,7 @@ async def _rendered(
     cell: CellConfig,
     calibration: Calibration,
 ) -> Response:
-    """Responds with a drawing of these values; without it where the caller has it."""
+    """Responds with a drawing of these values, or with 304 if the caller has it."""
     parts = (version("lightpose"), form, drawn, cell.model_dump_json(), calibration.model_dump_json())
     headers = stored_files.revalidated(hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32])
     if is_current(request.headers.get("if-none-match", ""), headers["ETag"]):

@@ -26,22 +26,22 @@ from api.rest.open_streams import OpenStreams
 from api.rest.schemas import EventResource, as_datetime
 
 KEEP_ALIVE_S = 10.0
-"""Time between two keep-alive comments of a quiet stream, s."""
+"""Time between two keep-alive comments of a stream without events, s."""
 
 BATCH = 200
-"""Events that a listener reads at once."""
+"""Number of events that a listener reads at once."""
 
 READERS = 4
-"""Threads that all listeners may occupy together, so that many of them leave threads to the rest of the service."""
+"""Number of threads that all listeners together may occupy; the limit leaves threads to the rest of the service."""
 
 STREAM_RESET = "stream.reset"
-"""Type of the event that tells a listener that its position is not of this journal."""
+"""Type of the event which states that a listener's position is not from this journal."""
 
 _POLL_S = 0.2
 
 
 class EventFeed:
-    """Wakes listeners when the journal grows; created and ended on the event loop that serves them."""
+    """Wakes listeners when the journal grows. It is created and ended on the event loop that serves them."""
 
     def __init__(self, journal: Journal, readings: JointReadings) -> None:
         self._journal = journal
@@ -53,7 +53,7 @@ class EventFeed:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Starts the thread that watches the journal; called on the event loop."""
+        """Starts the thread that watches the journal. Call it on the event loop."""
         self._newest = self._journal.last_event_id()
         self._thread = threading.Thread(
             target=self._watch, args=(asyncio.get_running_loop(),), name="event-feed", daemon=True
@@ -61,19 +61,19 @@ class EventFeed:
         self._thread.start()
 
     def end(self) -> None:
-        """Ends all streams; called on the event loop, does not wait."""
+        """Ends all streams without waiting. Call it on the event loop."""
         self._stopping.set()
         self._wake()
 
     def close(self) -> None:
-        """Ends all streams and joins the thread; the journal may be closed afterwards."""
+        """Ends all streams and joins the thread. The journal may be closed afterwards."""
         self.end()
         if self._thread is not None:
             self._thread.join()
 
     @property
     def listeners(self) -> int:
-        """The number of connected clients."""
+        """Number of connected clients."""
         return len(self._listeners)
 
     async def stream(
@@ -98,12 +98,12 @@ class EventFeed:
         period_s = joint_readings.PERIOD_S if joints else KEEP_ALIVE_S
         due, grown = time.monotonic() + (0 if joints else period_s), True
         try:
-            if sent > self._newest:  # which a listener that reads the table itself may be ahead of
+            if sent > self._newest:  # a listener reads the table itself and may be ahead of `_newest`
                 newest = await anyio.to_thread.run_sync(self._journal.last_event_id, limiter=self._readers)
                 if sent > newest:
                     yield _reset(sent, newest)
                     sent = newest
-            yield f"retry: 1000\nid: {sent}\n\n"  # no data, so no event: the id to resume from
+            yield f"retry: 1000\nid: {sent}\n\n"  # without data this is no event; it states the id to resume from
             while not self._stopping.is_set() and is_admitted():
                 batch: list[Event] = []
                 if grown:
@@ -188,10 +188,11 @@ async def events(
         str | None, Header(pattern="^[0-9]{1,18}$", description="An event's `id`; takes precedence over `after`")
     ] = None,
 ) -> StreamingResponse:
-    """Streams events as they happen (server-sent events); `Last-Event-ID` or `after` replays missed ones.
+    """Streams events as they happen (server-sent events). `Last-Event-ID` or `after` replays missed events.
 
-    The event `stream.reset` comes first where that id is above the newest (the journal was restored from a backup):
-    read anew what you know. The stream ends with the validity of the key or ticket that opened it.
+    If that id is above the newest one, as after restoring the journal from a backup, the event `stream.reset` comes
+    first; the client must then read its state anew. The stream ends when the key or ticket that opened it is no longer
+    valid.
     """
     feed: EventFeed = request.app.state.feed
     streams: OpenStreams = request.app.state.streams
@@ -218,7 +219,7 @@ def _message(event: Event) -> str:
 
 
 async def _is_set_within(event: asyncio.Event, timeout_s: float) -> bool:
-    """Waits for an event, at most so long."""
+    """Waits for an event for at most `timeout_s` and returns whether it is set."""
     if event.is_set():
         return True
     try:

@@ -1,10 +1,10 @@
 """HTTP/1.1 protocol of the server: uvicorn's, with a time limit for a request's head and problem objects for bad bytes.
 
-uvicorn waits for ever for a request that is never completed, so a client that sends a byte now and then could use up
-the process's connections and keep an operator from the stop (slowloris). Here the head of a request has
-`HEAD_TIMEOUT_S` from the moment the connection is ready for it; the body is limited by `request_checks`, which reads
-it. A connection that takes nothing of its answer for `WRITE_TIMEOUT_S` is cut: a stream that nobody reads would hold
-its descriptor for ever.
+uvicorn waits without limit for an incomplete request. A client that sends a byte now and then could thus use up the
+process's connections and keep an operator from the stop (slowloris). Here the head of a request must arrive within
+`HEAD_TIMEOUT_S` after the connection is ready for it; `request_checks` limits the body, which it reads. A connection
+that accepts nothing of its answer for `WRITE_TIMEOUT_S` is cut, because an unread stream would hold its descriptor for
+ever.
 """
 
 import asyncio
@@ -22,11 +22,11 @@ HEAD_TIMEOUT_S = 10.0
 """Time limit for the head of a request, s."""
 
 WRITE_TIMEOUT_S = 60.0
-"""How long a connection may take nothing of what is to be sent to it, s; then nobody reads it any more."""
+"""Time after which a connection that accepts no more data is cut, s; nobody reads it any more."""
 
 
 class TimeLimitedH11Protocol(H11Protocol):
-    """Closes a connection whose request does not arrive in time; answers malformed HTTP by a problem object."""
+    """Closes a connection whose request does not arrive in time, and answers malformed HTTP with a problem object."""
 
     def __init__(
         self, *arguments: Any, received: bytes, security_headers: Mapping[str, str], on_lost: Callable[[], None],
@@ -47,12 +47,12 @@ class TimeLimitedH11Protocol(H11Protocol):
         self.data_received(self._received)
 
     def pause_writing(self) -> None:
-        """Starts the time limit of a connection that takes no more."""
+        """Starts the time limit of a connection that accepts no more data."""
         super().pause_writing()
         self._write_timer = self.loop.call_later(WRITE_TIMEOUT_S, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """Cancels it."""
+        """Cancels this time limit."""
         self._cancel_write_timer()
         super().resume_writing()
 
@@ -70,8 +70,8 @@ class TimeLimitedH11Protocol(H11Protocol):
         self._on_lost()
 
     def send_400_response(self, msg: str) -> None:
-        """Answers malformed HTTP by a problem object and closes the connection."""
-        # The request is malformed as a whole, no field of it, so the status is 400 and not the 422 of the table.
+        """Answers malformed HTTP with a problem object and closes the connection."""
+        # The whole request is malformed, not one field, so the status is 400 and not the 422 of the table.
         body = Problem.of(ErrorCode.REQUEST_INVALID, msg).model_copy(update={"status": 400}).model_dump_json().encode()
         headers = [
             ("Content-Type", problems.MEDIA_TYPE), ("Content-Length", str(len(body))), ("Connection", "close"),

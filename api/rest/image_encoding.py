@@ -1,6 +1,6 @@
 """Encoding of frames for display: 8 bits with a gamma, so that shadows can be seen.
 
-The stored frames stay linear and 16-bit; what is encoded here is only ever shown.
+The stored frames remain linear and 16-bit. The encoded pictures serve for display only.
 """
 
 from pathlib import Path
@@ -17,10 +17,10 @@ from acquisition.models.errors import ErrorCode, RigError
 GAMMA = 2.2
 JPEG_QUALITY = 85
 MAX_SIDE_PX = 1280
-"""Longest side of a JPEG, px: more than that a browser's window does not show."""
+"""Longest side of a JPEG, px. A browser's window does not show more pixels than that."""
 
 MAX_GAIN = 16.0
-"""Largest gain of a JPEG: a dark frame that is brightened by more shows only noise."""
+"""Largest gain of a JPEG. A dark frame that needs more shows only noise."""
 
 Pixels = npt.NDArray[np.uint16]
 
@@ -28,8 +28,8 @@ Pixels = npt.NDArray[np.uint16]
 def png(path: Path, sensor: SensorModel) -> bytes:
     """Encodes a stored frame (linear 16-bit TIFF) as an 8-bit PNG from black level to full scale, gamma 2.2.
 
-    The scale is the sensor's, not the frame's own, so that pictures of one session can be compared. Raises RigError
-    store.corrupt when the file is missing or damaged.
+    The scale is that of the sensor, not of the frame, so that the pictures of one session can be compared. Raises
+    RigError store.corrupt when the file is missing or damaged.
     """
     return _encoded(".png", _lookup_table(sensor, 1.0)[_shown(read_frame(path), sensor)], [])
 
@@ -42,12 +42,12 @@ def jpeg(pixels: Pixels, sensor: SensorModel) -> bytes:
 
 
 def thumbnail(pixels: Pixels, sensor: SensorModel, width: int) -> bytes:
-    """Encodes a frame (H, W, uint16, linear) as a JPEG of `width` px at most, on the same scale as `png`."""
+    """Encodes a frame (H, W, uint16, linear) as a JPEG of at most `width` px, on the same scale as `png`."""
     return _jpeg(_lookup_table(sensor, 1.0)[_shown(pixels, sensor)], width / pixels.shape[1])
 
 
 def small(picture: npt.NDArray[np.uint8], width: int) -> bytes:
-    """Encodes a picture (H, W) or (H, W, 3) of 8 bits as a JPEG of `width` px at most."""
+    """Encodes an 8-bit picture (H, W) or (H, W, 3) as a JPEG of at most `width` px."""
     return _jpeg(picture, width / picture.shape[1])
 
 
@@ -60,20 +60,20 @@ def read_frame(path: Path) -> Pixels:
 
 
 def _shown(pixels: Pixels, sensor: SensorModel) -> Pixels:
-    """The frame (H, W); of a mosaic sensor the mean over the channels, without the pattern of its sites."""
+    """Returns the frame (H, W), of a mosaic sensor its balanced mean, which removes the mosaic pattern."""
     if sensor.mosaic is None:
         return pixels
     return np.rint(mosaic.balanced_mean(pixels.astype(np.float32))).astype(np.uint16)
 
 
 def _lookup_table(sensor: SensorModel, gain: float) -> npt.NDArray[np.uint8]:
-    """The 8-bit value (65536,) of each 16-bit value."""
+    """Returns the 8-bit value of each 16-bit value, (65536,)."""
     signal = np.clip(gain * (np.arange(65536) - sensor.black_level_dn) / sensor.full_scale_dn, 0, 1)
     return np.round(255 * signal ** (1 / GAMMA)).astype(np.uint8)
 
 
 def _jpeg(picture: npt.NDArray[np.uint8], scale: float) -> bytes:
-    """A picture (H, W) or (H, W, 3) as JPEG, shrunk by `scale` if that is below 1."""
+    """Encodes a picture (H, W) or (H, W, 3) as a JPEG, shrunk by `scale` if that is below 1."""
     if scale < 1:
         height, width = picture.shape[:2]
         size = (max(round(width * scale), 1), max(round(height * scale), 1))

@@ -24,10 +24,10 @@ from api.rest.wiring import Service
 router = APIRouter(tags=["sessions"])
 
 HASH_DIGITS = 16
-"""Digits of a frame's SHA-256 in an address."""
+"""Number of digits of a frame's SHA-256 in an address."""
 
 KEPT_THUMBNAILS = 512
-"""Thumbnails kept in memory, some 10 kB each."""
+"""Number of thumbnails kept in memory; each takes about 10 kB."""
 
 FrameHash = Annotated[
     str | None,
@@ -42,7 +42,7 @@ FrameHash = Annotated[
 
 
 def links(pass_path: str, shot: Shot) -> dict[str, str]:
-    """Addresses of a shot's image and thumbnail."""
+    """Returns the addresses of a shot's image and thumbnail."""
     shot_path = f"{pass_path}/shots/{shot.key.number}"
     return {
         "image": f"{shot_path}/image",
@@ -71,7 +71,7 @@ async def image(
     ] = "png",
     frame: FrameHash = None,
 ) -> Response:
-    """One image: an 8-bit picture for display, or with `?format=tiff` the linear 16-bit frame as captured."""
+    """Returns one image as an 8-bit picture, or with `?format=tiff` as the linear 16-bit frame as captured."""
     shot, path = await anyio.to_thread.run_sync(_shot, service, session_id, number, shot_number, frame)
     if format == "tiff":
         headers = _caching(shot.frame.sha256, frame)
@@ -101,7 +101,7 @@ async def thumbnail(
     width: Annotated[int, Query(ge=16, le=1024, description="Width in px; a narrower image is not enlarged")] = 240,
     frame: FrameHash = None,
 ) -> Response:
-    """A small JPEG of one image, all images of a session on one scale (black level to full scale, gamma 2.2)."""
+    """Returns a small JPEG of one image, on one scale for all images (black level to full scale, gamma 2.2)."""
     shot, path = await anyio.to_thread.run_sync(_shot, service, session_id, number, shot_number, frame)
     picture = await anyio.to_thread.run_sync(
         _thumbnail,
@@ -116,7 +116,7 @@ async def thumbnail(
 
 @lru_cache(maxsize=KEPT_THUMBNAILS)
 def _thumbnail(path: str, sha256: str, width: int, sensor_json: str) -> bytes:
-    """A frame as a small JPEG; its hash is part of the cache's key, since the file may be replaced."""
+    """Encodes a frame as a small JPEG. The hash is part of the cache's key, because the file may be replaced."""
     del sha256
     pixels = image_encoding.read_frame(Path(path))
     return image_encoding.thumbnail(pixels, SensorModel.model_validate_json(sensor_json), width)
@@ -135,7 +135,7 @@ def _tiff(path: Path, name: str, headers: dict[str, str]) -> FileResponse:
 
 
 def _shot(service: Service, session_id: str, pass_number: int, number: int, frame: str | None) -> tuple[Shot, Path]:
-    """A shot and the path of its frame. Raises RigError session.not_found, request.not_found."""
+    """Returns a shot and the path of its frame. Raises RigError session.not_found, request.not_found."""
     folder = service.store.folder(session_id)
     for shot in service.store.journal.shots(session_id):
         if (shot.key.pass_number, shot.key.number) == (pass_number, number):

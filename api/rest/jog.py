@@ -1,7 +1,7 @@
 """Routes of jogging: a person moves the arm while a button is held, in certified steps with a dead-man.
 
-The page sends a request when the button is pressed and again every 0.1 s or so while it is held, all with the same
-`hold`; when they cease, the arm decelerates. Everything else about it is the runner's (`runner.operator_moves`).
+The page sends a request when the button is pressed and about every 0.1 s while it is held, all with the same `hold`.
+When the requests cease, the arm decelerates. The rest is done by the runner (`runner.operator_moves`).
 """
 
 from functools import partial
@@ -26,7 +26,7 @@ _LINKS = {"release": "/v1/rig/jog/release", "stop": STOP_PATH, "rig": "/v1/rig",
 
 
 class JogRequest(JogMotion):
-    """A press of a jog button, or its renewal: one joint, or one axis along which the tool is moved."""
+    """A press of a jog button, or its renewal. It moves one joint, or the tool along one axis."""
 
     hold: str = Field(
         min_length=8,
@@ -39,12 +39,12 @@ class JogRequest(JogMotion):
 
     @property
     def motion(self) -> JogMotion:
-        """The motion that is asked for."""
+        """The requested motion."""
         return JogMotion.model_validate({name: getattr(self, name) for name in JogMotion.model_fields})
 
 
 class JogRelease(Value):
-    """The press whose button is let go."""
+    """Release of a jog button."""
 
     hold: str | None = Field(
         default=None,
@@ -57,7 +57,7 @@ Released = Annotated[JogRelease | None, Body(description="Whose button is let go
 
 
 class JogResource(Resource):
-    """What a jog does; the event `rig.jogged` tells its end."""
+    """State of a jog. The event `rig.jogged` reports its end."""
 
     moving: bool = Field(description="Whether the arm moves; false while it is made ready, and after a release")
     hold_s: float = Field(description="How long the arm goes on without a renewal, s")
@@ -92,8 +92,8 @@ class JogResource(Resource):
 async def jog(service: ServiceOf, actor: Actor, request: JogRequest) -> JogResource:
     """Moves a joint, or the tool along an axis, slowly while requests with the same `hold` keep arriving.
 
-    Each step is checked for collisions and limits like any path, and the arm stops before what is in its way. Without a
-    renewal for `hold_s` it decelerates. No session may hold the rig, and the queue must not run.
+    Each step is checked for collisions and limits like any path, and the arm stops before an obstacle. Without a
+    renewal within `hold_s` it decelerates. No session may hold the rig, and the queue must not run.
     """
     move = partial(service.runner.moves.jog, request.hold, request.motion, actor, once=request.once)
     moving = await anyio.to_thread.run_sync(move, limiter=service.limits.jog)
@@ -106,7 +106,7 @@ async def jog(service: ServiceOf, actor: Actor, request: JogRequest) -> JogResou
     responses=problems.responses_of(*problems.BODY_CODES, ErrorCode.RIG_BUSY),
 )
 async def release_jog(service: ServiceOf, released: Released = None) -> JogResource:
-    """Ends a jog at once, as when the button is let go; answers when the arm is at rest. Harmless without one."""
+    """Ends a jog at once, as when the button is released. Answers when the arm is at rest. Harmless without a jog."""
     hold = None if released is None else released.hold
     await anyio.to_thread.run_sync(service.runner.moves.release, hold, limiter=service.limits.stop)
     return JogResource(moving=False, hold_s=HOLD_S, links=_LINKS)

@@ -1,9 +1,9 @@
-"""Joint readings for event streams: where the arm is, several times a second, for whoever draws it.
+"""Joint readings for event streams: the arm's joint angles, several times a second, for drawings.
 
-They are transient. A reading is of no use once there is a newer one, so they are not journalled and have no id: a
-listener's `Last-Event-ID`, and with it the replay of what is journalled, stays as it was. Each stream takes the newest
-reading when it is ready to send, so a slow reader gets fewer of them; the text is made once a period for all streams,
-from the reading that the driver keeps in shared memory, without a lock, a thread or a question to a device.
+They are transient. A reading is useless once there is a newer one, so readings are not journalled and have no id, and
+neither `Last-Event-ID` nor the replay of journalled events is affected. Each stream takes the newest reading when it is
+ready to send, so a slow reader gets fewer of them. The text is made once a period for all streams, from the reading
+that the driver keeps in shared memory, without a lock, a thread or a request to a device.
 """
 
 import time
@@ -20,11 +20,11 @@ EVENT_TYPE = "arm.joints"
 """Type of these events in the stream."""
 
 PERIOD_S = 0.125
-"""Time between two readings of a stream, s: a drawing that follows at 8 Hz looks continuous."""
+"""Time between two readings of a stream, s. A drawing updated at 8 Hz looks continuous."""
 
 
 class JointReadingResource(Resource):
-    """One reading of the arm's joints; `data` of the transient event `arm.joints`, which has no id."""
+    """One reading of the arm's joints: `data` of the transient event `arm.joints`, which has no id."""
 
     connected: bool = Field(description="Whether the arm's controller is sending; else the values are its last ones")
     joints: Joints | None = Field(description="Joint angles from the base on, rad; null before the first reading")
@@ -42,7 +42,7 @@ class JointReadings:
         self._made_at = -PERIOD_S
 
     def message(self) -> str:
-        """The newest reading as one event, at most `PERIOD_S` / 2 old."""
+        """Returns the newest reading, at most `PERIOD_S` / 2 old, as one event."""
         now = time.monotonic()
         if now - self._made_at >= PERIOD_S / 2:
             self._text = f"event: {EVENT_TYPE}\ndata: {self._resource(now).model_dump_json()}\n\n"

@@ -1,4 +1,4 @@
-"""Schemas of callers, their tickets, and the keys of the service: never a secret, and no hash of one."""
+"""Schemas of callers, tickets and keys. None of them holds the secret of a key or its hash."""
 
 from datetime import datetime
 
@@ -9,7 +9,7 @@ from api.rest.schemas import Resource
 
 
 class CallerResource(Resource):
-    """Who asks: without keys `operator`, whose role is operator."""
+    """The caller of this request. Without keys its name and role are `operator`."""
 
     name: str = Field(description="Name of the key; `operator` without keys")
     role: Role = Field(
@@ -18,7 +18,7 @@ class CallerResource(Resource):
 
 
 class TicketResource(Resource):
-    """A short-lived permission to read, for addresses that a browser opens by itself."""
+    """A short-lived permission to read, for addresses that a browser requests by itself."""
 
     ticket: str = Field(description="The secret: `?ticket=…` in an address")
     good_until: datetime = Field(description="Until when it is accepted, UTC: five minutes, or as long as its key")

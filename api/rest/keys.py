@@ -1,9 +1,8 @@
 """API keys, their roles, the file that stores them, and short-lived tickets.
 
-A key is 256 random bits, so its SHA-256 needs no salt and no slow hash: it cannot be guessed, and whoever steals the
-file cannot invert a hash. A running service keeps the hashes in memory, where a stop checks them without touching the
-disk; a thread reloads the file when the command line changes it, and a file that vanishes or is damaged locks everybody
-out rather than letting everybody in.
+A key has 256 random bits. It cannot be guessed, and its hash cannot be inverted, so its SHA-256 needs neither salt nor
+a slow hash function. A running service keeps the hashes in memory, where a stop checks them without touching the disk.
+A thread reloads the file when the command line changes it. If the file vanishes or is damaged, nobody is admitted.
 """
 
 import hashlib
@@ -26,32 +25,32 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from acquisition.models.errors import ErrorCode, RigError
 
 PREFIX = "lightpose_"
-"""Lets people and secret scanners recognise a leaked key."""
+"""Prefix of every key, by which people and secret scanners recognise a leaked one."""
 
 POLL_S = 1.0
-"""Time between two looks at the key file, s."""
+"""Time between two checks of the key file, s."""
 
 OF_OTHERS = 0o077
-"""Permissions of a file that concern others than its owner."""
+"""Permission bits of a file for users other than its owner."""
 
 TICKET_LIFETIME_S = 300.0
-"""How long a ticket is valid, s."""
+"""Validity of a ticket, s."""
 
 MAX_TICKETS = 10_000
-"""Valid tickets at any time; bounds the memory."""
+"""Maximum number of valid tickets; bounds the memory."""
 
 _log = logging.getLogger(__name__)
 
 
 class Role(StrEnum):
-    """What a key may do; each role may do what those before it may. Every key may stop."""
+    """Role of a key. Each role includes the permissions of those before it. Every key may stop the cell."""
 
     VIEWER = "viewer"
     OPERATOR = "operator"
     ADMIN = "admin"
 
     def covers(self, needed: "Role") -> bool:
-        """Whether this role may do what `needed` may."""
+        """Returns whether this role includes the permissions of `needed`."""
         order = list(Role)
         return order.index(self) >= order.index(needed)
 
@@ -78,7 +77,7 @@ class Key(BaseModel):
 
 
 class KeyFile(BaseModel):
-    """Content of the file `keys.json`, readable by its owner alone."""
+    """Content of the file `keys.json`, which only its owner may read."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -154,8 +153,8 @@ def _write(path: Path, content: KeyFile) -> None:
 class KeyRing:
     """The keys of a running service, reloaded when their file changes, and the tickets issued to their holders.
 
-    `required` stays set once there has been a key: revoking the last one does not open the service. Raises RigError
-    config.invalid when the file cannot be read at the start.
+    `required` stays set once there has been a key, so that revoking the last one does not open the service. Raises
+    RigError config.invalid when the file cannot be read at the start.
     """
 
     def __init__(self, path: Path) -> None:
@@ -170,7 +169,7 @@ class KeyRing:
         self._thread = threading.Thread(target=self._watch, name="keys", daemon=True)
 
     def open(self) -> None:
-        """Starts the thread that follows the file."""
+        """Starts the thread that watches the file."""
         self._thread.start()
 
     def close(self) -> None:
@@ -180,7 +179,7 @@ class KeyRing:
             self._thread.join()
 
     def caller(self, secret: str) -> Caller | None:
-        """The holder of a key, None for a wrong one; compares in constant time."""
+        """Returns the holder of a key, None for a wrong key. Compares in constant time."""
         digest = _digest(secret)
         caller: Caller | None = None
         for key in self._keys:
@@ -194,7 +193,7 @@ class KeyRing:
         return [(key, self._last_used.get(key.sha256)) for key in self._keys]
 
     def issue_ticket(self, caller: Caller, now: float) -> str:
-        """Issues a ticket with which a page may read, and only read, until `now` (s, monotonic) + TICKET_LIFETIME_S."""
+        """Issues a ticket for reading only, valid until `now` (s, monotonic) + TICKET_LIFETIME_S."""
         while self._tickets:  # in order of issue, and so of expiry
             oldest = next(iter(self._tickets))
             if self._tickets[oldest].valid_until >= now and len(self._tickets) < MAX_TICKETS:
@@ -205,7 +204,7 @@ class KeyRing:
         return ticket
 
     def holder(self, ticket: str, now: float) -> Caller | None:
-        """The holder of a ticket valid at `now` (s, monotonic) whose key is valid too, else None."""
+        """Returns the holder of a ticket valid at `now` (s, monotonic) whose key is valid too, else None."""
         caller = self._tickets.get(ticket)
         return caller if caller is not None and self.is_valid(caller, now) else None
 

@@ -1,15 +1,15 @@
-"""The listener: accepts connections in a thread of its own, which answers a stop itself and bounds all else.
+"""The listener: accepts connections in its own thread, which answers a stop itself and limits everything else.
 
-asyncio accepts as many connections as there are descriptors and then fails at each turn of its loop, with a log entry
-each time; a stop has to wait in the same queue. Here one thread accepts every connection and reads its first bytes. A
-stop of the cell that is well formed and allowed is carried out and answered right there: it needs neither the event
-loop, nor a thread of the pool, nor a descriptor that others may hold. Everything else is handed to the event loop with
-the bytes that were read, also a stop that is refused, because the application knows how to say why.
+asyncio accepts as many connections as there are descriptors, and then fails with a log entry at each turn of its loop;
+a stop would wait in the same queue. Here one thread accepts every connection and reads its first bytes. It carries out
+and answers a well-formed and permitted stop itself, which needs neither the event loop, nor a thread of the pool, nor a
+descriptor that others may hold. It hands everything else to the event loop with the bytes read so far, including a stop
+that is refused, because the application states the reason.
 
-A connection that has sent no complete first line is undecided. There is room for a fixed number of them; a further one
-takes the place of the oldest, so that nobody keeps a new connection out by opening idle ones. Connections that the
-application serves are counted, in all and by address; beyond the limits they are answered with 503 and Retry-After,
-but never before the thread has seen that they are no stop (decision 52).
+A connection without a complete first line is undecided. There is room for a fixed number of them; a further one
+replaces the oldest, so that idle connections cannot keep a new one out. Connections that the application serves are
+counted, in total and by address. Beyond the limits they are answered with 503 and Retry-After, but only after the
+thread has seen that they are no stop (decision 52).
 """
 
 import errno
@@ -31,55 +31,56 @@ from api.rest.capacity import Capacity
 from api.rest.tls import TlsSession
 
 BACKLOG = 4096
-"""Connections that the kernel holds until they are accepted; it caps this by its own limit."""
+"""Number of connections that the kernel holds until they are accepted; its own limit caps this."""
 
 STOP_LINE = f"POST {STOP_PATH} ".encode()
-"""How the request of a stop begins."""
+"""Beginning of the request of a stop."""
 
 MAX_HEAD_BYTES = 16_384
-"""Longest head of a stop that is read here, bytes; a longer one is the application's."""
+"""Longest head of a stop that is read here, bytes; the application handles longer ones."""
 
 LINGER_S = 1.0
-"""How long an answered connection is kept for its peer to close it, s: closed at once, an answer may get lost."""
+"""Time for which an answered connection waits for its peer to close it, s; closing at once may lose the answer."""
 
 RETRY_AFTER_S = 5
-"""Time after which a client that was refused may try again, s."""
+"""Time after which a refused client may try again, s."""
 
 WARN_EVERY_S = 60.0
-"""Least time between two log entries about connections that were refused, s."""
+"""Minimum time between two log entries about refused connections, s."""
 
 _READ_BYTES = 8192
 _WAKE_S = 0.25
 _KEEP_ALIVE = {socket.TCP_KEEPIDLE: 20, socket.TCP_KEEPINTVL: 5, socket.TCP_KEEPCNT: 4}
-# A peer that has vanished is noticed after 40 s.
+# These options detect a vanished peer after 40 s.
 
 _log = logging.getLogger(__name__)
 
 Stop = Callable[[bytes, str, str], tuple[bytes, dict[str, Any]] | None]
-"""Carries out the stop that this head of this peer, sent to this address, asks for; the answer and its log entry, None
-where the application has to answer."""
+"""Carries out the stop in a head, given its peer and the address it arrived at. Returns the answer and its log entry,
+or None if the application has to answer.
+"""
 
 HandOver = Callable[[socket.socket, bytes, str, TlsSession | None], None]
-"""Gives a connection, what was read from it, its peer and its TLS session to the event loop."""
+"""Gives the event loop a connection, the bytes read from it, its peer and its TLS session."""
 
 
 @dataclass
 class _Connection:
     peer: str
-    deadline: float  # s, monotonic: undecided connections, and answered ones, are closed then
+    deadline: float  # s, monotonic: time at which an undecided or answered connection is closed
     tls: TlsSession | None
     received: bytearray = field(default_factory=bytearray)
     answered: bool = False
 
 
 class Listener:
-    """Accepts the connections of bound sockets; `start`, `release`, `close` are called on the event loop."""
+    """Accepts the connections of bound sockets. Call `start`, `release` and `close` on the event loop."""
 
     def __init__(
         self, sockets: list[socket.socket], capacity: Capacity, head_timeout_s: Callable[[], float],
         security_headers: Mapping[str, str], tls: ssl.SSLContext | None = None,
     ) -> None:  # fmt: skip
-        """`tls`: the context of an encrypted service."""
+        """`tls` is the context of an encrypted service."""
         self._tls = tls
         self._security_headers = security_headers
         self._sockets = sockets
@@ -98,7 +99,7 @@ class Listener:
         self._hand_over: HandOver | None = None
 
     def start(self, stop: Stop, hand_over: HandOver) -> None:
-        """Begins to accept."""
+        """Starts accepting connections."""
         self._stop, self._hand_over = stop, hand_over
         for listening in self._sockets:
             listening.setblocking(False)
@@ -107,14 +108,14 @@ class Listener:
         self._thread.start()
 
     def release(self, peer: str) -> None:
-        """Notes that a connection of this address, which was handed over, has been closed."""
+        """Notes that a connection from this address, which was handed over, has been closed."""
         with self._counting:
             self._served[peer] -= 1
             if self._served[peer] <= 0:
                 del self._served[peer]
 
     def close(self) -> None:
-        """Ends the thread, and closes what it holds."""
+        """Ends the thread and closes its sockets."""
         self._closing.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -124,7 +125,7 @@ class Listener:
 
     @property
     def served(self) -> int:
-        """The number of connections that the application serves."""
+        """Number of connections that the application serves."""
         return self._served.total()
 
     # ---------------------------------------------------------------------------------------------------- the thread
@@ -144,7 +145,7 @@ class Listener:
                 _log.exception("the listener goes on")
 
     def _accept(self, listening: socket.socket) -> None:
-        """Accepts one connection; others that wait are accepted in the next turns, between readings."""
+        """Accepts one connection. Further waiting ones are accepted in the next turns, between readings."""
         try:
             accepted, address = listening.accept()
         except BlockingIOError:
@@ -171,7 +172,7 @@ class Listener:
             None if self._tls is None else TlsSession(self._tls),
         )
         self._selector.register(accepted, selectors.EVENT_READ)
-        self._read(accepted, connection)  # what most clients have sent by now
+        self._read(accepted, connection)  # most clients have sent their request by now
 
     def _read(self, held: socket.socket, connection: _Connection) -> None:
         try:
@@ -192,7 +193,7 @@ class Listener:
 
     @staticmethod
     def _decrypted(held: socket.socket, tls: TlsSession, block: bytes) -> bytes:
-        """Decrypts, and sends what TLS has to answer, which fits into an empty send buffer. Raises OSError."""
+        """Decrypts a block and sends TLS's own answer, which fits into an empty send buffer. Raises OSError."""
         try:
             return tls.receive(block)
         finally:
@@ -203,7 +204,7 @@ class Listener:
     def _decide(self, held: socket.socket, connection: _Connection) -> None:
         received = bytes(connection.received)
         if STOP_LINE.startswith(received):
-            return  # too little to tell
+            return  # too few bytes to decide
         if received.startswith(STOP_LINE) and len(received) < MAX_HEAD_BYTES:
             head, end, _ = received.partition(b"\r\n\r\n")
             if not end:
@@ -212,7 +213,7 @@ class Listener:
             stopped = self._stop(head + end, connection.peer, str(held.getsockname()[0]))
             if stopped is not None:
                 self._answer(held, connection, stopped[0])
-                _log.info("request", extra=stopped[1])  # afterwards: whoever reads the log may be slow
+                _log.info("request", extra=stopped[1])  # after the answer, because logging may be slow
                 return
         self._serve(held, connection, received)
 
@@ -235,7 +236,7 @@ class Listener:
         self._hand_over(held, received, connection.peer, connection.tls)
 
     def _answer(self, held: socket.socket, connection: _Connection, answer: bytes) -> None:
-        """Sends a whole answer, which fits into an empty send buffer, and lets the peer close."""
+        """Sends a whole answer, which fits into an empty send buffer, and lets the peer close the connection."""
         connection.answered, connection.deadline = True, time.monotonic() + LINGER_S
         try:
             held.send(answer if connection.tls is None else connection.tls.send(answer) + connection.tls.close())
@@ -277,7 +278,7 @@ def _overloaded(limit: int, security_headers: Mapping[str, str]) -> bytes:
 
 
 def response_bytes(status: int, reason: str, headers: dict[str, str], body: bytes) -> bytes:
-    """Writes an HTTP/1.1 response after which the connection is closed."""
+    """Encodes an HTTP/1.1 response after which the connection is closed."""
     given = {**headers, "content-length": str(len(body)), "connection": "close"}
     lines = [f"HTTP/1.1 {status} {reason}", *(f"{name}: {value}" for name, value in given.items())]
     return "\r\n".join([*lines, "", ""]).encode("latin-1") + body

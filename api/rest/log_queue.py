@@ -1,8 +1,8 @@
-"""The queue between those who log and where the log goes: whoever stops the arm may log, and waits for nobody's disk.
+"""The queue between threads that log and the log's destination: a thread that stops the arm must not wait for a disk.
 
-A terminal on Ctrl-S, a log collector that is stuck, a disk that hangs: a write to them lasts until somebody comes. So
-an entry is formatted where it is made, with that thread's context, and written in a thread of its own; what would be
-too much to keep is left out and counted.
+A write to a terminal on Ctrl-S, a stuck log collector or a hanging disk lasts until a person intervenes. An entry is
+therefore formatted where it is made, with that thread's context, and written in a separate thread. Entries beyond the
+queue's limit are left out and counted.
 """
 
 import logging
@@ -12,17 +12,17 @@ from collections.abc import Callable
 from logging.handlers import QueueHandler
 
 MOST_WAITING = 2000
-"""Entries that wait to be written; some kB each at most."""
+"""Maximum number of entries that wait to be written; each has a few kB at most."""
 
 FLUSH_WITHIN_S = 5.0
-"""How long the entries so far may take to be written when the log ends, s."""
+"""Time limit for writing the waiting entries when the log ends, s."""
 
 
 class QueuedHandler(QueueHandler):
-    """Hands entries to another handler, whose thread writes them; `logging` itself ends it with the process."""
+    """Hands entries to another handler, whose thread writes them; `logging` itself closes it when the process ends."""
 
     def __init__(self, target: logging.Handler, on_left_out: Callable[[logging.LogRecord], None]) -> None:
-        # The one queue that may be used while a signal handler interrupts its use in the same thread.
+        # The only queue that a signal handler may use while it interrupts a use of it in the same thread.
         self._waiting: queue.SimpleQueue[logging.LogRecord | threading.Event | None] = queue.SimpleQueue()
         super().__init__(self._waiting)
         self.target = target
@@ -31,7 +31,7 @@ class QueuedHandler(QueueHandler):
         self._thread.start()
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        """Queues a formatted entry, or leaves it out and says so; never waits."""
+        """Queues a formatted entry, or leaves it out and reports that. Never waits."""
         if self._waiting.qsize() >= MOST_WAITING:
             self._on_left_out(record)
         else:

@@ -1,8 +1,8 @@
-"""Configuration of logging, as text for people or JSON for machines, and the log of requests.
+"""Configuration of logging, as text for people or JSON for programs, and the log of requests.
 
-The code logs through the standard library; only the format is decided here. The session is context: work for one binds
-`session_id`, and every entry made meanwhile carries it, in whichever module. An address is logged as it was sent,
-percent-encoded, so that no request can forge log lines.
+The code logs through the standard library; this module decides only the format. Work for a session binds `session_id`
+as context, and every entry made meanwhile carries it, in whichever module. An address is logged percent-encoded, as it
+was sent, so that no request can forge log lines.
 """
 
 import logging
@@ -35,7 +35,7 @@ ENTRIES_PER_S = 40.0
 """Long-term rate of written entries of one kind (up to INFO, above), 1/s: about 0.7 MB a minute of requests."""
 
 BURST = 400
-"""Entries of one kind that are written at once, before that rate holds."""
+"""Number of entries of one kind that are written at once before that rate applies."""
 
 
 class RateLimit(logging.Filter):
@@ -50,7 +50,7 @@ class RateLimit(logging.Filter):
         self._buckets = {False: [float(BURST), time.monotonic(), 0.0], True: [float(BURST), time.monotonic(), 0.0]}
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether an entry is written; `left_out` in it counts those before it that were not."""
+        """Returns whether an entry is written; its attribute `left_out` counts the entries left out before it."""
         with self._lock:
             bucket = self._buckets[record.levelno > logging.INFO]
             room, at, left_out = bucket
@@ -71,10 +71,10 @@ class RateLimit(logging.Filter):
 
 
 FILE_BYTES = 10_000_000
-"""Size at which a log file is put aside and another begun, bytes."""
+"""Size at which the log file is rotated, bytes."""
 
 OLD_FILES = 5
-"""Log files that are kept besides the present one: the log takes 60 MB at most."""
+"""Number of rotated log files that are kept besides the present one; the log takes at most 60 MB."""
 
 
 def configure(log_format: LogFormat, file: Path | None = None) -> None:
@@ -122,7 +122,7 @@ def _rotating(file: Path) -> logging.Handler:
 
 
 def _without_colours(_logger: object, _method: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
-    event.pop("color_message", None)  # uvicorn's second text of an entry, with codes for a terminal
+    event.pop("color_message", None)  # uvicorn's copy of the message with terminal colour codes
     return event
 
 
@@ -133,7 +133,7 @@ class RequestLogMiddleware:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handles one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

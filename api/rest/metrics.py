@@ -34,7 +34,7 @@ router = APIRouter(tags=["health"])
     responses=stored_files.binary("text/plain", description="One line for each metric"),
 )
 def metrics(service: ServiceOf, request: Request) -> Response:
-    """The service's metrics in Prometheus' text format."""
+    """Returns the service's metrics in Prometheus' text format."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_RigCollector(service, request.app.state.feed, request.app.state.camera_preview))
     return Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
@@ -47,7 +47,7 @@ class _RigCollector(Collector):
         self._preview = preview
 
     def collect(self) -> Iterator[Metric]:
-        """All metrics at this moment."""
+        """Yields all metrics at this moment."""
         status, counts = self._service.runner.status(), self._service.store.journal.counts()
         yield InfoMetricFamily("lightpose_cell", "The cell", {"name": status.cell, "arm_model": status.arm_model})
         sessions = GaugeMetricFamily("lightpose_sessions", "Sessions by state", labels=["state"])

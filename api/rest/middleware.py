@@ -1,6 +1,6 @@
-"""What every request passes on its way to a route, and every answer on its way back, in one order for every server.
+"""The middleware of every server: what each request passes on its way to a route, and each answer on its way back.
 
-The order is that of adding turned round: the last that is added sees a request first.
+The order is the reverse of that of adding: the middleware added last sees a request first.
 """
 
 from fastapi import FastAPI
@@ -25,7 +25,7 @@ from api.rest.trusted_proxies import ForwardedCaller, TrustedProxies
 
 
 def add(app: FastAPI, settings: ServerSettings, keys: KeyRing) -> None:
-    """Adds all of it to an application whose state has its `capacity`; its parts are in the state too."""
+    """Adds the middleware to an application whose state holds its `capacity`, and stores its parts in that state."""
     app.state.proxies = TrustedProxies(settings.trusted_proxies)
     app.state.security_headers = security_headers(foreign_pages=bool(settings.allowed_origins))
     app.add_middleware(RefusedRanges)

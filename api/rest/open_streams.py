@@ -1,8 +1,8 @@
-"""The open streams (events, live images): how many each caller may have, and whether a caller may go on.
+"""The open streams (events, live images): how many each caller may have, and whether a caller may continue.
 
-A request is checked once, a stream lasts for days. So each stream asks here, once a second, whether the key that opened
-it is still valid, or the ticket still within its lifetime, and ends when not. The counts bound what one key can take
-from the others: a browser's tab needs one or two streams.
+A request is checked once, but a stream lasts for days. Each stream therefore checks here once a second whether the key
+that opened it is still valid, or the ticket still within its lifetime, and ends if not. The counts limit what one key
+can take from the others; a browser's tab needs one or two streams.
 """
 
 import time
@@ -34,16 +34,16 @@ class OpenStreams:
         self._of_caller: Counter[str] = Counter()
 
     def is_valid(self, caller: Caller) -> bool:
-        """Whether what the caller showed (key, ticket, neither) would still be accepted."""
+        """Returns whether the caller's key or ticket, or its absence, would still be accepted."""
         return self._keys.is_valid(caller, time.monotonic())
 
     def response(
         self, caller: Caller, content: AsyncIterable[Any], media_type: str, headers: dict[str, str]
     ) -> StreamingResponse:
-        """Responds with a stream that counts as the caller's for as long as it is sent.
+        """Responds with a stream that counts as the caller's while it is sent.
 
-        Raises RigError request.too_many_streams when the caller has as many as one may have, service.overloaded when
-        all together have.
+        Raises RigError request.too_many_streams when the caller has the maximum number of streams, service.overloaded
+        when all callers together have theirs.
         """
         most = self._capacity
         if self._of_caller[caller.name] >= most.streams_per_caller:
@@ -87,6 +87,6 @@ class _CountedResponse(StreamingResponse):
         self._streams, self._caller = streams, caller
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        # Counted here and not in the generator, whose end is never reached where it has not begun.
+        # Counted here and not in the generator, because a generator that has not begun never reaches its end.
         with self._streams.counted(self._caller):
             await super().__call__(scope, receive, send)

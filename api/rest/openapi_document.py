@@ -1,8 +1,8 @@
-"""The OpenAPI description: what FastAPI derives from the routes, completed for people and for generators of clients.
+"""The OpenAPI description: FastAPI's, derived from the routes, completed for people and for code generators.
 
-FastAPI knows types and sentences of the code. Added here are what no route states by itself: what the tags mean, where
-the service is, who may call, the types of what is sent outside of JSON answers (events, problems), examples, and a
-description of each answer and body that has none of its own, taken from its schema.
+FastAPI knows the types and docstrings of the code. This module adds what no route states by itself: the meaning of the
+tags, the service's address, who may call, the types sent outside of JSON answers (events, problems), examples, and a
+description of each answer and body without one, taken from its schema.
 """
 
 from collections.abc import Iterator
@@ -43,7 +43,7 @@ _HEADERS = {
 }
 _WITH_LOCATION = frozenset({"create", "enqueue", "resolve"})
 _MOVING = frozenset({"act", "park", "jog", "act_on_queue"})
-"""Requests after which the arm moves. The header is heard on every other POST too, but matters there to nobody."""
+"""Requests after which the arm moves. Every other POST accepts the header too, but it matters to none of them."""
 _VALID_UNTIL = {
     "name": VALID_UNTIL,
     "in": "header",
@@ -60,12 +60,12 @@ _SCHEMAS_OUTSIDE_ROUTES = {
     "EventResource": EventResource,
     "JointReadingResource": JointReadingResource,
 }
-_PAGE = "One page of a list, and the address of the next"  # a class of a type variable has no description
-_UNDESCRIBED = "Successful Response"  # FastAPI's own words
+_PAGE = "One page of a list, and the address of the next"  # a generic class with its type filled in has no description
+_UNDESCRIBED = "Successful Response"  # FastAPI's default
 
 
 def of(app: FastAPI) -> dict[str, Any]:
-    """The description of an application's routes; made once."""
+    """Returns the description of an application's routes, which is made once."""
     if app.openapi_schema is None:
         app.openapi_schema = _made(app)
     return app.openapi_schema
@@ -115,14 +115,14 @@ def _made(app: FastAPI) -> dict[str, Any]:
 
 
 def operations(schema: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Method, path and operation of each route."""
+    """Yields method, path and operation of each route."""
     for path, methods in schema["paths"].items():
         for method, operation in methods.items():
             yield method, path, operation
 
 
 def _add_conditional(operation: dict[str, Any]) -> None:
-    """Adds the answer 304 and the header ETag where the answer is no stream and may be kept."""
+    """Adds the answer 304 and the header ETag unless the answer is a stream or may not be kept."""
     good = operation["responses"]["200"]
     endless = any(media_type.startswith(_ENDLESS) for media_type in good.get("content", {}))
     if endless or operation["operationId"] in _NEVER_KEPT:
@@ -148,7 +148,7 @@ def _header(name: str) -> dict[str, Any]:
 
 
 def _describe(operation: dict[str, Any], components: dict[str, Any]) -> None:
-    """Gives body and answers of an operation the descriptions of what they hold."""
+    """Gives an operation's body and answers the descriptions of their schemas where they have none."""
     body = operation.get("requestBody")
     if body is not None and "description" not in body:
         body["description"] = _description_of(body["content"], components)
@@ -160,7 +160,7 @@ def _describe(operation: dict[str, Any], components: dict[str, Any]) -> None:
 
 
 def _description_of(content: dict[str, Any], components: dict[str, Any]) -> str:
-    """The first line of the description of the first schema that has one."""
+    """Returns the first line of the description of the first schema that has one."""
     for media in content.values():
         schema = media.get("schema", {})
         named = components.get(schema.get("$ref", "").rpartition("/")[2], {})

@@ -1,7 +1,7 @@
 """Examples of every request and response body for the OpenAPI description: one session in a small cell.
 
-They are instances of the models, so that an example can never contradict its schema; a person sees what a body looks
-like, and a test generator has valid values to begin with.
+They are instances of the models, so that an example can never contradict its schema. A person sees what a body looks
+like, and a test generator starts from valid values.
 """
 
 from datetime import UTC, datetime, timedelta

@@ -1,9 +1,9 @@
 """Links between operations in the OpenAPI description: which value of an answer is which parameter of the next request.
 
-HTTP answers carry `links` for whoever follows them at run time. These are the same relations as facts of the
-description: a reader sees what can be done with a session that was just created, a generator of clients can offer it,
-and a test by generated requests goes from answer to request as a client does. One table, because a route does not know
-what is built on it.
+HTTP answers carry `links` for clients that follow them at run time; the description states the same relations here. A
+reader sees what can be done with a newly created session, a code generator can offer it, and a test with generated
+requests goes from answer to request as a client does. The links are one table, because a route does not know which
+other routes build on it.
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ _IN_BODY = "$response.body#/"
 
 @dataclass(frozen=True)
 class Link:
-    """A step from the answer of one operation to the request of others; parameters are runtime expressions."""
+    """A step from the answer of one operation to the request of others. Its parameters are runtime expressions."""
 
     source: str  # operationId
     statuses: tuple[str, ...]
@@ -37,7 +37,7 @@ _PASS = ("one_pass", "route_picture", "forecast_plan", "replace_plan", "image", 
 
 
 def _of_session(**more: str) -> dict[str, str]:
-    """The session of the request itself, and what else the next one needs."""
+    """Returns the session parameter of the request itself and the further parameters of the next one."""
     return {"session_id": f"{_OF_PATH}session_id", **more}
 
 
@@ -127,11 +127,11 @@ LINKS = (
     ),
     Link("jog", ("202",), ("release_jog",), description="Ends the motion of this press"),
 )  # fmt: skip
-"""All links; each is named after the operation that it leads to, one with a body after what that asks for."""
+"""All links. Each is named after the operation that it leads to, or, with a body, after the action in the body."""
 
 
 def add_to(schema: dict[str, Any]) -> None:
-    """Adds the links to the answers of a description. Raises KeyError for an operation or answer that it has not."""
+    """Adds the links to the answers of a description. Raises KeyError for an unknown operation or answer."""
     by_id = {operation["operationId"]: operation for operation in _operations(schema)}
     for link in LINKS:
         for status in link.statuses:

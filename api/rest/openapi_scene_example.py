@@ -1,4 +1,4 @@
-"""Example of a SceneResource for the OpenAPI description: the simulated cell's, with its links shortened."""
+"""Example of a SceneResource for the OpenAPI description: the simulated cell, with its links shortened."""
 
 from api.rest.scene_schemas import (
     SceneArm,

@@ -1,4 +1,4 @@
-"""Route of the archive that ended sessions are handed on to: how far it has come, and what is in the way."""
+"""Route of the archive that receives ended sessions: its progress and its obstacles."""
 
 from datetime import datetime
 
@@ -23,7 +23,7 @@ class ArchiveResource(Resource):
 
 @router.get("/v1/archive")
 def archive_status(service: ServiceOf) -> ArchiveResource:
-    """Where ended sessions are handed on to, and how many wait."""
+    """Returns the address of the archive that receives ended sessions, and how many wait."""
     status = service.store.journal.outbox_status()
     return ArchiveResource(
         address=status.address,

@@ -1,11 +1,10 @@
 """Routes of the operator's page: a static bundle, which does nothing that a script over this API could not do.
 
-The bundle is built from `api/page/sources` and committed in `api/page/built`, so a user needs no Node. It is served
-without a key, since it holds none: the page asks for the key itself and sends it with each request. Its content
-security policy allows this host alone and neither inline scripts nor inline styles, so that a label or a note of a
-session, whatever stands in it, can never run as a script beside the stop. The one addition is `blob:` for pictures:
-with keys an image cannot be the address of an `<img>`, which sends no header, so the page fetches it with its key and
-shows it from memory.
+The bundle is built from `api/page/sources` and committed in `api/page/built`, so that users need no Node. It is served
+without a key, since it contains none: the page asks for the key and sends it with each request. Its content security
+policy allows only this host and neither inline scripts nor inline styles. A label or a note of a session can therefore
+never run as a script beside the stop, whatever it contains. The one addition is `blob:` for pictures: an `<img>` sends
+no key with its address, so the page fetches the picture with its key and shows it from memory.
 """
 
 from functools import cache
@@ -21,7 +20,7 @@ CONTENT_SECURITY_POLICY = (
 
 @cache
 def bundle() -> dict[str, StaticFile]:
-    """Reads the built bundle, by file name; once for a process."""
+    """Reads the built bundle, by file name, once per process."""
     return static_files.read("api", "page", "built")
 
 

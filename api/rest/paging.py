@@ -14,7 +14,7 @@ Offset = Annotated[int, Query(ge=0, le=2**62, description="Number of items to sk
 
 
 def page(request: Request, items: Sequence[ItemT], limit: int, after: int) -> Page[ItemT]:
-    """One page of a list: at most `limit` items, after the first `after` of them."""
+    """Returns one page of a list: at most `limit` items, after the first `after` of them."""
     end = after + limit
     more = f"{request.url.path}?limit={limit}&after={end}" if end < len(items) else None
     return Page[Any](items=list(items[after:end]), next=more)

@@ -1,4 +1,4 @@
-"""Routes of light plans: dry runs, forecasts and replacement of a plan under review, gain maps of planned lights.
+"""Routes of light plans: dry runs, forecast and replacement of a plan under review, gain maps of planned lights.
 
 All of them answer before the arm moves, so that a person can judge a plan by its lights, its path and its gain.
 """
@@ -32,10 +32,10 @@ _UNREACHABLE_LIGHTS = (ErrorCode.PLAN_INFEASIBLE, ErrorCode.WAYPOINTS_UNREACHABL
     ),
 )
 async def dry_run(service: ServiceOf, recipe: Recipe) -> DryRunResource:
-    """Plans a recipe's first pass: its lights, the path through them, its duration. Nothing moves, nothing is stored.
+    """Plans the first pass of a recipe: its lights, the path through them, its duration. Nothing moves or is stored.
 
-    With method `optimal` these are the pilot's lights; the later plans depend on the pilot's images. `forecast` says
-    what accuracy to expect of how many images, of an assumed object.
+    With method `optimal` these are the pilot's lights, because later plans depend on the pilot's images. `forecast`
+    states the accuracy to expect against the number of images, for an assumed object.
     """
     proposal = await in_turn(service.limits.reach, service.runner.planning.dry_run, recipe)
     return DryRunResource(
@@ -60,9 +60,9 @@ async def dry_run(service: ServiceOf, recipe: Recipe) -> DryRunResource:
 async def replace_plan(
     service: ServiceOf, session_id: SessionId, number: Number, request: OwnLights, actor: Actor
 ) -> PassResource:
-    """Replaces the lights of a plan that waits for review by a person's own; each must be reachable.
+    """Replaces the lights of a plan that waits for review by a person's own lights, each of which must be reachable.
 
-    The session stays paused: the plan may be replaced again, and `resume` executes it.
+    The session stays paused. The plan may be replaced again, and `resume` executes it.
     """
     await in_turn(service.limits.reach, service.runner.planning.replace_plan, session_id, number, request.lights, actor)
     return await anyio.to_thread.run_sync(sessions.one_pass, service, session_id, number)
@@ -89,11 +89,11 @@ async def replace_plan(
 async def forecast_plan(
     service: ServiceOf, session_id: SessionId, number: Number, request: OwnLights, http_request: Request
 ) -> Response:
-    """Forecasts σ if the lights of a plan under review stood elsewhere, with each light's gain and the arm's verdict.
+    """Forecasts σ for other lights of a plan under review, with the gain of each and whether the arm can serve it.
 
-    Nothing is committed: `PUT …/plan` does that. With `Accept: image/png` the answer is a picture of σ over the object,
-    dark where it is small, for the same lights as a request for the figures just before at no further cost. Forecasts
-    are computed one after another, so ask for the next when the last is answered.
+    Nothing is committed; `PUT …/plan` does that. With `Accept: image/png` the answer is a picture of σ over the object,
+    dark where σ is small. The picture costs no further computation directly after a request for the figures of the same
+    lights. Forecasts are computed one after another, so send the next request when the last one is answered.
     """
     forecast, picture = await in_turn(
         service.limits.forecasts, service.runner.planning.forecast, session_id, number, request.lights
@@ -119,8 +119,7 @@ async def forecast_plan(
     },
 )
 def gain(service: ServiceOf, session_id: SessionId, number: Number, light: Number) -> FileResponse:
-    """Gain map of a planned light: where on the object it reduces the normals' σ, from black (not at all) to white
-    (`brightest_gain_deg` of the plan)."""
+    """Returns the gain map of a planned light: its reduction of σ, black for none, white for `brightest_gain_deg`."""
     service.store.journal.session(session_id)
     plan = stored_files.newest(service, session_id, "plan", number)
     digests: list[str] = plan.body.get("pictures", []) if plan is not None else []

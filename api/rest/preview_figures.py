@@ -1,8 +1,8 @@
 """Figures of a preview image: histogram, clipped shares, level and focus, over the pixels where the object can be.
 
-They are measured on the linear frame, not on the JPEG, which is brightened for the eye. The focus score is the
-sharpness by which the capture judges its frames (`acquisition.capture.check`), so that a lens that is set by it is
-sharp by the same measure; it depends on the object, and is compared with itself only.
+They are measured on the linear frame, not on the JPEG, which is brightened for display. The focus score is the
+sharpness by which the capture checks its frames (`acquisition.capture.check`), so that a lens focused with it is sharp
+by the same measure. The score depends on the object; compare it only with other scores of the same object.
 """
 
 from datetime import datetime
@@ -19,17 +19,16 @@ from acquisition.models.calibration import SensorModel
 from api.rest.schemas import Resource
 
 BINS = 64
-"""Bins of the histogram, over all values of the sensor."""
+"""Number of bins of the histogram over all values of the sensor."""
 
 DARK_SIGMAS = 3.0
-"""A pixel counts as black within so many standard deviations of the read noise above the black level: no measurable
-light."""
+"""Threshold of black pixels (no measurable light): standard deviations of the read noise above the black level."""
 
 FILTER_PX = 8
-"""Reach of the filters of the sharpness, px: four times the wider one's σ."""
+"""Reach of the sharpness filters, px: four times σ of the wider one."""
 
 MAX_SIDE_PX = 640
-"""Longest side of the clipping overlay, px; a cell of it is marked where any of its pixels is clipped."""
+"""Longest side of the clipping overlay, px. A cell of the overlay is marked if any of its pixels is clipped."""
 
 RED, BLUE, CLEAR = (0, 0, 255, 255), (255, 96, 0, 255), (0, 0, 0, 0)
 """Colours (blue, green, red, opacity) of saturated, black and other pixels in the overlay."""
@@ -38,7 +37,7 @@ Pixels = npt.NDArray[np.uint16]
 
 
 class PreviewFigures(Resource):
-    """Figures of one preview image; `frame` is the number in the header `X-Frame-Number` of the picture of the same."""
+    """Figures of one preview image; `frame` is the number in the header `X-Frame-Number` of that frame's picture."""
 
     frame: int = Field(description="Number of the frame, counted since the service began")
     taken_at: datetime | None = Field(description="When it was exposed, UTC; null for a stored frame of a session")
@@ -65,7 +64,7 @@ def measured(
     pixels: Pixels, keep_out: BoolArray, sensor: SensorModel, *, frame: int, taken_at: datetime | None,
     exposure_s: float | None,
 ) -> PreviewFigures:  # fmt: skip
-    """The figures of a frame (H, W, linear) over the pixels `keep_out`, or over all where its size is another one."""
+    """Measures the figures of a frame (H, W, linear) over the pixels `keep_out`, or over all if its size differs."""
     fits = keep_out.shape == pixels.shape
     area = keep_out if fits else np.ones(pixels.shape, np.bool_)
     values = pixels[area]
@@ -91,7 +90,7 @@ def measured(
 
 
 def clipping_overlay(pixels: Pixels, sensor: SensorModel) -> bytes:
-    """A transparent PNG to be laid over the picture: red where the frame is saturated, blue where it is black."""
+    """Returns a transparent PNG to lay over the picture: red where the frame is saturated, blue where it is black."""
     step = max(1, -(-max(pixels.shape) // MAX_SIDE_PX))
     overlay = np.full((*(-(-side // step) for side in pixels.shape), 4), CLEAR, np.uint8)
     overlay[_any_in_cells(_is_black(pixels, sensor), step)] = BLUE
@@ -100,7 +99,7 @@ def clipping_overlay(pixels: Pixels, sensor: SensorModel) -> bytes:
 
 
 def _box_around(area: BoolArray) -> tuple[slice, slice]:
-    """Rows and columns that hold the area and what the sharpness' filters see of its surroundings."""
+    """Returns the rows and columns of the area and of the surroundings that the sharpness filters reach."""
     rows, columns = (np.flatnonzero(area.any(axis=axis)) for axis in (1, 0))
     first = max(rows[0] - FILTER_PX, 0), max(columns[0] - FILTER_PX, 0)
     return slice(first[0], rows[-1] + FILTER_PX + 1), slice(first[1], columns[-1] + FILTER_PX + 1)
@@ -115,6 +114,6 @@ def _is_black(values: Pixels, sensor: SensorModel) -> BoolArray:
 
 
 def _any_in_cells(mask: BoolArray, step: int) -> BoolArray:
-    """Whether any pixel of each cell of `step` × `step` pixels is set."""
+    """Returns whether any pixel of each cell of `step` × `step` pixels is set."""
     rows, columns = (np.arange(0, side, step) for side in mask.shape)
     return np.logical_or.reduceat(np.logical_or.reduceat(mask, rows, axis=0), columns, axis=1)

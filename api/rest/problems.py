@@ -1,8 +1,8 @@
 """Problem objects (`application/problem+json`, RFC 9457) for every error, from the one table of codes.
 
-The `type` of a problem is the address of a page of this service that explains the code, so that a client can switch on
-`code` and a person can follow the link. An unexpected exception is logged with its traceback and answered without any
-of it, because a traceback may hold what the caller must not see.
+The `type` of a problem is the address of a page of this service that explains the code: a client switches on `code`,
+and a person follows the link. An unexpected exception is logged with its traceback. The answer contains none of it,
+because a traceback may hold what the caller must not see.
 """
 
 import logging
@@ -23,10 +23,10 @@ from api.rest.schemas import FieldError, Problem, ProblemPage
 MEDIA_TYPE = "application/problem+json"
 
 MAX_INSTANCE_LENGTH = 300
-"""Characters of the requested address that a problem repeats."""
+"""Number of characters of the requested address that a problem repeats."""
 
 RETRY_AFTER_S = 5
-"""Time after which a request may be sent again that found a device absent, s: until then it has been tried again."""
+"""Time after which to repeat a request that found a device absent, s; the service retries the device within it."""
 
 _PASSES = frozenset({HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.SERVICE_UNAVAILABLE})
 _log = logging.getLogger(__name__)
@@ -45,10 +45,9 @@ def response(
     instance: str | None = None,
     headers: Mapping[str, str] | None = None,
 ) -> JSONResponse:
-    """Builds the HTTP response of a problem: its status, its media type, the problem object as the body.
+    """Builds the HTTP response of a problem: its status, its media type, and the problem object as the body.
 
-    Every 429 and 503 says when to try again (Retry-After): what the context has as `retry_after_s`, else
-    `RETRY_AFTER_S`.
+    Every 429 and 503 has a Retry-After header: `retry_after_s` of the context, else `RETRY_AFTER_S`.
     """
     problem = Problem.of(code, detail, context, instance and instance[:MAX_INSTANCE_LENGTH])
     retry = {}
@@ -75,7 +74,7 @@ def _declaration(description: str) -> dict[str, Any]:
 
 
 def responses_of(*codes: ErrorCode) -> dict[int | str, dict[str, Any]]:
-    """OpenAPI responses of the problems that a route is known for, by HTTP status."""
+    """Returns the OpenAPI responses of the problems that a route may answer, by HTTP status."""
     by_status: dict[int | str, list[ErrorCode]] = {}
     for code in codes:
         by_status.setdefault(PROBLEMS[code].status, []).append(code)
@@ -83,7 +82,7 @@ def responses_of(*codes: ErrorCode) -> dict[int | str, dict[str, Any]]:
 
 
 def default_response() -> dict[int | str, dict[str, Any]]:
-    """OpenAPI response of every route: any other problem has the same schema."""
+    """Returns the OpenAPI response of every route for any other problem, which has the same schema."""
     return {"default": _declaration("any other problem; `code` says which")}
 
 
@@ -117,7 +116,7 @@ router = APIRouter(tags=["problems"])
 async def problem_page(
     request: Request, code: Annotated[str, Path(max_length=80, description="A code, such as `rig.busy`")]
 ) -> Response:
-    """The meaning and the remedy of a problem code: a page for a browser, JSON for a program."""
+    """Returns the meaning and the remedy of a problem code: a page for a browser, JSON for a program."""
     known = next((item for item in ErrorCode if item == code), None)
     if known is None:
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, "There is no such problem code", known=list(ErrorCode))
@@ -144,7 +143,7 @@ async def _rig_error(request: Request, error: Exception) -> Response:
 
 
 async def _halted(request: Request, error: Exception) -> Response:
-    # What a request waits for is halted only when the service ends.
+    # Only the end of the service halts what a request waits for.
     return response(ErrorCode.RIG_NOT_READY, "The service is ending", None, request.url.path)
 
 

@@ -28,7 +28,7 @@ _PATH = "/v1/queue"
 
 
 class QueueEntryRequest(RequestBody):
-    """One session to be queued."""
+    """A session to be queued."""
 
     object_name: str = Field(
         min_length=1, max_length=200, description="What the session is of; two entries of one name are of one object"
@@ -50,7 +50,7 @@ class QueueOrder(RequestBody):
 
 
 class QueueActionRequest(RequestBody):
-    """What a person asks of the queue."""
+    """An action on the queue."""
 
     action: Literal["resume", "pause"] = Field(
         description="`resume`: the next entry's object is in place and the cell is clear, sessions may begin; `pause`: "
@@ -84,7 +84,7 @@ class QueueEntryResource(Resource):
 
 
 class QueueResource(Resource):
-    """The queue: whether it goes on by itself, why not, and its entries."""
+    """The queue: whether it continues by itself, why not, and its entries."""
 
     state: QueueState = Field(
         description="`running`: it begins the next session by itself; `stopped`: a person resumes it"
@@ -101,7 +101,7 @@ class QueueResource(Resource):
 
 @router.get(_PATH)
 def queue(service: ServiceOf) -> QueueResource:
-    """The queue: its state, the reason when it has stopped by itself, and its entries."""
+    """Returns the queue: its state, its entries, and the reason if it has stopped by itself."""
     return _queue(service)
 
 
@@ -122,7 +122,7 @@ def enqueue(
         str | None, Header(min_length=1, max_length=200, description="The same key never makes a second entry")
     ] = None,
 ) -> QueueEntryResource:
-    """Adds an entry at the end of the queue; nothing begins by that unless the queue is running."""
+    """Adds an entry at the end of the queue. No session begins unless the queue is running."""
     entry, new = service.store.journal.add_queue_entry(
         request.object_name, request.recipe, actor, unattended=request.unattended, idempotency_key=idempotency_key
     )
@@ -133,7 +133,7 @@ def enqueue(
 
 @router.get(_PATH + "/entries/{entry_id}", responses=problems.responses_of(ErrorCode.REQUEST_NOT_FOUND))
 def queue_entry(service: ServiceOf, entry_id: EntryId) -> QueueEntryResource:
-    """One entry of the queue."""
+    """Returns one entry of the queue."""
     return _entry(service.store.journal.queue_entry(entry_id))
 
 
@@ -145,13 +145,13 @@ def queue_entry(service: ServiceOf, entry_id: EntryId) -> QueueEntryResource:
     ),
 )
 def remove_queue_entry(service: ServiceOf, entry_id: EntryId, actor: Actor) -> None:
-    """Removes an entry whose session has not begun, or has ended; the session itself is kept."""
+    """Removes an entry whose session has not begun or has ended. The session itself is kept."""
     service.store.journal.remove_queue_entry(entry_id, actor)
 
 
 @router.put(_PATH + "/order", responses=problems.responses_of(*problems.BODY_CODES, ErrorCode.STORE_DISK_FULL))
 def order_queue(service: ServiceOf, request: QueueOrder, actor: Actor) -> QueueResource:
-    """Puts the waiting entries into another order."""
+    """Changes the order of the waiting entries."""
     service.store.journal.order_queue(request.entries, actor)
     return _queue(service)
 
@@ -170,10 +170,10 @@ def order_queue(service: ServiceOf, request: QueueOrder, actor: Actor) -> QueueR
     ),
 )
 async def act_on_queue(service: ServiceOf, request: QueueActionRequest, actor: Actor) -> QueueResource:
-    """Resumes or pauses the queue. To resume is a person's word that the next object is in place and the cell clear.
+    """Resumes or pauses the queue. By resuming, a person states that the next object is in place and the cell is clear.
 
-    The start of the session that follows is checked as any other; what stands in its way stops the queue again, and the
-    event `queue.changed` carries it as `reason`.
+    The start of the next session is checked like any other. If it is refused, the queue stops again, and the event
+    `queue.changed` carries the problem as `reason`.
     """
     queue_ = service.queue
     change = (

@@ -1,4 +1,4 @@
-"""Routes of the region of interest: the mask that planning and an ordered accuracy are judged by."""
+"""Routes of the region of interest: the mask for which lights are planned and an ordered accuracy is judged."""
 
 from typing import Annotated
 
@@ -39,9 +39,10 @@ async def draw_region(
     actor: Actor,
     mask: Annotated[bytes, Body(media_type="image/png"), WithJsonSchema(_MASK)],
 ) -> RegionResource:
-    """Sets the region of interest: lights are planned for it, and an ordered accuracy is judged by it.
+    """Sets the region of interest: lights are planned for it, and an ordered accuracy is judged on it.
 
-    Allowed before the start, or while the session is paused before its lights are planned; a new mask replaces the old.
+    Allowed before the start, or while the session is paused before its lights are planned. A new mask replaces the old
+    one.
     """
     pixels = await anyio.to_thread.run_sync(service.runner.set_region, session_id, mask, actor)
     return RegionResource(
@@ -56,7 +57,7 @@ async def draw_region(
     responses={**stored_files.binary("image/png", description="The mask"), **problems.NOT_FOUND},
 )
 def region(service: ServiceOf, session_id: SessionId) -> FileResponse:
-    """The present region of interest, white on black."""
+    """Returns the present region of interest, white on black."""
     service.store.journal.session(session_id)
     entries = service.store.journal.artifacts(session_id, "region")
     if not entries:

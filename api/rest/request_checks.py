@@ -1,8 +1,8 @@
 """Checks of every request before any route sees it: host, origin, authorisation, size, media type, well-formed JSON.
 
-Even on loopback a web page must not move the arm. A page that resolves its own name to this machine (DNS rebinding) is
-recognised by the Host header, any other page by its Origin, and a form by its media type. The checks run on the event
-loop, take no lock and start no thread, so that a stop passes them at once.
+Even on loopback a web page must not move the arm. The Host header reveals a page that resolves its own name to this
+machine (DNS rebinding), the Origin header any other page, and the media type a form. The checks run on the event loop,
+take no lock and start no thread, so that a stop passes them at once.
 """
 
 import asyncio
@@ -26,17 +26,18 @@ BODY_TIMEOUT_S = 10.0
 """Time limit for the arrival of a body, s."""
 
 RETRY_AFTER_S = 1
-"""Time after which a request may be sent again that was one too many, s."""
+"""Time after which a request refused because too many are in progress may be sent again, s."""
 
 METHODS_WITH_BODY = frozenset({"POST", "PUT", "PATCH", "DELETE"})
-"""Methods whose body means something."""
+"""Methods whose body has a meaning."""
 
 VALID_UNTIL = "Valid-Until"
-"""Header by which a POST says until when it may be carried out, s since 1970 by this machine's clock. What a person
-asked for shall not happen when a network that was down delivers it a minute later; a stop is never too late."""
+"""Header of a POST with the end of its validity, s since 1970 by this machine's clock. A request that a failed network
+delivers a minute later is not carried out. A stop is never too late.
+"""
 
 STREAM_PATHS = frozenset({"/v1/events", "/v1/rig/preview.mjpeg"})
-"""Addresses of streams, which are counted by themselves (`open_streams`)."""
+"""Addresses of streams, which are counted separately (`open_streams`)."""
 
 
 class KnownPages:
@@ -47,14 +48,14 @@ class KnownPages:
         self._origins = set(settings.allowed_origins)
 
     def own(self, scope: Scope, headers: Headers) -> str:
-        """The origin of the service's own page as the caller reaches it."""
+        """Returns the origin of the service's own page as the caller reaches it."""
         return f"{scope.get('scheme', 'http')}://{headers.get('host', '')}".lower()
 
     def refuse_foreign(self, scope: Scope, headers: Headers) -> None:
-        """Raises RigError request.foreign for another host's name in the Host header, and for another page's origin."""
+        """Raises RigError request.foreign if the Host header names another host or another page sends the request."""
         host = headers.get("host", "")
         name = _without_port(host)
-        arrived_at = (scope.get("server") or ("",))[0]  # by address, which no foreign page's name can be
+        arrived_at = (scope.get("server") or ("",))[0]  # an IP address: no foreign page can have it as its name
         if name not in self._hosts and not is_loopback(name) and name.strip("[]") != arrived_at:
             raise RigError(
                 ErrorCode.REQUEST_FOREIGN,
@@ -73,7 +74,7 @@ class KnownPages:
 
 
 class RequestChecks:
-    """ASGI middleware that answers a bad request with a problem object, and passes any other with its complete body."""
+    """ASGI middleware that answers a bad request with a problem object and passes on any other with its whole body."""
 
     def __init__(self, app: ASGIApp, pages: KnownPages, authentication: Authentication, most_requests: int) -> None:
         self._app = app
@@ -83,7 +84,7 @@ class RequestChecks:
         self._in_progress = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handles one request."""
         if scope["type"] != "http" or scope["path"] in STREAM_PATHS:
             await self._checked(scope, receive, send)
             return
@@ -99,7 +100,7 @@ class RequestChecks:
             return
         headers = Headers(scope=scope)
         if scope["path"] == STOP_PATH + "/":
-            scope["path"] = STOP_PATH  # whoever types the stop by hand is not sent away for a slash
+            scope["path"] = STOP_PATH  # a stop typed by hand with a trailing slash is accepted
         stops = scope["path"] == STOP_PATH and scope["method"] == "POST"
         try:
             self._pages.refuse_foreign(scope, headers)
@@ -112,14 +113,14 @@ class RequestChecks:
                 )
             scope.setdefault("state", {})["caller"] = self._authentication.caller(scope, headers)
             try:
-                async with asyncio.timeout(BODY_TIMEOUT_S):  # nobody waits for a stop's body, reads it or refuses it
+                async with asyncio.timeout(BODY_TIMEOUT_S):  # a stop's body is neither awaited nor read nor refused
                     body = b"" if stops else await _read_body(headers, receive)
             except TimeoutError as error:
                 detail = f"The body was not complete within {BODY_TIMEOUT_S:g} s"
                 raise RigError(ErrorCode.REQUEST_TIMEOUT, detail) from error
             if scope["method"] not in SAFE_METHODS and scope["path"] != STOP_PATH:
                 _refuse_expired(headers)
-            if body and scope["method"] in METHODS_WITH_BODY:  # others: the answer is that of the address, or 405
+            if body and scope["method"] in METHODS_WITH_BODY:  # with other methods a body changes nothing
                 _refuse_malformed(scope, headers, body)
         except RigError as error:
             answer = problems.response(error.code, error.detail, error.context, scope["path"])

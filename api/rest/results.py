@@ -1,7 +1,6 @@
 """Routes of results: summaries, files, exports made on their first request, choice of the answer, re-solving.
 
-A re-solve needs no hardware. It is accepted at once, computed when no session runs, and an event announces its end, so
-that no request waits for minutes.
+A re-solve needs no hardware. It is accepted at once and computed when no session runs. An event announces its end.
 """
 
 from typing import Annotated
@@ -40,7 +39,7 @@ _NO_RESULT = (ErrorCode.RESULT_NOT_READY, ErrorCode.RESULT_CANCELLED, ErrorCode.
 def results(
     service: ServiceOf, request: Request, session_id: SessionId, limit: Limit = 100, after: Offset = 0
 ) -> Page[ResultResource]:
-    """The results so far, oldest first; the last one of origin `session` is the session's answer."""
+    """Lists the results so far, oldest first. Until a person chooses, the last of origin `session` is the answer."""
     service.store.journal.session(session_id)
     entries = service.store.journal.artifacts(session_id, "result")
     return page(request, [resource(service, session_id, entry) for entry in entries], limit, after)
@@ -71,10 +70,10 @@ def resolve(
     ] = ResolveRequest(),  # noqa: B008 - frozen
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200, description=IDEMPOTENCY_KEY)] = None,
 ) -> ResolveAccepted:
-    """Solves the images of an ended session again, with other settings; no hardware is used.
+    """Solves the images of an ended session again with other settings. No hardware is used.
 
-    The event `normals.ready` announces the result, `resolve.failed` its failure and the reason. A request with the same
-    Idempotency-Key, or with equal settings for the same images, leads to the same result.
+    The event `normals.ready` announces the result; `resolve.failed` announces a failure and its reason. A request with
+    the same Idempotency-Key, or with equal settings for the same images, leads to the same result.
     """
     accepted, new = service.resolving.submit(
         session_id, request.settings, request.last_pass, actor, idempotency_key, request.calibration
@@ -99,9 +98,10 @@ def resolve(
     responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.SESSION_ACTION_NOT_ALLOWED)},
 )
 def cancel_resolve(service: ServiceOf, session_id: SessionId, number: Number, actor: Actor) -> Accepted:
-    """Cancels a solve that waits or runs: its process ends and its memory is freed.
+    """Cancels a waiting or running solve: its process ends and its memory is freed.
 
-    The event `resolve.failed` with the code `result.cancelled` says so; cancelling it again is no error.
+    The event `resolve.failed` with the code `result.cancelled` announces the end. Repeating the request is not an
+    error.
     """
     service.resolving.cancel(session_id, number, actor)
     session_path = f"/v1/sessions/{session_id}"
@@ -113,7 +113,7 @@ def cancel_resolve(service: ServiceOf, session_id: SessionId, number: Number, ac
     responses={**problems.NOT_FOUND, **problems.responses_of(*_NO_RESULT)},
 )
 def result(service: ServiceOf, session_id: SessionId, number: Number) -> ResultResource:
-    """One result: its summary and its files; after a failed re-solve, the reason."""
+    """Returns one result with its summary and its files. After a failed re-solve, the problem states the reason."""
     return resource(service, session_id, _ready(service, session_id, number))
 
 
@@ -147,7 +147,7 @@ def choose_answer(service: Service, session_id: str, number: int, actor: str) ->
 
 
 def answer(service: Service, session_id: str) -> ResultResource | None:
-    """The session's answer: the result that a person chose last, else the newest that the session itself made."""
+    """Returns the session's answer: the result that a person chose last, else the newest of origin `session`."""
     entries = service.store.journal.artifacts(session_id, "result")
     chosen = [item.outcome for item in service.store.journal.actions(session_id) if item.action == _CHOOSE]
     of_choice = [item for item in entries if chosen and f"result {item.number}" == chosen[-1]]
@@ -156,7 +156,7 @@ def answer(service: Service, session_id: str) -> ResultResource | None:
 
 
 def resource(service: Service, session_id: str, entry: Artifact) -> ResultResource:
-    """The resource of a result in the journal."""
+    """Builds the resource of a result from its journal entry."""
     result_path = f"/v1/sessions/{session_id}/results/{entry.number}"
     summary = {name: entry.body[name] for name in ResultSummary.model_fields if name in entry.body}
     return ResultResource(

@@ -1,8 +1,8 @@
 """Routes of the rig: health, status, stop, safety acknowledgement and recovery, parking, reach.
 
-Stop is `async def`: it uses no thread, no database and no lock before the devices are commanded to halt. The route
-serves stops that come over a connection which is open already; one over a new connection is carried out by the
-listener's thread (`stop_request`), however busy or blocked the rest of the service is.
+Stop is `async def`: before the devices are commanded to halt it uses no thread, no database and no lock. The route
+serves stops on a connection that is already open. A stop on a new connection is carried out by the listener's thread
+(`stop_request`), however busy or blocked the rest of the service is.
 """
 
 import time
@@ -63,7 +63,7 @@ RIG_LINKS = {
 
 @router.get("/health/live", tags=["health"])
 async def live() -> Health:
-    """The service answers."""
+    """Confirms that the service answers."""
     return Health()
 
 
@@ -91,22 +91,22 @@ def rig(service: ServiceOf) -> RigResource:
 
 @router.post(STOP_PATH, tags=["rig"], status_code=202)
 async def stop(service: ServiceOf, actor: Actor) -> Accepted:
-    """Halts all motion and switches the lamp off, at once; the session that holds the rig is stopped.
+    """Halts all motion and switches the lamp off at once. The session that holds the rig is stopped.
 
-    Nothing starts, resumes, parks or jogs before a person has acknowledged (`POST /v1/rig/safety/acknowledgement`).
+    Nothing starts, resumes, parks or jogs until a person acknowledges (`POST /v1/rig/safety/acknowledgement`).
     """
     service.runner.halt(actor)
     return stop_accepted()
 
 
 def stop_accepted() -> Accepted:
-    """The answer to a stop, which the listener's thread gives as well."""
+    """Returns the answer to a stop; the listener's thread sends it too."""
     return Accepted(links={"rig": RIG_LINKS["self"], "events": RIG_LINKS["events"], "safety": RIG_LINKS["safety"]})
 
 
 @router.get("/v1/rig/safety", tags=["rig"])
 def safety(service: ServiceOf) -> SafetyResource:
-    """The unacknowledged safety faults."""
+    """Returns the unacknowledged safety faults."""
     return _safety(service.runner.status().latched)
 
 
@@ -114,7 +114,7 @@ def safety(service: ServiceOf) -> SafetyResource:
     "/v1/rig/safety/acknowledgement", tags=["rig"], responses=problems.responses_of(ErrorCode.SAFETY_STILL_FAULTED)
 )
 def acknowledge(service: ServiceOf, actor: Actor) -> SafetyResource:
-    """Acknowledges the faults: a person has inspected the cell and finds it clear; sessions may start again."""
+    """Acknowledges the faults: a person has inspected the cell and finds it clear. Sessions may start again."""
     service.runner.acknowledge(actor)
     return _safety(service.runner.status().latched)
 
@@ -133,10 +133,10 @@ def acknowledge(service: ServiceOf, actor: Actor) -> SafetyResource:
     ),
 )
 async def recover(service: ServiceOf, actor: Actor, request: RecoveryRequest) -> Accepted:
-    """Unlocks a protective stop, powers the arm on or releases its brakes; the arm itself stays where it is.
+    """Unlocks a protective stop, powers the arm on or releases its brakes. The arm itself does not move.
 
-    Disabled unless the cell file allows it, and only for the operator who has just acknowledged (which may have been
-    refused because the stop persists). The latch stays until the cell is acknowledged again.
+    Disabled unless the cell file allows it, and only for the operator who has just acknowledged, even if that was
+    refused because the stop persists. The latch stays until the cell is acknowledged again.
     """
     await anyio.to_thread.run_sync(service.runner.recover, request.step, actor, limiter=service.limits.start)
     return Accepted(links={"safety": RIG_LINKS["safety"], "rig": RIG_LINKS["self"]})
@@ -162,9 +162,9 @@ async def recover(service: ServiceOf, actor: Actor, request: RecoveryRequest) ->
     ),
 )
 async def park(service: ServiceOf, actor: Actor) -> Accepted:
-    """Moves the arm home from its present position on a certified path; without one, a person must move it.
+    """Moves the arm home from its present position on a certified path. Without such a path a person must move it.
 
-    No session may hold the rig. The event `rig.parked` reports the outcome; `POST /v1/rig/stop` stops it.
+    No session may hold the rig. The event `rig.parked` reports the outcome; `POST /v1/rig/stop` stops the motion.
     """
     await anyio.to_thread.run_sync(service.runner.moves.park, actor, limiter=service.limits.start)
     return Accepted(links={"rig": RIG_LINKS["self"], "stop": RIG_LINKS["stop"], "events": RIG_LINKS["events"]})

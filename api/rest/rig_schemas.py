@@ -14,7 +14,7 @@ from api.rest.schemas import Links, RequestBody, Resource
 
 
 class Reason(Resource):
-    """Why the rig may not start."""
+    """One reason why no session may start."""
 
     code: ErrorCode = Field(description="The stable code")
     detail: str = Field(description="What is the matter in this case, for people")
@@ -101,7 +101,7 @@ class SafetyResource(Resource):
 
 
 class Health(Resource):
-    """A probe's answer."""
+    """Answer of a health probe."""
 
     status: Literal["ok"] = Field(default="ok", description="`ok`; anything else is a problem object")
 

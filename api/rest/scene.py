@@ -1,8 +1,8 @@
 """Routes of the cell's geometry: what a page needs to draw arm, lamp, object, obstacles, camera and dome in 3-D.
 
-A client computes each link's pose from six joint angles, so that a moving arm costs the service only the angles. Meshes
-have their content's hash in their address and are cached for good. The description has an ETag; it changes when the
-reach becomes known or another calibration comes into use.
+A client computes each link's pose from six joint angles, so a moving arm costs the service only the angles. Meshes have
+their content's hash in their address and are cached for good. The description has an ETag, and changes when the reach
+becomes known or another calibration comes into use.
 """
 
 import hashlib
@@ -51,14 +51,14 @@ from api.rest.scene_schemas import (
 from api.rest.wiring import Service
 
 MESHES = "/v1/rig/scene/meshes"
-"""Address below which the meshes are."""
+"""Path below which the meshes are served."""
 
 HASH_DIGITS = 16
-"""Digits of a mesh's SHA-256 that are in its address: 64 bits tell a dozen meshes apart for good."""
+"""Number of digits of a mesh's SHA-256 in its address: 64 bits suffice to tell a dozen meshes apart."""
 
 
 class CellScene:
-    """The geometry of a service's cell, encoded once; any thread may call."""
+    """The geometry of a service's cell, encoded once. Any thread may call its methods."""
 
     def __init__(self, service: Service) -> None:
         self._service = service
@@ -78,7 +78,7 @@ class CellScene:
             return self._encoded[1]
 
     def mesh(self, name: str) -> bytes:
-        """A mesh by the last part of its address. Raises RigError request.not_found."""
+        """Returns a mesh by the last part of its address. Raises RigError request.not_found."""
         with self._lock:
             self._geometry()
         if name not in self._meshes:
@@ -177,7 +177,7 @@ class CellScene:
                 return SceneMeshBody(**own, mesh=self._add_mesh("hull", _hull(item)))
 
     def _add_mesh(self, name: str, content: bytes) -> str:
-        """Keeps a mesh and returns its address, which holds its hash."""
+        """Keeps a mesh and returns its address, which contains its hash."""
         name = f"{name}-{hashlib.sha256(content).hexdigest()[:HASH_DIGITS]}.stl"
         self._meshes[name] = content
         return f"{MESHES}/{name}"
@@ -235,7 +235,7 @@ def _dome(cell: CellConfig, calibration: Calibration) -> SceneDome:
 
 
 def _lights(reach_file: Path) -> list[SceneLight] | None:
-    """The candidates of a stored ReachMap, read as plain JSON: its type would load the planner's kernels."""
+    """Reads the candidates of a stored ReachMap as plain JSON, because its class would load the planner's kernels."""
     if not reach_file.exists():
         return None
     stored = json.loads(stored_files.read_bytes(reach_file))
@@ -248,7 +248,7 @@ def _lights(reach_file: Path) -> list[SceneLight] | None:
 
 
 def _hull(item: ConvexMesh) -> bytes:
-    """The convex hull of a mesh's vertices as binary STL, its faces turned outwards; base frame."""
+    """Returns the convex hull of a mesh's vertices as binary STL, faces outwards, in the base frame."""
     points = geometry.transform(item.base_from_mesh.matrix, np.array(item.vertices_m))
     hull = ConvexHull(points)
     corners = points[hull.simplices]

@@ -1,9 +1,9 @@
 """Schemas of the cell's geometry for a three-dimensional view: arm, tool, camera, object, obstacles, dome, lights.
 
-Every pose is a homogeneous matrix `a_from_b`, row by row, that maps points of frame b to frame a. The frames: `base`,
-the arm's own; `link`, the Denavit–Hartenberg frame after a joint (link 0 is the base); `flange`, link 6; `lamp`, at the
-emitter with +z along the beam; `camera`, OpenCV's (x right, y down, z forward); `view`, at the camera too (x right,
-y up, z to the camera), in which lights are given everywhere in this API.
+Every pose is a homogeneous matrix `a_from_b`, row by row, which maps points of frame b to frame a. Frames: `base`, the
+arm's; `link`, the Denavit–Hartenberg frame after a joint (link 0 is the base); `flange`, link 6; `lamp`, at the emitter
+with +z along the beam; `camera`, OpenCV's (x right, y down, z forward); `view`, with the camera's origin (x right, y
+up, z to the camera). Lights are given in the view frame everywhere in this API.
 """
 
 from typing import Annotated, Literal
@@ -24,7 +24,7 @@ class SceneCapsule(Resource):
 
 
 class SceneJoint(Resource):
-    """One joint as a Denavit–Hartenberg row: link i − 1 from link i is Rz(q + theta) · Tz(d) · Tx(a) · Rx(alpha)."""
+    """Denavit–Hartenberg row of one joint: link i − 1 from link i is Rz(q + theta) · Tz(d) · Tx(a) · Rx(alpha)."""
 
     theta_rad: float = Field(description="Added to the joint's angle q, rad; 0 in the nominal arm")
     a_m: float = Field(description="Translation along the new x axis, m")
@@ -33,7 +33,7 @@ class SceneJoint(Resource):
 
 
 class SceneLink(Resource):
-    """One link of the arm; its mesh and its capsules are in the link's own frame."""
+    """One link of the arm. Its mesh and its capsules are in the link's own frame."""
 
     number: int = Field(ge=0, le=6, description="0: the base, which stands still; 6: the flange's link")
     name: str = Field(description="The maker's name of the link, such as `upper_arm`")
@@ -85,7 +85,7 @@ class SceneCamera(Resource):
 
 
 class SceneKeepOut(Resource):
-    """The cylinder that encloses the object: it stands on the origin of its frame, along +z."""
+    """The keep-out: a cylinder that encloses the object, from the origin of its frame along +z."""
 
     base_from_object: Matrix4 = Field(description="Pose of the object's frame in the base frame; m")
     radius_m: float = Field(description="Radius, m")
@@ -94,7 +94,7 @@ class SceneKeepOut(Resource):
 
 
 class SceneBody(Resource):
-    """What all bodies of a cell have."""
+    """Base of all bodies of a cell."""
 
     name: str = Field(description="Its name in the cell file")
     role: Literal["table", "camera", "obstacle"] = Field(description="What it is")
@@ -102,7 +102,7 @@ class SceneBody(Resource):
 
 
 class SceneHalfSpaceBody(SceneBody):
-    """All points x with normal · (x − point) < 0, such as a table below its top."""
+    """A half-space, such as a table below its top: all points x with normal · (x − point) < 0."""
 
     kind: Literal["half-space"] = Field(default="half-space", description="Tells the shapes apart")
     point_m: Vector3 = Field(description="A point of its surface; base frame, m")
@@ -110,7 +110,7 @@ class SceneHalfSpaceBody(SceneBody):
 
 
 class SceneBoxBody(SceneBody):
-    """A box about the origin of its frame."""
+    """A box centred on the origin of its frame."""
 
     kind: Literal["box"] = Field(default="box", description="Tells the shapes apart")
     base_from_box: Matrix4 = Field(description="Pose of its centre in the base frame; m")
@@ -118,7 +118,7 @@ class SceneBoxBody(SceneBody):
 
 
 class SceneCapsuleBody(SceneBody, SceneCapsule):
-    """A capsule; base frame."""
+    """A capsule in the base frame."""
 
     kind: Literal["capsule"] = Field(default="capsule", description="Tells the shapes apart")
 
@@ -146,7 +146,7 @@ AnySceneBody = Annotated[
 
 
 class SceneDome(Resource):
-    """Where lights may stand: a cap of a sphere about `center_m`, slants measured from the camera's axis."""
+    """The dome on which lights may stand: a cap of a sphere about `center_m`, with slants from the camera's axis."""
 
     center_m: Vector3 = Field(description="Centre, towards which every lamp looks; base frame, m")
     axis: Vector3 = Field(description="Unit vector from the centre towards the camera, along its axis; base frame")
@@ -163,7 +163,7 @@ class SceneLight(Resource):
 
 
 class SceneResource(Resource):
-    """The cell as a three-dimensional view needs it; all lengths in m, all joint angles in rad."""
+    """The cell's geometry for a three-dimensional view; all lengths in m, all joint angles in rad."""
 
     cell: str = Field(description="Name of the cell")
     fingerprint: str = Field(description="SHA-256 of the cell file's values")

@@ -1,7 +1,7 @@
-"""Schemas of requests and responses besides the values of `acquisition.models`: resources, pages and problems.
+"""Schemas of requests and responses that are not values of `acquisition.models`: resources, pages and problems.
 
-Resources are built from the journal and the runner for each request; none of them is stored, so that a schema can
-change without a migration. Times are ISO 8601 in UTC.
+Resources are built from the journal and the runner for each request. None of them is stored, so a schema can change
+without a migration. Times are ISO 8601 in UTC.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ Links = Annotated[dict[str, str], Field(description="Addresses of what belongs t
 
 
 class Resource(BaseModel):
-    """Base of all responses; clients ignore fields that they do not know."""
+    """Base of all responses. Clients ignore fields that they do not know."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -59,7 +59,7 @@ class FieldError(Resource):
 
 
 class Problem(Resource):
-    """Problem object (RFC 9457): what went wrong and what to do; some codes add `allowed`, `holder` or `errors`."""
+    """Problem object (RFC 9457): what went wrong and what to do. Some codes add `allowed`, `holder` or `errors`."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
@@ -75,7 +75,7 @@ class Problem(Resource):
     def of(
         cls, code: ErrorCode, detail: str, context: Mapping[str, Any] | None = None, instance: str | None = None
     ) -> "Problem":
-        """The problem object of a code and a sentence about this case; `context` adds facts for programs."""
+        """Builds the problem object of a code and a sentence about this case; `context` adds facts for programs."""
         entry = PROBLEMS[code]
         own = {
             "type": f"/problems/{code}",
@@ -90,7 +90,7 @@ class Problem(Resource):
 
 
 class ProblemPage(Resource):
-    """Meaning and remedy of a code."""
+    """Meaning and remedy of a problem code."""
 
     code: ErrorCode = Field(description="The stable code")
     status: int = Field(description="HTTP status that the code is answered with")
@@ -99,7 +99,7 @@ class ProblemPage(Resource):
 
 
 class Accepted(Resource):
-    """The request was accepted; the links lead to its outcome."""
+    """Answer to an accepted request; its links lead to the outcome."""
 
     links: Links
 
@@ -108,7 +108,7 @@ class Accepted(Resource):
 
 
 class ActionRequest(RequestBody):
-    """An action requested of a session."""
+    """An action on a session."""
 
     action: SessionAction = Field(
         description="`start` moves the arm; `pause` rests after the present step; `resume` goes on; `stop` halts "
@@ -122,7 +122,7 @@ class ActionRequest(RequestBody):
 
 
 class OwnLights(RequestBody):
-    """A person's own lights, which replace those of a plan."""
+    """Lights chosen by a person, which replace those of a plan."""
 
     lights: list[Vector3] = Field(
         min_length=1,
@@ -132,7 +132,7 @@ class OwnLights(RequestBody):
 
 
 class DryRunResource(Resource):
-    """What the first pass of a recipe would do, and what its session may reach; nothing has moved."""
+    """What the first pass of a recipe would do, and the accuracy to expect of its session. Nothing has moved."""
 
     plan: LightPlan = Field(description="The lights of the first pass")
     route: Route = Field(description="The certified path through them")
@@ -208,14 +208,14 @@ class ResolveRequest(RequestBody):
 
 
 class ResolveAccepted(Resource):
-    """A re-solve was accepted; its result will have this number."""
+    """An accepted re-solve, with the number that its result will have."""
 
     number: int = Field(ge=0, description="Number that the result will have")
     links: Links
 
 
 class SessionEdit(RequestBody):
-    """What a person changes about a session; a field that is left out stays as it is."""
+    """Changes that a person makes to a session. A field that is left out keeps its value."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
@@ -231,7 +231,7 @@ class SessionEdit(RequestBody):
 
 
 class SessionResource(Resource):
-    """A session: its recipe, its progress, its allowed actions."""
+    """A session: its recipe, its progress and its allowed actions."""
 
     id: str = Field(description="Identifier: date, time, six hexadecimal digits")
     number: int = Field(ge=1, description="Running number in this data folder; `after` of the list")
@@ -280,7 +280,7 @@ class ShotResource(Resource):
 
 
 class PassSummary(Resource):
-    """Summary of a pass."""
+    """Summary of one pass."""
 
     number: int = Field(ge=0, description="Number within the session; 0 is the pilot")
     method: str = Field(description="How its lights were chosen: a recipe's `method`")
@@ -293,7 +293,7 @@ class PassSummary(Resource):
 
 
 class PassResource(Resource):
-    """One pass: its lights, the path through them, its images."""
+    """One pass: its lights, the path through them and its images."""
 
     number: int = Field(ge=0, description="Number within the session; 0 is the pilot")
     plan: LightPlan = Field(description="Its lights")
@@ -311,7 +311,7 @@ class RegionResource(Resource):
 
 
 class EventResource(Resource):
-    """One event; `id` increases for ever, and a listener resumes after the last id that it has received."""
+    """One event. The `id` increases for ever, and a listener resumes after the last id that it has received."""
 
     id: int = Field(
         ge=0, description="Increases for ever; resume after the last one received (`Last-Event-ID` or `after`)"
@@ -326,5 +326,5 @@ class EventResource(Resource):
 
 
 def as_datetime(seconds: float) -> datetime:
-    """Converts a time of the journal (seconds since 1970, UTC)."""
+    """Converts a time of the journal (s since 1970, UTC) to a datetime."""
     return datetime.fromtimestamp(seconds, UTC)

@@ -1,7 +1,7 @@
 """The server process: one worker, and a signal handler that halts the arm before anything else.
 
-uvicorn installs its own signal handlers and ends the application only after the open connections are served, which an
-event stream delays by seconds. So the halt is in the handler itself, and the streams are ended at shutdown.
+uvicorn's own signal handlers end the application only after the open connections are served, which an event stream
+delays by seconds. Here the signal handler itself halts the arm, and the streams are ended at shutdown.
 """
 
 import asyncio
@@ -36,11 +36,12 @@ from api.rest.tls import TlsProtocol, TlsSession
 from api.rest.wiring import Service
 
 SWITCH_INTERVAL_S = 0.001
-"""How long a thread may keep others from Python code, s (default 0.005): the listener waits that long, some ten times a
-stop, beside a busy event loop."""
+"""Time for which a thread may keep others from running Python code, s (default 0.005). Beside a busy event loop the
+listener waits this long, about ten times per stop.
+"""
 
 SHUTDOWN_GRACE_S = 5
-"""How long requests in progress may take after a signal, s; the halt of the arm does not wait for them."""
+"""Time limit for requests in progress after a signal, s. The halt of the arm does not wait for them."""
 
 _log = logging.getLogger(__name__)
 
@@ -77,7 +78,7 @@ class Server(uvicorn.Server):
         self._on_ready = on_ready
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Halts the arm, then lets the server end; the session is interrupted, for the next service to resume."""
+        """Halts the arm, then lets the server end. The session is interrupted; the next service can resume it."""
         self.service.rig.halt()  # takes no lock, so it may interrupt anything
         # The rest takes locks that the interrupted code may hold, so it must not wait for them in here.
         threading.Thread(target=self.service.runner.begin_shutdown, name="shut").start()
@@ -126,7 +127,7 @@ class Server(uvicorn.Server):
     def _hand_over(
         self, loop: asyncio.AbstractEventLoop, held: socket, received: bytes, peer: str, session: TlsSession | None
     ) -> None:
-        """Gives a connection to the event loop; called in the listener's thread."""
+        """Gives a connection to the event loop. Called in the listener's thread."""
 
         def adopt() -> None:
             task = loop.create_task(self._adopt(held, received, peer, session))
@@ -160,8 +161,8 @@ class Server(uvicorn.Server):
 def create(settings: Settings, on_ready: Callable[[str], None] | None = None) -> Server:
     """Creates the server of these settings, not yet running.
 
-    Raises RigError config.invalid for a host that is not this machine alone while there are no keys, for a bad cell
-    file, calibration or key file; store.locked, store.corrupt.
+    Raises RigError config.invalid for a host other than this machine without keys, and for a bad cell file, calibration
+    or key file; store.locked, store.corrupt.
     """
     ring = KeyRing(keys.path_in(settings.data))
     settings_.refuse_open_bind(settings.host, ring.required)
@@ -194,7 +195,7 @@ def announce(address: str) -> None:
 
 
 def serve(settings: Settings, on_ready: Callable[[str], None] = announce) -> None:
-    """Serves until SIGTERM or SIGINT; `on_ready` is called with the address once it listens.
+    """Serves until SIGTERM or SIGINT. `on_ready` is called with the address once the service listens.
 
     Raises RigError as `create` does, and config.invalid when the port cannot be bound.
     """

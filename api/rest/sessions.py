@@ -1,8 +1,8 @@
-"""Routes of sessions: create, list, delete, actions, passes.
+"""Routes of sessions: creation, lists, deletion, actions, passes.
 
-A resource is built from the journal for each request. Creating moves nothing; only an action does, and start and resume
-may wait for devices, so actions have thread limits of their own: however many callers wait for a dead device, reading
-continues, and a stop has threads that no other request may occupy.
+A resource is built from the journal for each request. Creating a session moves nothing; only an action does. Start and
+resume may wait for devices. Actions therefore have thread limits of their own, so that reading continues however many
+callers wait for a dead device. A stop has threads that no other request may occupy.
 """
 
 import json
@@ -83,7 +83,7 @@ def create(
     recipe: Annotated[AnyRecipe, Body(description="`{}`: the default session")] = Recipe(),  # noqa: B008 - frozen
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200, description=IDEMPOTENCY_KEY)] = None,
 ) -> SessionResource:
-    """Creates a session from a recipe; nothing moves. The same Idempotency-Key never creates a second one."""
+    """Creates a session from a recipe. Nothing moves. The same Idempotency-Key never creates a second session."""
     row, new = service.runner.create(recipe, idempotency_key)
     response.status_code = 201 if new else 200
     response.headers["Location"] = f"/v1/sessions/{row.id}"
@@ -112,9 +112,9 @@ def sessions(
         int | None, Query(ge=1, le=2**62, description="Number of the last session of the page before")
     ] = None,
 ) -> Page[SessionResource]:
-    """Sessions, newest first, by state, part of the label, and time of creation; an unknown parameter is refused.
+    """Lists sessions, newest first, by state, part of the label, and time of creation. Unknown parameters are refused.
 
-    One whose files are missing or damaged is listed with that problem in `damage`.
+    A session whose files are missing or damaged is listed with that problem in `damage`.
     """
     wanted = SessionFilter(
         states=tuple(state),
@@ -135,7 +135,7 @@ def sessions(
     "/v1/sessions/{session_id}", responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.STORE_CORRUPT)}
 )
 def read(service: ServiceOf, session_id: SessionId, caller: CallerOf) -> SessionResource:
-    """One session: state, progress, allowed actions, answer."""
+    """Returns one session: state, progress, allowed actions, answer."""
     return _resource(service, service.store.journal.session(session_id), caller)
 
 
@@ -156,7 +156,7 @@ def edit(
 ) -> SessionResource:
     """Changes a session's label or notes, or chooses which result is its answer, in any state.
 
-    The recipe stays as it was ordered. Without a choice the answer is the last result of origin `session`.
+    The recipe stays as it was ordered. Until a person chooses, the answer is the last result of origin `session`.
     """
     journal = service.store.journal
     journal.session(session_id)
@@ -173,7 +173,7 @@ def edit(
     responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.SESSION_ACTION_NOT_ALLOWED)},
 )
 def delete(service: ServiceOf, session_id: SessionId) -> None:
-    """Deletes a session that does not hold the rig, with all its files; a solve of it that runs is ended first."""
+    """Deletes a session that does not hold the rig, with all its files. A running solve of it is ended first."""
     folder = service.store.folder(session_id)
     service.store.journal.delete_session(session_id)
     service.resolving.end_of(session_id)
@@ -208,7 +208,7 @@ def delete(service: ServiceOf, session_id: SessionId) -> None:
     },
 )
 async def act(service: ServiceOf, session_id: SessionId, request: ActionRequest, actor: Actor) -> ActionAccepted:
-    """Starts, pauses, resumes or stops a session; repeating a request is no error."""
+    """Starts, pauses, resumes or stops a session. Repeating a request is not an error."""
     trigger = Trigger(request.action)
     waits = trigger in (Trigger.START, Trigger.RESUME)
     state = await anyio.to_thread.run_sync(
@@ -226,7 +226,7 @@ def actions(
     limit: Limit = 100,
     after: Offset = 0,
 ) -> Page[ActionResource]:
-    """The actions and their actors, oldest first, including those of the service itself."""
+    """Lists the actions on a session with their actors, oldest first, including those of the service itself."""
     service.store.journal.session(session_id)
     items = [_action(item) for item in service.store.journal.actions(session_id)]
     return page(request, items, limit, after)
@@ -239,7 +239,7 @@ def actions(
 def passes(
     service: ServiceOf, request: Request, session_id: SessionId, limit: Limit = 100, after: Offset = 0
 ) -> Page[PassSummary]:
-    """The passes that have a plan."""
+    """Lists the passes that have a plan."""
     service.store.journal.session(session_id)
     shots = service.store.journal.shots(session_id)
     items = [
@@ -258,7 +258,7 @@ def passes(
 
 @router.get("/v1/sessions/{session_id}/passes/{number}", responses=problems.NOT_FOUND)
 def one_pass(service: ServiceOf, session_id: SessionId, number: Number) -> PassResource:
-    """One pass: its lights, the way through them, its images."""
+    """Returns one pass: its lights, the path through them, its images."""
     folder = service.store.folder(session_id)
     plan = stored_files.newest(service, session_id, "plan", number)
     if plan is None:
@@ -283,7 +283,7 @@ def one_pass(service: ServiceOf, session_id: SessionId, number: Number) -> PassR
 
 
 def _listed(service: Service, row: SessionRow, caller: Caller) -> SessionResource | None:
-    """A session for a list, which one with damaged files must not keep from the others; None: deleted meanwhile."""
+    """Returns a session for a list, with `damage` if its files are damaged; None if it has been deleted meanwhile."""
     try:
         try:
             return _resource(service, row, caller)
@@ -298,7 +298,7 @@ def _listed(service: Service, row: SessionRow, caller: Caller) -> SessionResourc
 
 
 def _resource(service: Service, row: SessionRow, caller: Caller, damage: RigError | None = None) -> SessionResource:
-    """The resource of a session; with `damage` what is known without its files. Raises RigError store.corrupt."""
+    """Builds the resource of a session, with `damage` without its files. Raises RigError store.corrupt."""
     whole = damage is None
     progress = service.runner.progress(row.id) if whole else service.runner.told_progress(row)
     plans = service.store.journal.artifacts(row.id, "plan")

@@ -1,7 +1,7 @@
 """Settings of the service process: host, port, data folder, cell file, allowed web pages.
 
-The cell is described by the cell file; the environment (`LIGHTPOSE_…`) and the command line hold only what depends on
-the machine, so that the same cell file can be used on every machine.
+The cell file describes the cell. The environment (`LIGHTPOSE_…`) and the command line hold only what depends on the
+machine, so that one cell file works on every machine.
 """
 
 import ipaddress
@@ -19,7 +19,7 @@ Names = Annotated[tuple[str, ...], NoDecode]
 
 
 class ServerSettings(BaseSettings):
-    """What every server of this package is told: where it listens, and who may call."""
+    """Settings of every server of this package: where it listens, and who may call."""
 
     model_config = SettingsConfigDict(env_prefix="LIGHTPOSE_", frozen=True, extra="forbid")
 
@@ -51,7 +51,7 @@ class ServerSettings(BaseSettings):
 
 
 class Settings(ServerSettings):
-    """Settings of the service from the environment; keyword arguments take precedence."""
+    """Settings of the service, from the environment. Keyword arguments take precedence."""
 
     cell: Path = Field(description="The cell file")
     archive: str | None = Field(
@@ -69,7 +69,7 @@ def read(**values: Any) -> Settings:
 
 
 def read_as(kind: type[SettingsT], **values: Any) -> SettingsT:
-    """Reads settings of a kind. Raises RigError config.invalid naming each bad variable."""
+    """Reads settings of a class. Raises RigError config.invalid naming each bad variable."""
     try:
         return kind(**values)
     except ValidationError as error:
@@ -80,7 +80,10 @@ def read_as(kind: type[SettingsT], **values: Any) -> SettingsT:
 
 
 def refuse_open_bind(host: str, keys: bool, what: str = "moves the arm", role: str = "operator") -> None:
-    """Refuses a host other than loopback without keys; `what` anybody could do then. Raises RigError config.invalid."""
+    """Refuses a host other than loopback if there are no keys. Raises RigError config.invalid.
+
+    The message names `what` anybody could do then, and the `role` of the key to make.
+    """
     if not keys and not is_loopback(host):
         raise RigError(
             ErrorCode.CONFIG_INVALID,
@@ -92,7 +95,7 @@ def refuse_open_bind(host: str, keys: bool, what: str = "moves the arm", role: s
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is `localhost` or a loopback address."""
+    """Returns whether a host is `localhost` or a loopback address."""
     if host.lower() == "localhost":
         return True
     try:

@@ -1,10 +1,10 @@
-"""Lines that others write to standard error, as entries of the log: C libraries, child processes, the interpreter.
+"""Log entries for lines that C libraries, child processes and the interpreter write to standard error.
 
-libpng, OpenCV and ur-rtde print where no Python code can intercept it, so a log of JSON objects had other lines too.
-Here descriptor 2 becomes the writing end of a pipe and a thread logs each line that comes out; the log itself goes on
-to where standard error led. The pipe never blocks a writer: what does not fit is lost, since a flood of warnings must
-hold up neither the service nor the driver of the arm. The traceback of a crash goes round the pipe, whose reader would
-be dead by then.
+libpng, OpenCV and ur-rtde print where Python code cannot intercept it, so that a log of JSON objects would contain
+other lines. Here descriptor 2 becomes the writing end of a pipe, and a thread logs each line that comes out; the log
+itself goes to the original standard error. The pipe never blocks a writer. What does not fit is lost, because a flood
+of warnings must delay neither the service nor the driver of the arm. The traceback of a crash bypasses the pipe, whose
+reader would be dead by then.
 """
 
 import faulthandler
@@ -18,20 +18,20 @@ from contextlib import contextmanager
 from api.rest.log_queue import QueuedHandler
 
 MAX_LINE_BYTES = 2000
-"""Bytes of one line that are logged."""
+"""Maximum number of bytes of one line that are logged."""
 
 LINES_OF_BLOCK = 100
-"""Lines that are logged of what is read at once (64 kB): whoever writes more repeats itself."""
+"""Maximum number of lines logged from one block (64 kB); longer output usually repeats itself."""
 
 JOIN_S = 2.0
-"""How long the rest is read at the end, s: a child that lives on keeps the pipe open."""
+"""Time limit for reading the rest at the end, s; a child that lives on keeps the pipe open."""
 
 _log = logging.getLogger("stderr")
 
 
 @contextmanager
 def as_entries() -> Generator[None]:
-    """Logs each line that this process and its children write to standard error meanwhile, as a warning."""
+    """Logs each line that this process and its children write to standard error in this context, as a warning."""
     read_end, write_end = os.pipe()
     os.set_blocking(write_end, False)
     sys.stderr.flush()

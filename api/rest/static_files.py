@@ -1,4 +1,4 @@
-"""Static pages of package data: read once, served as they are or compressed, revalidated by their hash."""
+"""Static pages of package data: read once, served plain or compressed, revalidated by their hash."""
 
 import gzip
 import hashlib
@@ -19,7 +19,7 @@ MEDIA_TYPES = {
     ".svg": "image/svg+xml",
     ".txt": "text/plain",
 }
-"""Media types of files by suffix; a file of another kind is not served."""
+"""Media types of files by suffix. Other files are not served."""
 
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -33,7 +33,7 @@ HEADERS = {
 
 @dataclass(frozen=True)
 class StaticFile:
-    """One file of a page, as it is and compressed."""
+    """One file of a page, plain and compressed."""
 
     content: bytes
     compressed: bytes
@@ -51,7 +51,7 @@ def read(package: str, *folder: str) -> dict[str, StaticFile]:
 
 
 def _answer(files: dict[str, StaticFile], name: str, policy: str, accept_encoding: str) -> Response:
-    """Answers a file under a content security policy. Raises RigError request.not_found for no such file."""
+    """Responds with a file under a content security policy. Raises RigError request.not_found for an unknown file."""
     file = files.get(name)
     if file is None:
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, "The page has no file of this name", files=sorted(files))
@@ -62,9 +62,9 @@ def _answer(files: dict[str, StaticFile], name: str, policy: str, accept_encodin
 
 
 def router(index: str, parts: str, files: Callable[[], dict[str, StaticFile]], policy: str) -> APIRouter:
-    """Routes of a page: at `index` its index.html, below `parts` its files, under a content security policy.
+    """Makes the routes of a page under a content security policy: index.html at `index`, its files below `parts`.
 
-    `files` is asked at each request.
+    `files` is called at each request.
     """
     made = APIRouter(include_in_schema=False)
 

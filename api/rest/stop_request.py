@@ -1,8 +1,8 @@
 """The stop of the cell as the listener's thread carries it out: without event loop, routes, or threads of a pool.
 
-It makes the same checks as the application (host, origin, key), but answers only a request that passes them all. Any
-other it leaves to the application, which refuses it with a reason. A body, of whatever type, says nothing more than the
-address does: nobody waits for it.
+It makes the same checks as the application (host, origin, key) but answers only a request that passes them all. It
+leaves any other request to the application, which refuses it with a reason. The body of a stop adds nothing to its
+address, so it is not awaited, whatever its type.
 """
 
 import time
@@ -22,7 +22,7 @@ from api.rest.wiring import Service
 
 
 class StopRequests:
-    """Carries out stops of the cell; `answer` is called in the listener's thread."""
+    """Carries out stops of the cell. `answer` is called in the listener's thread."""
 
     def __init__(
         self, service: Service, pages: KnownPages, authentication: Authentication, proxies: TrustedProxies,
@@ -36,7 +36,7 @@ class StopRequests:
         self._authentication = authentication
 
     def answer(self, head: bytes, peer: str, arrived_at: str) -> tuple[bytes, dict[str, Any]] | None:
-        """Stops the cell where `head` asks for that and may; the answer's bytes and the log entry, else None."""
+        """Stops the cell if `head` is a permitted stop; returns the answer's bytes and the log entry, else None."""
         begun = time.monotonic()
         headers = _headers(head)
         if headers is None:
@@ -63,7 +63,7 @@ class StopRequests:
 
 
 def _headers(head: bytes) -> Headers | None:
-    """The headers of a complete head; None for a malformed one, or another address."""
+    """Returns the headers of a complete head; None if it is malformed or for another address."""
     connection = h11.Connection(h11.SERVER)
     try:
         connection.receive_data(head)

@@ -1,7 +1,7 @@
 """Files that the journal names, as HTTP responses.
 
-A file that was announced never changes, so browsers may cache it for good, under its digest as ETag; the exceptions
-are images under an address that may be given another content, which a browser has to revalidate.
+A file that was announced never changes, so browsers may cache it for good, with its digest as ETag. The exceptions are
+images under an address that may receive other content; a browser must revalidate those.
 """
 
 import json
@@ -19,16 +19,16 @@ from api.rest.wiring import Service
 
 
 class FileName(Convertor[str]):
-    """A part of an address that is a file's name: it has a dot, as no other address below a result has."""
+    """Path convertor for a file's name: a part with a dot, which no other address below a result has."""
 
     regex = r"[^/]*\.[^/]*"
 
     def convert(self, value: str) -> str:
-        """The name as it stands."""
+        """Returns the name unchanged."""
         return value
 
     def to_string(self, value: str) -> str:
-        """The name as it stands."""
+        """Returns the name unchanged."""
         return value
 
 
@@ -49,14 +49,14 @@ MEDIA_TYPES = {
 
 
 ARTEFACT_TYPES = sorted(set(MEDIA_TYPES.values()), key=lambda kind: (kind != "application/octet-stream", kind))
-"""Media types of a result's files; that of any bytes first, by which generated clients take the content."""
+"""Media types of a result's files. The type for any bytes is first; generated clients receive the content by it."""
 
 NOT_MODIFIED: dict[int | str, dict[str, Any]] = {304: {"description": "The ETag of `If-None-Match` is still valid"}}
 """OpenAPI response of routes whose answers have an ETag."""
 
 
 def binary(*media_types: str, description: str) -> dict[int | str, dict[str, Any]]:
-    """OpenAPI response of a route that answers bytes, of one of these types; text as text, JSON as an object."""
+    """Returns the OpenAPI response of a route that answers bytes of these types; text as text, JSON as an object."""
     content = {kind: {"schema": _schema(kind)} for kind in media_types}
     return {200: {"description": description, "content": content}}
 
@@ -70,7 +70,7 @@ def _schema(media_type: str) -> dict[str, str]:
 
 
 def newest(service: Service, session_id: str, kind: str, number: int) -> Artifact | None:
-    """The newest artefact of a kind and number in a session, None without one."""
+    """Returns the newest artefact of a kind and number in a session, None without one."""
     entries = [item for item in service.store.journal.artifacts(session_id, kind) if item.number == number]
     return entries[-1] if entries else None
 
@@ -104,7 +104,7 @@ def manifest_entries(folder: Path, manifest: str) -> dict[str, ManifestEntry]:
 
 
 def file_response(path: Path, name: str, digest: str) -> FileResponse:
-    """Responds with a file, to be saved as `name` and cached for good. Raises RigError store.corrupt without it."""
+    """Responds with a file to be saved as `name` and cached for good. Raises RigError store.corrupt without it."""
     if not path.is_file():
         raise RigError(ErrorCode.STORE_CORRUPT, f"{path.name} is missing", file=path.name)
     media_type = MEDIA_TYPES.get(path.suffix, "application/octet-stream")
@@ -114,12 +114,12 @@ def file_response(path: Path, name: str, digest: str) -> FileResponse:
 
 
 def immutable(digest: str) -> dict[str, str]:
-    """Headers of content that never changes: its digest as ETag, to be cached for a year."""
+    """Returns the headers of content that never changes: its digest as ETag, to be cached for a year."""
     return {"ETag": f'"{digest}"', "Cache-Control": "private, max-age=31536000, immutable"}
 
 
 def revalidated_png(path: Path, digest: str) -> FileResponse:
-    """Responds with a PNG whose address may later hold another one, so a browser has to revalidate it by its ETag.
+    """Responds with a PNG whose address may later hold another one, so that browsers must revalidate it by its ETag.
 
     Raises RigError store.corrupt when the file is missing.
     """
@@ -129,5 +129,5 @@ def revalidated_png(path: Path, digest: str) -> FileResponse:
 
 
 def revalidated(digest: str) -> dict[str, str]:
-    """Headers of content that may change at its address: a browser keeps it and asks each time whether it is valid."""
+    """Returns the headers of content that may change at its address: browsers keep it and revalidate it each time."""
     return {"ETag": f'"{digest}"', "Cache-Control": "private, no-cache"}

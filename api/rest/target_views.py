@@ -1,7 +1,6 @@
-"""Routes for the eyes of whoever calibrates: the target in the live image, and the views that are planned, as pixels.
+"""Routes that help a person who calibrates: the target in the live image, and the planned views, in pixels.
 
-Both are given as coordinates, not as drawings: a page lays them over the picture that it shows, in its own colours and
-for its own readers, and a script compares them.
+Both are coordinates, not drawings: a page lays them over the picture in its own style, and a script compares them.
 """
 
 from fastapi import APIRouter, Request, Response
@@ -70,9 +69,9 @@ class PlannedViews(Resource):
     },
 )
 async def preview_target(request: Request, service: ServiceOf, response: Response) -> TargetView:
-    """The calibration board of the cell file in the present image, found as in a session's images.
+    """Detects the calibration board of the cell file in the present image, as in a session's images.
 
-    While a session holds the rig it is looked for in the last frame that was captured.
+    While a session holds the rig, the present image is the last frame that the session captured.
     """
     preview: CameraPreview = request.app.state.camera_preview
     response.headers["Cache-Control"] = "no-store"
@@ -96,9 +95,9 @@ async def preview_target(request: Request, service: ServiceOf, response: Respons
     responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.STORE_CORRUPT)},
 )
 def planned_views(service: ServiceOf, session_id: SessionId, number: Number) -> PlannedViews:
-    """Where the board will be in the images of a pass: outline and corners of each planned view.
+    """Predicts where the board will be in the images of a pass: outline and corners of each planned view.
 
-    By the newest estimate before the pass, else by the calibration that the session began with.
+    The prediction uses the newest estimate before the pass, else the calibration that the session began with.
     """
     service.store.journal.session(session_id)
     entry = stored_files.newest(service, session_id, "plan", number)
@@ -171,6 +170,6 @@ def _views(plan: LightPlan, cell: CellConfig, calibration: Calibration, taken: s
 
 
 def _calibrates(service: Service, session_id: str, number: int) -> bool:
-    """Whether a session's estimate of a number is there and has values."""
+    """Returns whether a session has an estimate of this number with values."""
     entry = stored_files.newest(service, session_id, "estimate", number)
     return entry is not None and bool(entry.body["estimated"])

@@ -1,8 +1,8 @@
-"""Routes of callers: who a key belongs to, which keys there are, and tickets, with which a page shows images and
-follows events: browsers send no key with those.
+"""Routes of callers: the owner of a key, the list of keys, and tickets for images and events.
 
-Keys are made and revoked on the service's machine alone (`lightpose keys`): whoever steals an admin's key can then
-neither make keys that outlive it nor lock the others out, and no secret is ever sent.
+A browser sends no key when it loads an image or follows events; a page uses a ticket instead. Keys are made and revoked
+only on the service's machine (`lightpose keys`). Whoever steals an admin's key can then neither make keys that outlive
+it nor lock the others out, and no secret is ever sent.
 """
 
 import time
@@ -22,7 +22,7 @@ router = APIRouter(tags=["rig"])
 
 @router.get("/v1/caller", responses=problems.responses_of(ErrorCode.REQUEST_UNAUTHENTICATED))
 async def caller(caller: CallerOf) -> CallerResource:
-    """Who asks: the name and the role of the key, so that a page offers only what the key allows."""
+    """Returns the name and role of the caller's key, so that a page offers only what the key allows."""
     return CallerResource(name=caller.name, role=caller.role)
 
 
@@ -31,7 +31,7 @@ async def caller(caller: CallerOf) -> CallerResource:
     responses=problems.responses_of(ErrorCode.REQUEST_UNAUTHENTICATED, ErrorCode.REQUEST_FORBIDDEN),
 )
 async def keys(request: Request) -> Page[KeyResource]:
-    """The keys of the service, for admins: names, roles, age and last use.
+    """Lists the keys of the service with roles, age and last use, for admins.
 
     They are made and revoked on the service's machine: `lightpose keys add`, `lightpose keys revoke`.
     """
@@ -51,7 +51,7 @@ async def keys(request: Request) -> Page[KeyResource]:
 
 @router.post("/v1/tickets", status_code=201, responses=problems.responses_of(ErrorCode.REQUEST_UNAUTHENTICATED))
 async def ticket(request: Request, caller: CallerOf) -> TicketResource:
-    """Issues a ticket for `<img>` and `EventSource`: add `?ticket=…` to any GET; it allows reading only."""
+    """Issues a ticket for `<img>` and `EventSource`: add `?ticket=…` to any GET. It allows reading only."""
     keys: KeyRing = request.app.state.keys
     good_until = datetime.now(UTC) + timedelta(seconds=TICKET_LIFETIME_S)
     return TicketResource(ticket=keys.issue_ticket(caller, time.monotonic()), good_until=good_until)

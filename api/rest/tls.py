@@ -1,9 +1,9 @@
 """TLS of the service itself: its certificate, and encrypted connections that the listener's thread can begin.
 
-asyncio encrypts a connection only from its first byte on, but here the listener's thread reads the first request, since
-it answers the stop. So a connection's TLS state lives in memory (`TlsSession`, over OpenSSL's memory buffers), belongs
-to the listener until the connection is handed over, and then to a protocol on the event loop that decrypts what arrives
-and hands a transport that encrypts to the HTTP protocol. The context is uvicorn's own.
+asyncio encrypts a connection only from its first byte on. Here the listener's thread reads the first request, since it
+answers the stop. A connection's TLS state therefore lives in memory (`TlsSession`, over OpenSSL's memory buffers). It
+belongs to the listener until the connection is handed over. Then a protocol on the event loop owns it, which decrypts
+what arrives and gives the HTTP protocol a transport that encrypts. The context is uvicorn's own.
 """
 
 import asyncio
@@ -18,14 +18,14 @@ from uvicorn.config import create_ssl_context
 from acquisition.models.errors import ErrorCode, RigError
 
 OF_EVERYBODY = 0o007
-"""Permissions of a file that concern everybody; a group such as Debian's `ssl-cert` may read a key."""
+"""Permission bits of a file for everybody. A group such as Debian's `ssl-cert` may read a key."""
 
 _READ_BYTES = 1 << 16
-_NO_PASSWORD = "none"  # noqa: S105 - of a key that needs one, so that OpenSSL refuses it instead of asking at the terminal
+_NO_PASSWORD = "none"  # noqa: S105 - makes OpenSSL refuse a key with a password instead of asking at the terminal
 
 
 def context(certificate: Path | None, key: Path | None) -> ssl.SSLContext | None:
-    """The server's TLS context; None without certificate and key.
+    """Returns the server's TLS context, or None without certificate and key.
 
     Raises RigError config.invalid naming what is missing, cannot be read, is open to everybody, or does not fit.
     """
@@ -56,19 +56,19 @@ def _invalid(detail: str) -> RigError:
 
 
 class TlsSession:
-    """The server's side of one encrypted connection, without a socket; one thread at a time uses it."""
+    """The server's side of one encrypted connection, without a socket. Only one thread at a time may use it."""
 
     def __init__(self, server: ssl.SSLContext) -> None:
         self.context = server
-        self.ended = False  # the peer has said that it sends no more
+        self.ended = False  # whether the peer has announced that it sends no more
         self._incoming, self._outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
         self._object = server.wrap_bio(self._incoming, self._outgoing, server_side=True)
         self._established = False
 
     def receive(self, block: bytes) -> bytes:
-        """Decrypts what has arrived, empty during the handshake; `to_send` may hold an answer to it.
+        """Decrypts what has arrived; empty during the handshake. `to_send` may then hold TLS's own answer.
 
-        Raises ssl.SSLError for what is no TLS.
+        Raises ssl.SSLError for data that is not TLS.
         """
         self._incoming.write(block)
         plain = bytearray()
@@ -87,25 +87,25 @@ class TlsSession:
         return bytes(plain)
 
     def send(self, plain: bytes) -> bytes:
-        """Encrypts; with it goes what else is to be sent."""
+        """Encrypts data, and returns it with whatever else is to be sent."""
         rest = memoryview(plain)
         while rest:
             rest = rest[self._object.write(rest) :]
         return self.to_send()
 
     def close(self) -> bytes:
-        """The end of what is sent."""
-        with suppress(ssl.SSLError):  # it waits for the peer's, which nobody needs; or there was no complete handshake
+        """Returns the encrypted end of the connection."""
+        with suppress(ssl.SSLError):  # raised for the missing end of the peer or an incomplete handshake
             self._object.unwrap()
         return self.to_send()
 
     def to_send(self) -> bytes:
-        """Bytes for the peer."""
+        """Returns and removes the bytes that are ready for the peer."""
         return self._outgoing.read()
 
 
 class TlsProtocol(asyncio.Protocol):
-    """Protocol of an encrypted connection whose session has begun elsewhere; drives an inner protocol in clear."""
+    """Protocol of an encrypted connection whose session began elsewhere. It drives an inner protocol in clear text."""
 
     def __init__(self, session: TlsSession, inner: asyncio.Protocol) -> None:
         self._session = session
@@ -136,24 +136,24 @@ class TlsProtocol(asyncio.Protocol):
             self._transport.close()
 
     def eof_received(self) -> bool | None:
-        """Passes it on."""
+        """Passes the call on."""
         return self._inner.eof_received()
 
     def pause_writing(self) -> None:
-        """Passes it on."""
+        """Passes the call on."""
         self._inner.pause_writing()
 
     def resume_writing(self) -> None:
-        """Passes it on."""
+        """Passes the call on."""
         self._inner.resume_writing()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Passes it on."""
+        """Passes the call on."""
         self._inner.connection_lost(exc)
 
 
 class TlsTransport(asyncio.Transport):
-    """Transport that encrypts for a TLS session; all else is the underlying transport's."""
+    """Transport that encrypts for a TLS session and leaves everything else to the underlying transport."""
 
     def __init__(self, session: TlsSession, under: asyncio.Transport) -> None:
         super().__init__()
@@ -161,7 +161,7 @@ class TlsTransport(asyncio.Transport):
         self._under = under
 
     def get_extra_info(self, name: str, default: Any = None) -> Any:
-        """As the underlying transport's; with the TLS context, by which the server knows the scheme."""
+        """Returns the underlying transport's information, and the TLS context, by which the server knows the scheme."""
         return self._session.context if name == "sslcontext" else self._under.get_extra_info(name, default)
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
@@ -170,7 +170,7 @@ class TlsTransport(asyncio.Transport):
             self._under.write(self._session.send(bytes(data)))
 
     def close(self) -> None:
-        """Sends what is buffered and the end of it, then closes."""
+        """Sends the buffered data and the end of the connection, then closes."""
         if not self._under.is_closing():
             self._under.write(self._session.close())
             self._under.close()
@@ -180,29 +180,29 @@ class TlsTransport(asyncio.Transport):
         self._under.abort()
 
     def is_closing(self) -> bool:
-        """Whether it closes."""
+        """Returns whether the transport is closing."""
         return self._under.is_closing()
 
     def pause_reading(self) -> None:
-        """Reads no more for now."""
+        """Pauses reading."""
         self._under.pause_reading()
 
     def resume_reading(self) -> None:
-        """Reads again."""
+        """Resumes reading."""
         self._under.resume_reading()
 
     def is_reading(self) -> bool:
-        """Whether it reads."""
+        """Returns whether the transport is reading."""
         return self._under.is_reading()
 
     def get_write_buffer_size(self) -> int:
-        """Encrypted bytes that are to be sent."""
+        """Returns the number of encrypted bytes that wait to be sent."""
         return self._under.get_write_buffer_size()
 
     def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
-        """Limits of that buffer."""
+        """Sets the limits of that buffer."""
         self._under.set_write_buffer_limits(high, low)
 
     def can_write_eof(self) -> bool:
-        """TLS has no half-closed connections here."""
+        """Returns False, because TLS has no half-closed connections here."""
         return False

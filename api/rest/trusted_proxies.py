@@ -1,8 +1,8 @@
-"""Proxies in front of the service: who called them, and by which scheme, where they are trusted to say so.
+"""Proxies in front of the service: the caller's address and scheme, as reported by proxies that the settings trust.
 
-A proxy that ends TLS calls the service by plain HTTP from an address of its own, so that a page of the service would
-look like a foreign one, and every caller alike in the record. It says what it was asked in X-Forwarded-Proto and
-X-Forwarded-For, which anybody can write: they count only from the addresses that the settings name.
+A proxy that ends TLS calls the service by plain HTTP from its own address. A page of the service would then look like a
+foreign one, and all callers would look alike in the record. The proxy reports the original request in X-Forwarded-Proto
+and X-Forwarded-For. Anybody can write these headers, so they count only from the addresses that the settings name.
 """
 
 import ipaddress
@@ -20,7 +20,7 @@ class TrustedProxies:
         self._networks = [ipaddress.ip_network(name, strict=False) for name in names]
 
     def caller(self, peer: str, headers: Headers, own_scheme: str) -> tuple[str, str]:
-        """Address of the caller and scheme of the address that it called, for a connection by `own_scheme`."""
+        """Returns the caller's address and the scheme of its request, for a connection by `own_scheme`."""
         if not self._trusts(peer):
             return peer, own_scheme
         scheme = headers.get("x-forwarded-proto", own_scheme).strip().lower()
@@ -37,14 +37,14 @@ class TrustedProxies:
 
 
 class ForwardedCaller:
-    """ASGI middleware that replaces a trusted proxy's address and scheme by those of its caller."""
+    """ASGI middleware that replaces the address and scheme of a trusted proxy by those of its caller."""
 
     def __init__(self, app: ASGIApp, proxies: TrustedProxies) -> None:
         self._app = app
         self._proxies = proxies
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handles one request."""
         if scope["type"] == "http" and scope.get("client"):
             host, scheme = self._proxies.caller(scope["client"][0], Headers(scope=scope), scope["scheme"])
             scope = {**scope, "client": (host, scope["client"][1]), "scheme": scheme}

@@ -1,7 +1,7 @@
-"""Turns of slow requests: one of a kind is worked on at a time, a few wait, and more are refused at once.
+"""Turns of slow requests: one of each kind is processed at a time, a few wait, and further ones are refused at once.
 
-A request that waits is answered late; where any number may wait, it is answered after any time. So what comes beyond
-`MOST_WAITING` is told to come again, which bounds the wait of everyone else.
+The number of waiting requests is limited because an unlimited queue has an unlimited waiting time. A request beyond
+`MOST_WAITING` is refused with the time after which to try again.
 """
 
 from collections.abc import Callable
@@ -13,9 +13,9 @@ from anyio import CapacityLimiter
 from acquisition.models.errors import ErrorCode, RigError
 
 MOST_WAITING = 8
-"""Requests of a kind that may wait. A plan takes 1 to 3 s, five times that beside other programs: 2 min for all."""
+"""Maximum number of waiting requests of a kind. A plan takes 1 to 3 s, or 5 times that beside other programs: 2 min."""
 RETRY_AFTER_S = 15
-"""Time after which a refused request may be sent again, s: a plan or several have been made by then."""
+"""Time after which a refused request may be sent again, s; one or several plans are made within it."""
 
 Answer = TypeVar("Answer")
 Arguments = TypeVarTuple("Arguments")
@@ -28,7 +28,7 @@ async def in_turn(limiter: CapacityLimiter, work: Callable[[*Arguments], Answer]
 
 
 def refuse_crowd(limiter: CapacityLimiter) -> None:
-    """Refuses a request for whose kind enough wait already. Raises RigError service.overloaded."""
+    """Refuses a request if enough of its kind wait already. Raises RigError service.overloaded."""
     if limiter.statistics().tasks_waiting >= MOST_WAITING:
         raise RigError(
             ErrorCode.SERVICE_OVERLOADED,

@@ -1,4 +1,4 @@
-"""Composition root: the only place that chooses devices; builds runner and service from settings and cell file.
+"""Composition root: builds runner and service from settings and cell file, and is the only module that chooses devices.
 
 Nothing is connected here. The runner connects the devices when it can, so that the service starts although one is
 absent, and reports which.
@@ -47,12 +47,12 @@ from acquisition.waypoints import calibrated_kinematics, kinematics
 from api.rest.settings import Settings
 
 SHARE = 0.5
-"""Share of a core that this process may take in real time while the arm moves; alone with a session it takes 0.05."""
+"""Share of a core that this process may use in real time while the arm moves; with a session alone it uses 0.05."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Threads that each kind of slow request may occupy, so that none starves the others."""
+    """Numbers of threads that each kind of slow request may occupy, so that no kind starves the others."""
 
     start: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(4))  # start and resume wait for devices
     stop: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
@@ -84,7 +84,7 @@ class Service:
         return self.runner.choices.calibration
 
     def open(self) -> None:
-        """Starts the runner, the re-solving and the queue, which is stopped; nothing moves."""
+        """Starts the runner, the re-solving and the queue in its stopped state. Nothing moves."""
         self.runner.open()
         self.resolving.open()
         self.queue.open()
@@ -156,8 +156,9 @@ def build_arm(cell: CellConfig) -> UrArm:
 
 
 def build_camera(camera: AnyCamera, pulse_output: Callable[[int], None] | None = None) -> AccountedCamera:
-    """Builds the camera of a kind, not connected. Without `pulse_output`, which pulses an output of the arm's
-    controller, it is triggered by software. Raises RigError config.invalid when its library is not installed.
+    """Builds the camera of a kind, not connected. Raises RigError config.invalid when its library is not installed.
+
+    Without `pulse_output`, which pulses an output of the arm's controller, it is triggered by software.
     """
     return AccountedCamera(_driver(camera, pulse_output), camera)
 
@@ -179,12 +180,12 @@ def _driver(camera: AnyCamera, pulse_output: Callable[[int], None] | None) -> Ca
 
 
 def _pulse(pulse_output: Callable[[int], None] | None, output: int | None) -> Callable[[], None] | None:
-    """The pulse of one output; none: there is no arm, or the camera is not wired to it."""
+    """Returns the pulse of one output; None without an arm, or if the camera is not wired to it."""
     return None if pulse_output is None or output is None else partial(pulse_output, output)
 
 
 def _latched(store: Store) -> Latch | None:
-    """A fault that the last service left unacknowledged."""
+    """Returns a fault that the last service left unacknowledged, or None."""
     faults = store.journal.unacknowledged_faults()
     if not faults:
         return None

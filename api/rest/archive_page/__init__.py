@@ -1,5 +1,5 @@
-"""The archive for reading: a page at `/archive` and the resources behind it, in the service or in a server of its own.
+"""The archive for reading: a page at `/archive` and its resources, in the service or in a separate server.
 
-Nothing here writes to an archive. A cell's service has these routes where its settings name an archive; without a cell
-they are all that `lightpose archive serve` serves. Needs the extra `archive`, so that a service imports it only then.
+Nothing here writes to an archive. A cell's service has these routes if its settings name an archive. Without a cell,
+`lightpose archive serve` serves them alone. They need the extra `archive`, so a service imports them only then.
 """

@@ -1,7 +1,7 @@
-"""Exports of archived sessions on demand, as a zip file: written by a process of its own, then streamed and removed.
+"""Exports of archived sessions on demand, as zip files: written by a separate process, then streamed and removed.
 
-A bag's files are hashed and Relight's images are rendered, which takes seconds to minutes of a core: in another process
-of low priority that holds up neither this one's answers nor a cell. One export at a time is made.
+An export hashes a bag's files or renders Relight's images, which takes a core for seconds to minutes. In a process of
+low priority this delays neither the answers of this one nor a cell. Only one export is made at a time.
 """
 
 import tempfile
@@ -23,7 +23,7 @@ Form = Literal["folder", "bagit", "relight"]
 
 
 class Export:
-    """An exported session as the bytes of a zip file; its folder lives as long as this."""
+    """An exported session as the bytes of a zip file. Its folder is removed when they have been read."""
 
     def __init__(self, folder: "tempfile.TemporaryDirectory[str]", name: str) -> None:
         self._folder = folder

@@ -1,7 +1,7 @@
-"""Pages of the archive's list: what is searched for, and where a page goes on.
+"""Pages of the archive's list: the search, and the position at which a page continues.
 
-A page goes on after the last session of the one before, named by time and key, and not after a number of rows: sessions
-that are pushed meanwhile shift nothing, and the thousandth page costs what the first does.
+A page continues after the last session of the one before, named by time and key, not after a number of rows. Sessions
+pushed meanwhile therefore shift nothing, and the thousandth page costs as much as the first.
 """
 
 import math
@@ -19,7 +19,7 @@ from api.rest.schemas import Page
 
 
 def page(archive: ReadArchive, search: str, condition: str, limit: int, after: str) -> Page[ArchivedSession]:
-    """One page, the newest captures first, those without an image last.
+    """Returns one page, newest captures first, sessions without an image last.
 
     Raises RigError archive.query_invalid for a condition, request.invalid for a cursor that cannot be read.
     """
@@ -42,7 +42,7 @@ def _cursor(row: SessionRow) -> str:
 
 
 def _after(cursor: str) -> sa.ColumnElement[bool]:
-    """The sessions that follow the one that a cursor names."""
+    """Returns the condition for the sessions that follow the one that a cursor names."""
     written, _, key = cursor.partition("_")
     captured, after = COLUMNS["captured"], COLUMNS["key"] > key
     if not written:

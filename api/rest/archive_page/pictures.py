@@ -1,4 +1,4 @@
-"""Small pictures of archived sessions: the newest result's normals, or the first image of one that is not solved."""
+"""Small pictures of archived sessions: the newest result's normals, or the first image of an unsolved session."""
 
 from io import BytesIO
 
@@ -17,7 +17,7 @@ NORMALS = "normals.png"
 
 
 def shown(archive: ReadArchive, key: str) -> FileEntry:
-    """The file that a session's picture is made of.
+    """Returns the file from which a session's picture is made.
 
     Raises RigError archive.not_found for an unknown session and for one without images.
     """
@@ -33,7 +33,7 @@ def shown(archive: ReadArchive, key: str) -> FileEntry:
 
 
 def picture(archive: ReadArchive, key: str, file: FileEntry, width: int) -> bytes:
-    """That file as a JPEG of `width` px at most. Raises RigError archive.damaged."""
+    """Returns that file as a JPEG of at most `width` px. Raises RigError archive.damaged."""
 
     def make() -> bytes:
         content, entry = archive.content(file), archive.session(key)

@@ -1,8 +1,8 @@
-"""The archive as the routes read it: opened when it is first asked for, in few threads, so that it holds nobody up.
+"""The archive as the routes read it: opened on first use, in few threads, so that it delays nothing else.
 
-An archive may be away, and an object store answers late: a request waits for it in a thread of its kind's few, what
-comes beyond a short queue is refused (`turns`), and nothing of it concerns the event loop or the arm. Content is
-checked by its hash before any of it is sent. Entries of results never change, so those that were read are kept.
+An archive may be unreachable, and an object store answers late. A request waits for it in one of a few threads of its
+kind, further ones are refused beyond a short queue (`turns`), and neither the event loop nor the arm is involved. All
+content is checked by its hash before any of it is sent. Entries never change, so those that were read are kept.
 """
 
 import tempfile
@@ -23,21 +23,21 @@ from acquisition.runner.memo import Memo
 from api.rest.turns import in_turn
 
 SCRATCH = "lightpose-archive-"
-"""Beginning of the names of folders in the system's own for temporary ones."""
+"""Prefix of the names of temporary folders."""
 READERS, PAINTERS = 4, 2
-"""Threads that read the archive, and that make pictures of it, at once."""
+"""Numbers of threads that read the archive, and that make pictures of it, at the same time."""
 KEPT_ENTRIES, KEPT_PICTURES = 256, 512
-"""Entries (some 20 kB each) and pictures (some 10 kB each) kept in memory."""
+"""Numbers of entries (about 20 kB each) and pictures (about 10 kB each) kept in memory."""
 
 Answer = TypeVar("Answer")
 Arguments = TypeVarTuple("Arguments")
 
 
 class ReadArchive:
-    """One archive, and what is kept of it."""
+    """One archive, with a cache of its entries and pictures."""
 
     def __init__(self, address: str, catalogue: str | None) -> None:
-        """Opens nothing yet, so that a service starts although its archive is away."""
+        """Opens nothing yet, so that a service starts although its archive is unreachable."""
         self.address, self.catalogue_address = address, catalogue
         self.exporting = CapacityLimiter(1)
         self._readers, self._painters = CapacityLimiter(READERS), CapacityLimiter(PAINTERS)
@@ -52,48 +52,48 @@ class ReadArchive:
             self._opened.close()
 
     async def read(self, work: Callable[[*Arguments], Answer], *arguments: *Arguments) -> Answer:
-        """Runs work that reads the archive in its turn. Raises RigError service.overloaded."""
+        """Runs `work`, which reads the archive, in its turn. Raises RigError service.overloaded."""
         return await in_turn(self._readers, work, *arguments)
 
     async def paint(self, work: Callable[[*Arguments], Answer], *arguments: *Arguments) -> Answer:
-        """Runs work that makes a picture in its turn. Raises RigError service.overloaded."""
+        """Runs `work`, which makes a picture, in its turn. Raises RigError service.overloaded."""
         return await in_turn(self._painters, work, *arguments)
 
     def archive(self) -> Archive:
-        """The archive, opened now unless it is. Raises RigError archive.unreachable, archive.address_invalid, …"""
+        """Returns the archive, opened on first use. Raises RigError archive.unreachable, archive.address_invalid, …"""
         with self._opening:
             if self._opened is None:
                 self._opened = Archive(self.address, self.catalogue_address)
             return self._opened
 
     def probe(self) -> None:
-        """Asks files and catalogue for something. Raises RigError as `archive`, archive.unreachable."""
+        """Checks that files and catalogue answer. Raises RigError as `archive`, archive.unreachable."""
         archive = self.archive()
         archive.contents.size(MARK)
         archive.catalogue.session_keys("", limit=1)
 
     def row(self, key: str) -> SessionRow:
-        """A session as the catalogue has it. Raises RigError archive.not_found."""
+        """Returns a session's row of the catalogue. Raises RigError archive.not_found."""
         rows = self.archive().catalogue.sessions(COLUMNS["key"] == key)
         if not rows:
             raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"{key!r}: there is no session of this key")
         return rows[0]
 
     def session(self, key: str) -> SessionEntry:
-        """A session's entry. Raises RigError archive.not_found, archive.damaged."""
+        """Returns a session's entry. Raises RigError archive.not_found, archive.damaged."""
         return self._sessions.of(session_name(key), partial(self.archive().session, key))
 
     def finished(self, key: str) -> list[ResultRow]:
-        """The results of a session that are there, the newest first."""
+        """Returns the finished results of a session, newest first."""
         return [row for row in reversed(self.archive().catalogue.results(key)) if row.state == "done"]
 
     def result(self, key: str, solver: str, settings: str) -> ResultEntry:
-        """A result's entry. Raises RigError archive.not_found, archive.damaged."""
+        """Returns a result's entry. Raises RigError archive.not_found, archive.damaged."""
         name = result_name(key, solver, settings)
         return self._results.of(name, partial(self.archive().result, name))
 
     def opened(self, file: FileEntry) -> BinaryIO:
-        """A file's content, checked, as a file without a name: it is gone when it is closed, whoever does that.
+        """Returns a file's checked content as a file without a name, which disappears when it is closed.
 
         Raises RigError archive.damaged.
         """
@@ -103,6 +103,6 @@ class ReadArchive:
             return path.open("rb")
 
     def content(self, file: FileEntry) -> bytes:
-        """The content of a file, checked. Raises RigError archive.damaged."""
+        """Returns the checked content of a file. Raises RigError archive.damaged."""
         with self.opened(file) as content:
             return content.read()

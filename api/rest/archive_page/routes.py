@@ -1,8 +1,8 @@
-"""Routes of the archive: its page, sessions, pictures, files and exports; all of them only read.
+"""Routes of the archive: its page, sessions, pictures, files and exports. All of them only read.
 
-The page is a bundle of its own (`api/page/built-archive`) under the policy of the operator's, served without a key: it
-asks for the key itself. What a file's hash names never changes, so files are cached for good; a session's picture and
-details follow its newest result and are asked for again.
+The page is a bundle of its own (`api/page/built-archive`) under the policy of the operator's page. It is served without
+a key and asks for the key itself. A file is named by its hash and never changes, so it is cached for good. A session's
+picture and details depend on its newest result and are revalidated.
 """
 
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ router = APIRouter(tags=["archive"])
 
 @cache
 def bundle() -> dict[str, StaticFile]:
-    """Reads the built bundle, by file name; once for a process."""
+    """Reads the built bundle, by file name, once per process."""
     return static_files.read("api", "page", "built-archive")
 
 
@@ -59,13 +59,13 @@ async def archived_sessions(
     limit: Annotated[int, Query(ge=1, le=200, description="Most sessions of one page")] = 50,
     after: Annotated[str, Query(max_length=120, description="Where a page goes on; `next` holds it")] = "",
 ) -> Page[ArchivedSession]:
-    """The sessions of the archive, the newest first."""
+    """Lists the sessions of the archive, newest first."""
     return await archive.read(listing.page, archive, search, where, limit, after)
 
 
 @router.get(f"{ROOT}/{{key}}", responses=KNOWN)
 async def archived_session(archive: ArchiveOf, key: Key) -> ArchivedSessionDetails:
-    """One session with its files and results."""
+    """Returns one session with its files and results."""
     return await archive.read(_details, archive, key)
 
 
@@ -79,7 +79,7 @@ async def archived_picture(
     key: Key,
     width: Annotated[int, Query(ge=16, le=1024, description="Width in px; a narrower one is not enlarged")] = 240,
 ) -> Response:
-    """A small picture of a session: its newest normals, or its first image."""
+    """Returns a small picture of a session: its newest normals, or its first image."""
     file = await archive.read(pictures.shown, archive, key)
     content = await archive.paint(pictures.picture, archive, key, file, width)
     return Response(content, media_type="image/jpeg", headers=stored_files.revalidated(f"{file.sha256}-{width}"))
@@ -97,7 +97,7 @@ async def archived_picture(
 async def archived_file(
     archive: ArchiveOf, key: Key, path: Annotated[str, InPath(max_length=300, description="As `files` lists it")]
 ) -> StreamingResponse:
-    """One file of a session or of a result, checked by its hash."""
+    """Returns one file of a session or of a result, checked by its hash."""
     file, content = await archive.read(_file, archive, key, path)
     name = path.rpartition("/")[2]
     kind = stored_files.MEDIA_TYPES.get(f".{name.rpartition('.')[2]}", "application/octet-stream")
@@ -118,7 +118,7 @@ async def archived_export(
         Query(description="`folder`: as `lightpose solve` reads it; `bagit`: a bag with RO-Crate metadata; `relight`"),
     ] = "bagit",
 ) -> StreamingResponse:
-    """A session with all its results as a zip file, made now."""
+    """Returns a session with all its results as a zip file, made on request."""
     row = await archive.read(archive.row, key)
     name = f"{_safe(row.session_id)}-{form}"
     made = await exporting.export(archive, key, form, name)
@@ -144,7 +144,7 @@ def _details(archive: ReadArchive, key: str) -> ArchivedSessionDetails:
 
 
 def _file(archive: ReadArchive, key: str, path: str) -> tuple[FileEntry, BinaryIO]:
-    """A file's entry and checked content. Raises RigError archive.not_found, archive.damaged."""
+    """Returns a file's entry and checked content. Raises RigError archive.not_found, archive.damaged."""
     archive.row(key)
     found = archive.session(key).files.get(path)
     if found is None and path.startswith("results/"):
@@ -162,5 +162,5 @@ def _blocks(content: BinaryIO) -> Iterator[bytes]:
 
 
 def _safe(name: str) -> str:
-    """A session's id as a file name; ids of other releases may hold anything."""
+    """Returns a session's id as a file name; ids of other releases may contain any character."""
     return "".join(sign if sign.isascii() and (sign.isalnum() or sign in "-_.") else "_" for sign in name)[:80]

@@ -1,4 +1,4 @@
-"""What the archive's routes answer."""
+"""Schemas of the archive's answers."""
 
 import math
 from datetime import datetime
@@ -13,7 +13,7 @@ ROOT = "/archive/v1/sessions"
 
 
 class ArchivedSession(Resource):
-    """A session as lists show it."""
+    """A session in a list of the archive."""
 
     key: str = Field(description="Hash of its id and files: its identity in the archive")
     session_id: str = Field(description="Its id in the cell that captured it")
@@ -36,7 +36,7 @@ class ArchivedSession(Resource):
 
     @classmethod
     def of(cls, row: SessionRow) -> "ArchivedSession":
-        """The resource of a row."""
+        """Builds the resource from a row of the catalogue."""
         own = f"{ROOT}/{row.key}"
         return cls(
             key=row.key, session_id=row.session_id, object=row.object, notes=row.notes, cell=row.cell, kind=row.kind,
@@ -57,7 +57,7 @@ class ArchivedFile(Resource):
 
 
 class ArchivedResult(Resource):
-    """A result: which solver made it of which images, how sure it is, and by how much it moved."""
+    """A result: its solver, the images used, its uncertainty, and its change from the result before."""
 
     solver: str = Field(description="Version of lightpose")
     settings: str = Field(description="Hash of its settings")
@@ -74,7 +74,7 @@ class ArchivedResult(Resource):
 
     @classmethod
     def of(cls, row: ResultRow, files: dict[str, FileEntry]) -> "ArchivedResult":
-        """The resource of a row and of the files of its entry."""
+        """Builds the resource from a row of the catalogue and the files of its entry."""
         first = next(iter(files), None)
         below = {} if first is None else {"self": f"{ROOT}/{row.session}/files/{first.rpartition('/')[0]}"}
         return cls(
@@ -93,7 +93,7 @@ class ArchivedSessionDetails(ArchivedSession):
 
 
 def listed(files: dict[str, FileEntry]) -> list[ArchivedFile]:
-    """Files as resources, by path."""
+    """Returns files as resources, by path."""
     return [ArchivedFile(path=path, bytes=file.bytes, sha256=file.sha256) for path, file in sorted(files.items())]
 
 

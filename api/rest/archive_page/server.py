@@ -1,7 +1,7 @@
 """A server of the archive's page alone, where there is no cell: `lightpose archive serve`.
 
-The same checks, keys and problem objects as a cell's service has. There is no arm whose stop could wait, so uvicorn
-itself accepts the connections.
+It has the same checks, keys and problem objects as a cell's service. There is no arm to stop, so uvicorn itself accepts
+the connections.
 """
 
 from collections.abc import AsyncGenerator, Callable
@@ -25,13 +25,13 @@ from api.rest.rig_schemas import Health
 from api.rest.settings import ServerSettings
 
 SHUTDOWN_GRACE_S = 5
-"""How long requests in progress may take after a signal, s."""
+"""Time limit for requests in progress after a signal, s."""
 IDLE_S = 30
-"""How long a connection is kept without a request, s."""
+"""Time for which a connection is kept without a request, s."""
 
 
 class ArchivePageSettings(ServerSettings):
-    """Settings of this server, by `LIGHTPOSE_…` too."""
+    """Settings of this server, from `LIGHTPOSE_…` too."""
 
     port: int = Field(8010, ge=0, le=65535, description="0: any free port")
     archive: str = Field(min_length=1, description="A folder, or an address such as s3://bucket/archive")
@@ -39,7 +39,7 @@ class ArchivePageSettings(ServerSettings):
 
 
 def create_app(wanted: ArchivePageSettings, ring: KeyRing) -> FastAPI:
-    """Creates the application that shows an archive to the holders of keys; it opens the archive when it is asked."""
+    """Creates the application that shows an archive to the holders of keys. It opens the archive on first use."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None, None]:
@@ -92,7 +92,7 @@ class Server(uvicorn.Server):
         self._on_ready = on_ready
 
     async def startup(self, sockets: list[socket] | None = None) -> None:
-        """Starts, then reports the address."""
+        """Starts the server, then reports the address."""
         await super().startup(sockets)
         if not self.should_exit:
             host, port = self.servers[0].sockets[0].getsockname()[:2]
@@ -101,10 +101,10 @@ class Server(uvicorn.Server):
 
 
 def serve(wanted: ArchivePageSettings, on_ready: Callable[[str], None]) -> None:
-    """Serves until SIGTERM or SIGINT; `on_ready` is called with the address once it listens.
+    """Serves until SIGTERM or SIGINT. `on_ready` is called with the address once the server listens.
 
-    Raises RigError config.invalid for a host that is not this machine alone without keys, a bad key file or
-    certificate, and a port that cannot be bound.
+    Raises RigError config.invalid for a host other than this machine without keys, a bad key file or certificate, and a
+    port that cannot be bound.
     """
     logs.configure(wanted.log, wanted.log_file)
     ring = KeyRing(keys.path_in(wanted.data))
