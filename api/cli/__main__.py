@@ -1,4 +1,4 @@
-"""Runs the command line as `python -m api.cli`; guarded, because a process that exports imports its parent's module."""
+"""Runs the command line as `python -m api.cli`. Guarded, because exporting processes import their parent's module."""
 
 from api.cli.commands import main
 

@@ -1,4 +1,4 @@
-"""`lightpose archive …`: options of the commands; what they do is in `archiving`."""
+"""`lightpose archive …`: options of the commands, whose work is in `archiving`."""
 
 import json
 from enum import StrEnum
@@ -17,7 +17,7 @@ app = typer.Typer(
 
 
 class ExportForm(StrEnum):
-    """What an archived session is exported as."""
+    """Form of an exported session."""
 
     FOLDER = "folder"
     BAGIT = "bagit"
@@ -42,9 +42,9 @@ AsJson = Annotated[bool, typer.Option("--json", help="One JSON object as the las
 
 
 def _archiving(address: str, catalogue: str | None, scheduler: str | None = None) -> ModuleType:
-    """The commands' work, imported when the servers that it needs answer.
+    """Imports the commands' module once the servers that it needs answer.
 
-    To be called inside `explain_errors`: one may not answer, and the extra `archive` may be missing.
+    Call it inside `explain_errors`: a server may not answer, and the extra `archive` may be missing.
     """
     answering.require_store(address)
     answering.require_catalogue(catalogue)
@@ -66,7 +66,7 @@ def push(
     catalogue: CatalogueAddress = None,
     as_json: AsJson = False,
 ) -> None:
-    """Stores sessions' folders, each file hashed and read back; what is there already is not stored again."""
+    """Stores sessions' folders, each file hashed and read back; stored files are not stored again."""
     outcome = explain_errors(lambda: _archiving(address, catalogue).push(address, catalogue, folders))
     _print(outcome, as_json)
     if outcome["refused"]:
@@ -89,13 +89,13 @@ def list_sessions(
 
 @app.command()
 def show(address: Address, session: Name, catalogue: CatalogueAddress = None, as_json: AsJson = False) -> None:
-    """Shows one session: what the catalogue says, its results, its files."""
+    """Shows one session: its row of the catalogue, its results, its files."""
     _print(explain_errors(lambda: _archiving(address, catalogue).show(address, catalogue, session)), as_json)
 
 
 @app.command()
 def verify(address: Address, catalogue: CatalogueAddress = None, as_json: AsJson = False) -> None:
-    """Hashes every file; names what is missing or damaged (exit status 1) and enters in the catalogue what it lacks."""
+    """Hashes every file; names missing and damaged ones (exit status 1) and adds to the catalogue what it lacks."""
     outcome = explain_errors(lambda: _archiving(address, catalogue).verify(address, catalogue))
     _print(outcome, as_json)
     if outcome["faults"]:
@@ -117,7 +117,7 @@ def solve(
     catalogue: CatalogueAddress = None,
     as_json: AsJson = False,
 ) -> None:
-    """Solves sessions by this version, each once, whoever asks; results stand beside the older ones."""
+    """Solves sessions with this version, each only once, whoever asks; results stand beside the older ones."""
 
     def work() -> dict[str, Any]:
         archiving = _archiving(address, catalogue, scheduler)
@@ -159,7 +159,7 @@ def serve(
         typer.Option(help="Folder of the keys (`keys add --data`); default: LIGHTPOSE_DATA, else data"),
     ] = None,
 ) -> None:
-    """Serves the archive's page, which only reads: /archive."""
+    """Serves the archive's read-only page: /archive."""
     from api.cli import archive_serving
 
     given = {"archive_catalogue": catalogue, "host": host, "port": port, "data": data}

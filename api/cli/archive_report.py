@@ -1,4 +1,4 @@
-"""The page of `archive solve --report`: what moved against σ, and what failed; it needs no network."""
+"""The page of `archive solve --report`: change of normals relative to σ, and failures; it needs no network."""
 
 import html
 import json
@@ -34,7 +34,7 @@ $rows
 
 
 def page(report: "SolveReport") -> str:
-    """The report of one call as HTML, with the same figures as JSON inside."""
+    """Returns the report of one call as HTML, with the same figures as JSON inside."""
     rows = [
         f"<tr><td><code>{item.session[:12]}</code></td><td>{html.escape(item.object)}</td>"
         f"<td>{item.mean_deg:.3f}</td><td>{item.over_sigma:.2f}</td></tr>"

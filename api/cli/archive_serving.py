@@ -1,4 +1,4 @@
-"""What `lightpose archive serve` does; imported within it, so that a missing extra is told in a sentence."""
+"""The work of `lightpose archive serve`, imported inside the command so that it can report a missing extra."""
 
 from typing import Any
 

@@ -1,7 +1,7 @@
-"""What `lightpose archive …` does: tables for people on the error stream, figures for programs.
+"""The work of `lightpose archive …`: tables for people on the error stream, figures for programs.
 
-The solver, Dask and the exports' libraries take seconds to import: only the commands that need them do so, and after
-what the user gave has been checked.
+The solver, Dask and the exports' libraries take seconds to import. Only the commands that need them import them, after
+the user's input has been checked.
 """
 
 from collections.abc import Generator
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from acquisition.archive.distributed import SolveReport
 
 SHOWN_MOVED = 20
-"""Sessions that the table of what moved shows; the report has all."""
+"""Number of sessions in the table of changes; the report has all."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class SolveRequest:
 
 
 def push(address: str, catalogue: str | None, folders: list[Path]) -> dict[str, Any]:
-    """Pushes sessions; one that is damaged or unfinished is named, and the others go on."""
+    """Pushes sessions. A damaged or unfinished session is named, and the others continue."""
     pushed: list[dict[str, Any]] = []
     refused: dict[str, str] = {}
     console = _console()
@@ -72,7 +72,7 @@ def push(address: str, catalogue: str | None, folders: list[Path]) -> dict[str, 
 
 
 def list_sessions(address: str, catalogue: str | None, condition: str | None, limit: int) -> dict[str, Any]:
-    """Lists sessions, the newest first."""
+    """Lists sessions, newest first."""
     wanted = None if condition is None else where.parse(condition)
     with _opened(address, catalogue) as archive:
         rows = archive.catalogue.sessions(wanted, limit)
@@ -128,7 +128,7 @@ def verify(address: str, catalogue: str | None) -> dict[str, Any]:
 
 
 def solve(request: SolveRequest) -> dict[str, Any]:
-    """Solves what is missing."""
+    """Solves the selected sessions that lack a result of this solver and these settings."""
     captures = where.COLUMNS["kind"] == "capture"
     wanted = captures if request.where is None else captures & where.parse(request.where)
     identity = SolveIdentity(settings=_settings(request.settings))
@@ -155,7 +155,7 @@ def solve(request: SolveRequest) -> dict[str, Any]:
 def export(
     address: str, catalogue: str | None, name: str, form: Literal["folder", "bagit", "relight"], out: Path
 ) -> str:
-    """Exports one session; returns where to."""
+    """Exports one session; returns the folder."""
     from acquisition.archive import exports  # noqa: PLC0415 - imports the exports' libraries
 
     with _opened(address, catalogue) as archive:
@@ -173,7 +173,7 @@ def _opened(address: str, catalogue: str | None, *, create: bool = False) -> Gen
 
 
 def _sessions(folders: list[Path]) -> list[Path]:
-    """Session folders: those given, and all ended ones of a service's data folder."""
+    """Returns the given session folders, and all ended sessions of a given data folder of a service."""
     found: list[Path] = []
     for folder in folders:
         if (folder / "rig.db").is_file():

@@ -1,4 +1,4 @@
-"""`lightpose calibrate …`: options of the commands; what they do is in `calibrating` and `session_calibrating`."""
+"""`lightpose calibrate …`: options of the commands, whose work is in `calibrating` and `session_calibrating`."""
 
 import json
 from pathlib import Path
@@ -107,9 +107,9 @@ def hand_eye(
     activate: Activate = False,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrates where the camera is in the arm's base frame, from images of the board on the flange.
+    """Calibrates the camera's pose in the arm's base frame, from images of the board on the flange.
 
-    The folder holds joints.csv: the image's name and the six joints in rad, a line for each image. With --address the
+    The folder holds joints.csv: for each image a line with its name and the six joints in rad. With --address the
     service takes the images itself.
     """
     if address is None:
@@ -144,7 +144,7 @@ def _session(address: str, wanted: dict[str, Any], *, mounted: bool, activate: b
 
 
 def _recipe(wanted: dict[str, Any]) -> "AnyRecipe":
-    """The recipe that options describe."""
+    """Returns the recipe that the options describe."""
     from pydantic import ValidationError
 
     from acquisition.models import calibration_recipe
@@ -172,9 +172,9 @@ def response(
 ) -> None:
     """Calibrates the camera's response: black level, gain, read noise, full well, linearity, defective pixels.
 
-    The folder holds response.csv: image, lamp (on or off), exposure time in s, and optionally when it was taken, in s;
-    two images with the lamp and two without at each of five exposure times or more, of one scene that does not move.
-    With --address the service takes them, at one light with the arm at rest.
+    The folder holds response.csv: image, lamp (on or off), exposure time in s, and optionally the time taken, in s. It
+    needs two images with the lamp and two without at each of at least five exposure times, of one scene that does not
+    move. With --address the service takes them, at one light with the arm at rest.
     """
     if address is None:
         from api.cli import response_calibrating
@@ -209,11 +209,11 @@ def lamp(
     simulated: Simulated = None,
     as_json: AsJson = False,
 ) -> None:  # fmt: skip
-    """Calibrates where the lamp is in the tool's frame, from its highlights on a mirror sphere in the object's place.
+    """Calibrates the lamp's position in the tool's frame, from its highlights on a mirror sphere in the object's place.
 
     The folder holds joints.csv, as for hand-eye. Tilt the lamp to different sides, up to 45° away from the sphere. With
     --address the service takes the images itself, of the sphere and then of a matt plane, for intensity and lobe too,
-    and uses what it finds from then on.
+    and uses the result from then on.
     """
     if address is not None:
         outcome = _in_turn(address, [_recipe({"kind": "lamp", "max_images": images})], yes=yes, simulated=simulated)
@@ -243,10 +243,10 @@ def check(
     images: Annotated[int, typer.Option("--images", help="Images, 6 at the least")] = 8,
     as_json: AsJson = False,
 ) -> None:
-    """Checks whether the calibration in use is still true, with few images: suggested daily. Changes nothing.
+    """Checks with few images whether the calibration in use is still valid: suggested daily. Changes nothing.
 
-    The board on the flange tells of camera, arm and lens; the matt plane in the object's place, with the lamp on the
-    flange, of the lamp. Ends with exit code 3 where something has changed, and names it.
+    The board on the flange checks camera, arm and lens. The matt plane in the object's place, with the lamp on the
+    flange, checks the lamp. The exit code is 3 if something has changed, and the output names it.
     """
     from api.cli import session_calibrating
 
@@ -273,10 +273,10 @@ def everything(
     simulated: Simulated = None,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrates camera, its place, and the lamp in turn, and says what a person has to put into the cell between them.
+    """Calibrates camera, its pose and the lamp in turn, and says what a person has to put into the cell in between.
 
-    Camera and place come from the same images of the board, the arm's joint offsets with them. Each result is used from
-    then on; `PUT /v1/rig/calibrations/active` goes back.
+    Camera, pose and the arm's joint offsets come from the same images of the board. Each result is used from then on;
+    `PUT /v1/rig/calibrations/active` goes back.
     """
     wanted = (
         {"kind": "hand-eye", "max_images": hand_eye_images},
@@ -340,7 +340,8 @@ def colour(
 ) -> None:
     """Calibrates white balance and colour matrix, from linear images of a 24-patch chart under the lamp.
 
-    The folder holds colour.csv: image, lamp-off image of the same exposure time; a line for each placing of the chart.
+    The folder holds colour.csv with a line for each placing of the chart: image, lamp-off image of the same exposure
+    time.
     """
     from api.cli import colour_calibrating
 

@@ -1,7 +1,7 @@
 """`lightpose calibrate board | camera | hand-eye`: a board to print, and calibrations from a folder of images of it.
 
-Results go into new files of a folder; what is there is refused rather than overwritten, because a calibration that
-replaces another silently cannot be gone back to. Which one a cell uses is said in its cell file.
+Results go into new files of a folder. Existing files are never overwritten, because a replaced calibration could not be
+restored. The cell file states which calibration a cell uses.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ class Captured:
 def draw_board(
     columns: int, rows: int, square_mm: float, out: Path, *, border: int = 0, legacy: bool = False
 ) -> dict[str, Any]:
-    """Draws a board, and writes what it is beside it as `<name>.json`.
+    """Draws a board, and writes its description beside it as `<name>.json`.
 
     Raises RigError request.invalid for squares that make no board, config.invalid for a file's ending.
     """
@@ -67,8 +67,8 @@ def draw_board(
 def calibrate_camera(folder: Path, board_file: Path, out: Path, base: Path | None = None) -> dict[str, Any]:
     """Calibrates a camera from a folder of images of the board.
 
-    Writes `camera.json`, `projection_sigma.png` and, with `base`, a `calibration.json` that is that one with the new
-    camera. Raises RigError folder.invalid, config.invalid and calibration.infeasible; nothing is written then.
+    Writes `camera.json`, `projection_sigma.png` and, with `base`, a `calibration.json` that is `base` with the new
+    camera. Raises RigError folder.invalid, config.invalid and calibration.infeasible, before anything is written.
     """
     refuse_overwriting(*(out / name for name in ("camera.json", "projection_sigma.png", *_merged_name(base))))
     merged = cell_config.load_calibration(base) if base is not None else None
@@ -90,11 +90,11 @@ def calibrate_hand_eye(
     folder: Path, board_file: Path, cell_file: Path, out: Path, base: Path | None = None,
     candidates: Path | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Calibrates base from camera from images of the board on the flange, and the arm's joints at each (`joints.csv`).
+    """Calibrates base from camera from images of the board on the flange and the arm's joints at each (`joints.csv`).
 
     The camera is calibrated on the same images. Writes `hand_eye.json`, `camera.json`, `projection_sigma.png` and, with
-    `base`, a `calibration.json` with the new camera and pose. Of `candidates` (a file like `joints.csv`) the result
-    says which view to take next. Raises RigError as `calibrate_camera`.
+    `base`, a `calibration.json` with the new camera and pose. The result names which of `candidates` (a file like
+    `joints.csv`) is the best next view. Raises RigError as `calibrate_camera`.
     """
     names = ("camera.json", "projection_sigma.png", "hand_eye.json", *_merged_name(base))
     refuse_overwriting(*(out / name for name in names))
@@ -105,7 +105,7 @@ def calibrate_hand_eye(
     board, captured = _read(folder, board_file, read_joints(folder / JOINTS_FILE))
     camera = intrinsics.fit(board, captured.views, captured.size)
     found = hand_eye.fit(board, chain, captured.views, camera)
-    # The camera by all corners and the arm's motions together, which hold the scale of the views.
+    # This camera fits all corners together with the arm's motions, which fix the scale of the views.
     result = board_results.hand_eye_result(found, captured.hashes)
     camera_result = _write_camera(CameraFit(captured.size, found.adjusted), captured, out)
     write_value(out / "hand_eye.json", result)
@@ -126,7 +126,7 @@ def calibrate_hand_eye(
 def _next_view(
     console: Console, model: Model, found: hand_eye.HandEyeFit, offered: dict[str, FloatArray], size: tuple[int, int]
 ) -> str | None:
-    """Name of the offered view that lowers the pose's uncertainty most; none where none shows the board."""
+    """Returns the name of the offered view that lowers the pose's uncertainty most; None if none shows the board."""
     best = view_planning.next_view(model, found.adjusted, list(offered.values()), size)
     if best is None:
         return None
@@ -162,7 +162,7 @@ def _read(folder: Path, board_file: Path, joints: dict[str, FloatArray] | None) 
 
 
 def _merged_name(base: Path | None) -> tuple[str, ...]:
-    """Name of the calibration that is written where one to start from is given."""
+    """Returns the name of the calibration that is written if `base` is given."""
     return () if base is None else ("calibration.json",)
 
 

@@ -1,9 +1,9 @@
 """`lightpose calibrate lamp | all --address …`: calibration sessions in turn, each used by the next.
 
-Between and within them somebody has to put targets into the cell: the board on the flange, the mirror sphere and the
-matt plane in the object's place. `Hands` says who: a person, who is asked, or the stage of a simulated cell. Each
-session's result is made the calibration in use, because the next one computes with it; the one in use before is named,
-so that it can be gone back to.
+The targets must be put into the cell between and within the sessions: the board on the flange, the mirror sphere and
+the matt plane in the object's place. `Hands` does that: a person who is asked, or the stage of a simulated cell. Each
+session's result is put into use, because the next session computes with it. The calibration used before is named, so
+that a person can go back to it.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,29 +24,26 @@ from hardware_sim import placing
 Say = Callable[[str], None]
 
 Target = Literal["board", "mirror-sphere", "matt-plane", "object"]
-"""What a person puts into the cell."""
+"""What is put into the cell."""
 
 
 class Hands(Protocol):
-    """Who puts targets into the cell."""
+    """Puts targets into the cell."""
 
     def put(self, target: Target, number: int, sentence: str) -> None:
-        """Puts a target into the cell, in its `number`-th placing, as `sentence` tells a person to.
-
-        Raises RigError when that is refused.
-        """
+        """Puts a target into the cell in its `number`-th placing, as `sentence` says. Raises RigError if refused."""
         ...
 
 
 @dataclass(frozen=True)
 class PersonsHands:
-    """A person at the terminal, who is asked; with `yes` the sentences are printed only: all is in place."""
+    """Asks a person at the terminal. With `yes` it only prints the sentences, as everything is in place."""
 
     say: Say
     yes: bool = False
 
     def put(self, target: Target, number: int, sentence: str) -> None:
-        """Asks, and waits for an answer. Raises RigError request.invalid where the person says no."""
+        """Asks, and waits for an answer. Raises RigError request.invalid if the person says no."""
         self.say(sentence)
         if not self.yes and not typer.confirm("Done, and nobody is within the arm's reach?", err=True):
             raise RigError(ErrorCode.REQUEST_INVALID, f"The {target} is not in place: nothing was moved")
@@ -54,7 +51,7 @@ class PersonsHands:
 
 @dataclass(frozen=True)
 class SimulatedHands:
-    """The stage of a simulated cell, by the port of its camera."""
+    """Controls the stage of a simulated cell through the port of its camera."""
 
     say: Say
     address: str
@@ -69,7 +66,7 @@ class SimulatedHands:
 
 
 def at_terminal(address: str, recipes: Sequence[AnyRecipe], *, yes: bool, simulated: str | None) -> dict[str, Any]:
-    """Runs calibration sessions at a service, asking the person at the terminal or the stage of a `simulated` cell.
+    """Runs calibration sessions at a service, with a person at the terminal or the stage of a `simulated` cell.
 
     Returns the figures of each. Raises RigError, ProblemError as `run`.
     """
@@ -86,10 +83,9 @@ def at_terminal(address: str, recipes: Sequence[AnyRecipe], *, yes: bool, simula
 
 
 def run(client: Client, recipes: Sequence[AnyRecipe], hands: Hands, say: Say) -> list[SessionResource]:
-    """Runs calibration sessions in turn, and makes each one's result the calibration in use.
+    """Runs calibration sessions in turn, and puts each one's result into use. Returns the sessions.
 
-    Returns the sessions. Raises RigError with a session's reason where one does not complete; ProblemError for what the
-    service refuses.
+    Raises RigError with a session's reason if one does not complete, ProblemError if the service refuses.
     """
     done: list[SessionResource] = []
     for recipe in recipes:
@@ -103,9 +99,9 @@ def run(client: Client, recipes: Sequence[AnyRecipe], hands: Hands, say: Say) ->
 
 
 def follow(client: Client, recipe: AnyRecipe, hands: Hands, say: Say) -> SessionResource:
-    """Runs one calibration session to its end; where it waits for a target, that is put into place and it goes on.
+    """Runs one calibration session to its end, and puts each target into place when the session waits for it.
 
-    Raises RigError with the session's reason where it does not complete.
+    Raises RigError with the session's reason if it does not complete.
     """
     created = client.create(recipe)
     say(f"calibration of kind {recipe.kind}: session {created.id}; POST /v1/rig/stop stops it at any time")

@@ -1,8 +1,8 @@
 """`lightpose demo --calibrate --perturb`: a cell that was never calibrated calibrates itself, and is graded.
 
-Cell and service are processes of their own, as in `demo`; the sessions are those that `lightpose calibrate all` runs,
-with the simulated stage in place of a person. Then an object is captured with what was found, and the same images are
-solved again with the true values, so that nothing but the calibration differs. Only the grading reads the truth.
+Cell and service are separate processes, as in `demo`. The sessions are those of `lightpose calibrate all`, with the
+simulated stage in place of a person. Then an object is captured with the resulting calibration, and the same images are
+solved again with the true values, so that only the calibration differs. Only the grading reads the truth.
 """
 
 import json
@@ -41,32 +41,32 @@ RECIPES: tuple[AnyRecipe, ...] = (
     BoardRecipe(kind="hand-eye", max_images=36),
     LampRecipe(kind="lamp"),
 )
-"""What the demonstration calibrates, and with how many images: as `lightpose calibrate all` does. The camera comes from
-the hand-eye session's images: a session of its own would take a fifth of all images and tell no more."""
+"""Calibrations of the demonstration and their numbers of images, as in `lightpose calibrate all`. The camera comes from
+the hand-eye session's images; a separate session would take a fifth of all images without further information."""
 
 AT_REST_RAD = 1e-7
-"""Motion of a joint between two ticks from which the arm counts as moving."""
+"""Motion of a joint between two ticks above which the arm counts as moving, rad."""
 
 READOUT_S = 0.1
-"""Time that a camera takes to read out and send an image, s."""
+"""Time for a camera to read out and send an image, s."""
 
 PROCESSOR_METRIC = "lightpose_compute_processor_seconds_total"
-"""Name of the service's metric of the processor time of its computations."""
+"""Name of the service's metric for the processor time of its computations."""
 
 POLL_S = 0.2
-"""Period of looking for a result, s."""
+"""Time between two requests for a result, s."""
 
 TRUE_SET = "true-values"
-"""Identifier of the set of true values, with which the object's images are solved again."""
+"""Identifier of the set of true values with which the object's images are solved again."""
 
 
 def run(options: DemoOptions, *, quiet: bool = False) -> dict[str, Any]:
     """Calibrates a perturbed cell from nothing, captures an object, and returns the errors of both.
 
-    Of the times, `motion_seconds` is what the arm moves at its true speed, `stopped_seconds` what it stands for images,
-    `computing_processor_seconds` the processor time of plans, routes, looks at each frame and estimates, and
-    `simulated_seconds` their sum, the cell's life: no other load of this machine lengthens any of them.
-    `computing_seconds` is the duration of plans, routes and estimates as it was here, whatever ran beside.
+    `motion_seconds` is the time for which the arm moves at its true speed, `stopped_seconds` that for which it stands
+    for images, and `computing_processor_seconds` the processor time of plans, routes, checks of frames and estimates.
+    `simulated_seconds` is their sum, which other load of this machine does not lengthen. `computing_seconds` is the
+    duration of plans, routes and estimates on this machine, beside whatever else ran.
 
     Raises RigError as `demo.run`, and with the reason of a calibration that fails.
     """
@@ -80,7 +80,7 @@ def run(options: DemoOptions, *, quiet: bool = False) -> dict[str, Any]:
     record = folder / "cell" / "ticks.record"
     record.unlink(missing_ok=True)
     begun = time.monotonic()
-    # The object comes when the cell is calibrated: until then nothing is traced that nobody looks at.
+    # The object is placed after the calibration, so that it is not rendered in vain before.
     with (
         demo.cell(replace(options, spec=object_spec.as_spec("empty")), folder) as cell_file,
         demo.service(cell_file, folder) as url,
@@ -151,7 +151,7 @@ def _calibration(folder: Path, identity: str) -> Calibration:
 
 
 def _keep_truth(folder: Path, file: Path, nominal: Calibration, like: str) -> Calibration:
-    """Keeps the true values as a set, described as the set `like` is, so that images can be solved with them."""
+    """Stores the true values as a set, described like the set `like`, so that images can be solved with them."""
     sets = CalibrationSets(folder / "data" / "calibrations")
     shutil.rmtree(folder / "data" / "calibrations" / TRUE_SET, ignore_errors=True)  # of an earlier demonstration
     true = grade_calibration.true_calibration(nominal, grade_calibration.load(file))
@@ -165,7 +165,7 @@ def _keep_truth(folder: Path, file: Path, nominal: Calibration, like: str) -> Ca
 
 
 def _await_result(client: Client, session_id: str, number: int) -> None:
-    """Waits until a requested solve is done. Raises ProblemError where it fails."""
+    """Waits until a requested solve is done. Raises ProblemError if it fails."""
     while True:
         try:
             client.result(session_id, number)
@@ -183,20 +183,20 @@ def _shots(folder: Path, session_id: str) -> list[dict[str, Any]]:
 
 
 def _motion_s(record: Path, speed: float) -> float:
-    """Time for which the arm has moved, s, as it would have taken at the arm's true speed."""
+    """Returns the duration of the arm's motion at its true speed, s."""
     trace = read_trace(record)
     moving = np.abs(np.diff(trace.joints, axis=0)).max(axis=1) > AT_REST_RAD
     return speed * float(np.diff(trace.times)[moving].sum())
 
 
 def _processor_s(url: str) -> float:
-    """Processor time of the service's computations so far, s, by its metrics: what else runs does not lengthen it."""
+    """Returns the processor time of the service's computations so far, s, which other load does not lengthen."""
     lines = httpx.get(f"{url}/metrics", timeout=60, trust_env=False).text.splitlines()
     return sum(float(line.split()[-1]) for line in lines if line.startswith(f"{PROCESSOR_METRIC}{{"))
 
 
 def _stopped_s(folder: Path, session_id: str, cell: CellConfig) -> float:
-    """Time for which the arm has stood for images, s: it settles, the lamp comes on, and each attempt is exposed."""
+    """Returns the time for which the arm has stood for images, s: settling, the lamp's rise, and each exposure."""
     return sum(
         cell.arm.settle_s + (shot["attempt"] + 1) * (cell.lamp.rise_s + shot["exposure_s"] + READOUT_S)
         for shot in _shots(folder, session_id)

@@ -1,4 +1,4 @@
-"""Folders of calibration images: what is read from them, and what is written beside them, never over what is there."""
+"""Folders of calibration images: reading their content, and writing results without overwriting anything."""
 
 import csv
 from collections.abc import Iterator
@@ -17,10 +17,10 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import sha256_of
 
 IMAGE_ENDINGS = (".png", ".tif", ".tiff")
-"""Lossless formats: JPEG's blocks move corners and highlights."""
+"""Lossless formats; the blocks of JPEG displace corners and highlights."""
 
 JOINTS_FILE = "joints.csv"
-"""In the folder of images: `image, q1 … q6`, rad, a line for each."""
+"""File in the folder of images: for each image a line `image, q1 … q6`, rad."""
 
 ValueT = TypeVar("ValueT", bound=Value)
 
@@ -44,9 +44,9 @@ class CalibrationImage:
 def images(
     folder: Path, joints: dict[str, FloatArray] | None, calibration: Calibration | None = None
 ) -> Iterator[CalibrationImage]:
-    """Reads a folder's images one by one, in the order of their names; all of one size, that of `calibration` if given.
+    """Reads a folder's images one by one, by name. All must have one size, that of `calibration` if given.
 
-    With `joints` each image has to have its own. Raises RigError folder.invalid naming the file.
+    With `joints` each image must have its own. Raises RigError folder.invalid naming the file.
     """
     paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in IMAGE_ENDINGS)
     if not paths:
@@ -66,7 +66,7 @@ def images(
 
 
 def read_grey(path: Path, calibration: Calibration) -> np.ndarray:
-    """An image's brightness (H, W). Raises RigError folder.invalid unless it has the size of the calibration's."""
+    """Reads an image's brightness (H, W). Raises RigError folder.invalid unless it has the calibration's size."""
     values = image_files.grey(image_files.decode(path))
     if values.shape != (calibration.height, calibration.width):
         stated = f"the calibration {calibration.width} × {calibration.height}"
@@ -75,7 +75,7 @@ def read_grey(path: Path, calibration: Calibration) -> np.ndarray:
 
 
 def read_value(path: Path, kind: type[ValueT], what: str) -> ValueT:
-    """Reads a value from its JSON; `what` says for people what the file should be. Raises RigError config.invalid."""
+    """Reads a value from its JSON; `what` describes the file in the message. Raises RigError config.invalid."""
     try:
         return kind.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
@@ -83,7 +83,7 @@ def read_value(path: Path, kind: type[ValueT], what: str) -> ValueT:
 
 
 def read_joints(path: Path) -> dict[str, FloatArray]:
-    """Joints (6,), rad, of each image from a file like `joints.csv`. Raises RigError folder.invalid naming the line."""
+    """Reads the joints (6,), rad, of each image from a file like `joints.csv`. Raises RigError folder.invalid."""
     lines = [line for line in csv.reader(text(path).splitlines()) if line]
     joints: dict[str, FloatArray] = {}
     for number, (name, *values) in enumerate(lines, 1):
@@ -100,7 +100,7 @@ def read_joints(path: Path) -> dict[str, FloatArray]:
 
 
 def refuse_overwriting(*paths: Path) -> None:
-    """Raises RigError config.invalid where one of the files is there: a calibration that is replaced is lost."""
+    """Raises RigError config.invalid if one of the files exists, because a replaced calibration is lost."""
     for path in paths:
         if path.exists():
             raise RigError(ErrorCode.CONFIG_INVALID, f"{path} is there already, and nothing is overwritten")

@@ -1,4 +1,4 @@
-"""`lightpose camera`: its options; what it does is in `camera_trial`."""
+"""`lightpose camera`: options of the command, whose work is in `camera_trial`."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,7 @@ def camera(
     exposure_s: Annotated[float | None, typer.Option(help="Exposure time, s; default: 0.01, within the limits")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
-    """Takes frames without the arm; says what was lost, late, doubled or damaged, the intervals and the noise."""
+    """Takes frames without the arm; reports lost, late, doubled and damaged ones, the intervals and the noise."""
     from api.cli import camera_trial
 
     trial = explain_errors(lambda: camera_trial.run(cell, count, exposure_s))

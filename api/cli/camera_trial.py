@@ -1,8 +1,8 @@
-"""`lightpose camera`: takes frames of a cell's camera without the arm, and says what was lost, how fast, how noisy.
+"""`lightpose camera`: takes frames of a cell's camera without the arm, and reports losses, intervals and noise.
 
-Losses are counted by the same account that serves sessions. The noise is temporal: the standard deviation of each
-pixel's differences from frame to frame over √2, of which the median is stated, so that neither texture nor slow drift
-of the light counts. Nothing but the camera is connected, and nothing moves.
+Losses are counted by the same code as in sessions. The noise is temporal: for each pixel the standard deviation of the
+differences from frame to frame over √2. Their median is stated, so that neither texture nor slow drift of the light
+counts. Nothing but the camera is connected, and nothing moves.
 """
 
 import time
@@ -21,15 +21,15 @@ from acquisition.models.errors import ErrorCode, RigError
 from api.rest import wiring
 
 EXPOSURE_S = 0.01
-"""Exposure time where none is asked for, s; clipped to the cell file's limits."""
+"""Default exposure time, s; clipped to the cell file's limits."""
 
 COUNTED = ("good", "lost", "late", "doubled", "damaged", "settings", "gone", "returned", "retaken")
-"""What is counted, in the order of printing: frames, faults by kind, returns of the camera, frames taken again."""
+"""Counted events in the order of printing: frames, faults by kind, returns of the camera, frames taken again."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What a trial found; intervals in s from one exposure to the next; level above black and noise in DN."""
+    """Result of a trial; intervals in s from one exposure to the next; level above black and noise in DN."""
 
     camera: str
     width: int
@@ -48,10 +48,9 @@ class Trial:
 
 
 def run(cell_file: Path, count: int, exposure_s: float | None) -> Trial:
-    """Takes `count` frames, each one taken again until it is good.
+    """Takes `count` frames and repeats each until it is good.
 
-    Raises RigError config.invalid, request.invalid, camera.unreachable within 3 s, camera.timeout for one that stays
-    bad.
+    Raises RigError config.invalid, request.invalid, camera.unreachable within 3 s, camera.timeout if a frame stays bad.
     """
     cell = cell_config.load(cell_file)
     calibration = cell_config.load_calibration(cell_file.parent / cell.calibration)
@@ -105,7 +104,7 @@ def print_trial(trial: Trial) -> None:
 
 
 def as_dictionary(trial: Trial) -> dict[str, object]:
-    """The trial as JSON."""
+    """Returns the trial as a dictionary for JSON."""
     return asdict(trial)
 
 

@@ -1,8 +1,8 @@
 """`lightpose check`: checks a cell before anything moves and prints each finding with its remedy.
 
-It continues after a finding, so that one visit to the cell is enough: files, calibration's age, reach and route, arm
-(and each setting in which it differs from the cell file), camera. Beside a running service the arm is in use, and the
-check says so.
+It continues after a finding, so that one visit to the cell suffices: files, age of the calibration, reach and route,
+arm (each setting that differs from the cell file), camera. Beside a running service the arm is in use, and the check
+reports that.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ from api.rest import keys, wiring
 def check(cell_file: Path, *, offline: bool, data: Path | None = None) -> bool:
     """Checks a cell, and the service's data folder if given, and prints the findings; moves nothing.
 
-    Returns True when nothing is wrong.
+    Returns True if there are none.
     """
     console = Console(highlight=False, markup=False, soft_wrap=True)
     passed: list[bool] = []
@@ -51,7 +51,7 @@ def check(cell_file: Path, *, offline: bool, data: Path | None = None) -> bool:
 
 
 def _passes(console: Console, part: Callable[[], bool]) -> bool:
-    """Runs a part of the check; prints a RigError as a finding. Returns True without findings."""
+    """Runs a part of the check and prints a RigError as a finding. Returns True without findings."""
     try:
         return part()
     except RigError as error:
@@ -120,7 +120,7 @@ def _arm(console: Console, cell: CellConfig) -> bool:
 
 
 def _camera(console: Console, cell: CellConfig, cell_file: Path) -> bool:
-    """Checks that the camera answers and is the calibration's."""
+    """Checks that the camera answers and fits the calibration."""
     camera = wiring.build_camera(cell.camera)
     try:
         camera.connect()
@@ -136,7 +136,7 @@ def _camera(console: Console, cell: CellConfig, cell_file: Path) -> bool:
 
 
 def _factory_calibration(console: Console, cell: CellConfig) -> bool:
-    """Compares the controller's factory calibration (DH parameters) with the cell file; prints lines for the latter."""
+    """Compares the controller's factory calibration (DH parameters) with the cell file; prints the file's lines."""
     reported = primary.kinematics(cell.arm.address)
     if reported is None:
         console.print("      the controller does not report the arm's factory calibration")

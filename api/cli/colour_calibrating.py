@@ -23,20 +23,20 @@ from acquisition.store.folder import sha256_of, write_value
 from api.cli.calibration_folder import refuse_overwriting
 
 COLOUR_FILE = "colour.csv"
-"""In the folder of images: image, lamp-off image of the same exposure time; a line for each."""
+"""File in the folder of images: for each image a line with its name and a lamp-off image of the same exposure time."""
 
 FAIR_DELTA_E = 3.0
-"""Mean CIEDE2000 of images that took no part from which the result is doubted."""
+"""Mean CIEDE2000 of held-out images above which the result is doubted."""
 
 
 def calibrate_colour(
     folder: Path, base: Path, out: Path, reference_file: Path | None, corners: str | None
 ) -> dict[str, Any]:
-    """Calibrates colours from a folder's images of a chart; `corners` as `x,y x,y x,y x,y`, where it has no markers.
+    """Calibrates colours from a folder's images of a chart; `corners` as `x,y x,y x,y x,y` if it has no markers.
 
     `base` is a calibration.json, of which all but the colour is kept. Writes `colour.json` and `calibration.json`.
-    Raises RigError folder.invalid, config.invalid, request.invalid, calibration.infeasible and target_not_seen;
-    nothing is written then.
+    Raises RigError folder.invalid, config.invalid, request.invalid, calibration.infeasible and target_not_seen, before
+    anything is written.
     """
     refuse_overwriting(*(out / name for name in ("colour.json", "calibration.json")))
     calibration = cell_config.load_calibration(base)
@@ -84,7 +84,7 @@ def _show(result: ColourResult) -> None:
 
 
 def _pairs(folder: Path) -> list[tuple[Path, Path]]:
-    """Images with their lamp-off images. Raises RigError folder.invalid naming the line."""
+    """Returns the images with their lamp-off images. Raises RigError folder.invalid naming the line."""
     path = folder / COLOUR_FILE
     pairs: list[tuple[Path, Path]] = []
     for number, line in enumerate((one for one in csv.reader(text(path).splitlines()) if one), 1):
@@ -106,7 +106,7 @@ def _pairs(folder: Path) -> list[tuple[Path, Path]]:
 def _signals(
     lit: Path, off: Path, calibration: Calibration, reference: ChartReference, places: FloatArray | None
 ) -> FloatArray:
-    """Values (24, 3) of an image's patches above its lamp-off image's, as fractions of full scale."""
+    """Returns the values (24, 3) of an image's patches minus the lamp-off image, as fractions of full scale."""
     sensor = calibration.sensor
     image, dark = (image_files.decode(path) for path in (lit, off))
     if image.shape != dark.shape or image.shape[:2] != (calibration.height, calibration.width):

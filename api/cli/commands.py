@@ -76,7 +76,7 @@ def demo(
     page: Annotated[bool, typer.Option(help="Run no session: serve the operator's page until Ctrl+C")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
-    """Runs a full session in a simulated cell, over HTTP, and grades its normals against the truth."""
+    """Runs a full session in a simulated cell over HTTP, and grades its normals against the truth."""
     from api.cli import demo as demonstration
     from hardware_sim import object_spec
 
@@ -221,7 +221,7 @@ def check(
         Path | None, typer.Option(help="The service's data folder, to check its keys and free space too")
     ] = None,
 ) -> None:
-    """Checks cell file, calibration, reach, pilot, route and devices; names each problem; moves nothing."""
+    """Checks cell file, calibration, reach, pilot, route and devices, and names each problem; moves nothing."""
     from api.cli import checking
     from hardware_sim import nominal
 
@@ -287,7 +287,7 @@ def prune(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be removed")] = False,
     data: Data = Path("data"),
 ) -> None:
-    """Removes old sessions with their files: ended ones, and those that were never started; what is queued stays."""
+    """Removes old sessions with their files: ended ones and those that were never started; queued ones stay."""
     import time
     from datetime import UTC, datetime
 
@@ -314,7 +314,7 @@ def study(
     out: Annotated[Path, typer.Option(help="Folder for study.html and study.json")] = Path("study"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
-    """Compares methods of placing lights and checks the paper's figures, as one page and JSON; moves nothing."""
+    """Compares methods of placing lights and checks the paper's figures, as a page and JSON; moves nothing."""
     from api.cli.study import run
 
     figures = explain_errors(lambda: run.run(seed, out, quick=quick))
@@ -325,7 +325,7 @@ def study(
 
 @app.command()
 def warm() -> None:
-    """Compiles the numerical kernels into their cache, so that no session waits for it."""
+    """Compiles the numerical kernels into their cache, so that no session waits for that."""
     import importlib
 
     for module in (

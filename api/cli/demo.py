@@ -1,7 +1,7 @@
 """`lightpose demo`: a full session in a simulated cell, as a user would run it, graded against the truth.
 
-Cell and service are processes of their own, and the session is run over HTTP by the client that scripts use, so that
-the demonstration exercises what a user gets; only the grading reads the cell's truth.
+Cell and service are separate processes, and the client for scripts runs the session over HTTP, so that the
+demonstration exercises what a user gets. Only the grading reads the cell's truth.
 """
 
 import contextlib
@@ -32,7 +32,7 @@ from hardware_sim.cell import READY_WITHIN_S
 from hardware_sim.object_spec import ObjectSpec
 
 STOP_TIMEOUT_S = 15.0
-"""Time limit for their end before they are killed, s."""
+"""Time after which a process that does not end is killed, s."""
 
 CELL_PORTS = (29999, 30001, 30002, 30003, 30004, 30100, 30200)
 """Ports that a simulated cell binds."""
@@ -61,8 +61,8 @@ class DemoOptions:
 def run(options: DemoOptions) -> dict[str, Any]:
     """Runs the demonstration and returns its figures; prints progress and a table.
 
-    Raises RigError when the object cannot be made or does not fit, before anything starts, and when cell, service or
-    session fail.
+    Raises RigError before anything starts if the object cannot be made or does not fit, and if cell, service or session
+    fail.
     """
     console = Console(stderr=False)
     folder = prepared_folder(options)
@@ -110,7 +110,7 @@ def run(options: DemoOptions) -> dict[str, Any]:
 
 
 def serve_page(options: DemoOptions) -> None:
-    """Serves the operator's page at a simulated cell and prints its address; until interrupted.
+    """Serves the operator's page of a simulated cell until interrupted, and prints its address.
 
     Raises RigError when the object cannot be made or does not fit, and when cell or service fail.
     """
@@ -126,7 +126,7 @@ def serve_page(options: DemoOptions) -> None:
 
 
 def prepared_folder(options: DemoOptions) -> Path:
-    """The demonstration's folder, made ready. Raises RigError for a bad object and while another one uses it."""
+    """Prepares the demonstration's folder. Raises RigError for a bad object and while another demonstration uses it."""
     object_spec.check(options.spec, options.seed, nominal.default_cell_file())
     folder = options.data.resolve()
     (folder / "log").mkdir(parents=True, exist_ok=True)
@@ -151,9 +151,7 @@ def recipe_of(options: DemoOptions, method: str) -> Recipe:
 
 
 def end_previous_session(client: Client) -> None:
-    """Stops the session of an interrupted demonstration and acknowledges the faults that its end has latched: its cell
-    is gone, and there is nobody in the simulated one.
-    """
+    """Stops an interrupted demonstration's session and acknowledges its faults, as nobody is in a simulated cell."""
     holder = client.rig().holder
     if holder is not None:
         client.stop(holder)
@@ -167,7 +165,7 @@ def capture(client: Client, recipe: Recipe) -> str:
 
 
 def _truth(cell_file: Path) -> tuple[truth.Truth, Calibration]:
-    """Reads the simulated cell's true scene and its nominal calibration, which stand beside its cell file."""
+    """Reads the simulated cell's true scene and its nominal calibration from beside its cell file."""
     return truth.load(cell_file.parent / "truth.npz"), cell_config.load_calibration(
         cell_file.parent / "calibration.json"
     )
@@ -181,13 +179,13 @@ def _grades(folder: Path, cell_file: Path, session_id: str) -> list[grade.Grade]
 
 
 def _gradings(cell_file: Path, result: Path) -> dict[grade.Grading, grade.Grade]:
-    """One result against the truth, over each of the three sets of pixels."""
+    """Grades one result against the truth over each of the three sets of pixels."""
     true, calibration = _truth(cell_file)
     return {grading: grade.grade_folder(result, true, calibration, grading) for grading in grade.GRADINGS}
 
 
 def seconds_of(client: Client, session_id: str) -> dict[str, float]:
-    """Seconds in each stage, from the times of the events."""
+    """Returns the seconds spent in each stage, from the times of the events."""
     spent = dict.fromkeys(STAGES, 0.0)
     stage, since = None, 0.0
     for event in client.past_events(session_id):
@@ -270,7 +268,7 @@ def service(cell_file: Path, folder: Path) -> Generator[str]:
 
 @contextlib.contextmanager
 def _process(arguments: list[str], log: Path, ready: str) -> Generator[re.Match[str]]:
-    """Runs a lightpose command as a process; yields the match of `ready` in its log, and ends it at exit."""
+    """Runs a lightpose command as a process, ended at exit; yields the match of `ready` in its log."""
     with log.open("w", encoding="utf-8") as file:
         process = subprocess.Popen(  # noqa: S603 - our own command
             [sys.executable, "-m", "api.cli", *arguments], stdout=file, stderr=subprocess.STDOUT
@@ -300,8 +298,8 @@ def _wait_for_line(process: "subprocess.Popen[bytes]", log: Path, ready: str) ->
 
 
 def _free_address() -> str:
-    """A loopback address whose controller ports are free. Raises RigError service.fault without one."""
-    first = os.getpid() % 250  # two demonstrations that start at once try different addresses
+    """Returns a loopback address whose controller ports are free. Raises RigError service.fault without one."""
+    first = os.getpid() % 250  # demonstrations that start at the same time try different addresses
     for number in range(250):
         address = f"127.0.7.{2 + (first + number) % 250}"
         try:

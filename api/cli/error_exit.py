@@ -1,4 +1,4 @@
-"""The end of a command that failed: the problem, what to do about it, and exit status 2."""
+"""The end of a failed command: the problem, its remedy, and exit status 2."""
 
 import sys
 from collections.abc import Callable
@@ -15,7 +15,7 @@ REMEDIES = {
     ErrorCode.FOLDER_INVALID: "Correct what the sentence names, and run the command again; nothing has been written.",
     ErrorCode.STORE_DISK_FULL: "Free space there, or use a folder on another disk, and run the command again.",
 }
-"""Remedies of errors that arise in a command itself, where the table's are those of a service."""
+"""Remedies of errors in a command itself, where those of the table suit only a service."""
 
 
 def explain_errors(work: Callable[[], T]) -> T:

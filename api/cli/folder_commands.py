@@ -1,4 +1,4 @@
-"""`lightpose solve | plan | replay`: options of the commands on folders of images; they need no cell and no service."""
+"""`lightpose solve | plan | replay`: options of the commands on folders of images, without a cell or a service."""
 
 import json
 from pathlib import Path
@@ -42,7 +42,7 @@ def solve_folder(
     full_scale: Annotated[float | None, FULL_SCALE] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
-    """Solves a folder of images to normals with an uncertainty for each pixel; grades them where truth is known."""
+    """Solves a folder of images to normals with an uncertainty for each pixel; grades them if the truth is known."""
     from api.cli import solving
 
     outcome = explain_errors(
@@ -95,7 +95,7 @@ def replay(
     result: Annotated[int | None, typer.Option(min=0, help="Which result to compare with; default: the last")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
-    """Solves a session's images again and compares with its stored result; writes nothing."""
+    """Solves a session's images again and compares the normals with its stored result; writes nothing."""
     from api.cli import replaying
 
     outcome = explain_errors(lambda: replaying.replay(folder, result))

@@ -1,4 +1,4 @@
-"""`lightpose calibrate lamp`: where the lamp is in the tool's frame, from images of a mirror sphere."""
+"""`lightpose calibrate lamp`: the lamp's position in the tool's frame, from images of a mirror sphere."""
 
 from pathlib import Path
 from typing import Any
@@ -29,9 +29,9 @@ def calibrate_lamp(
 ) -> dict[str, Any]:
     """Calibrates the lamp's position from images of a mirror sphere of `radius_mm` and the arm's joints at each.
 
-    `base` is a calibration.json with camera and `base_from_camera`, `hand_eye_file` the hand_eye.json that states how
-    well the latter is known. Writes `lamp.json` and `calibration.json`. Raises RigError folder.invalid, config.invalid,
-    request.invalid and calibration.infeasible; nothing is written then.
+    `base` is a calibration.json with camera and `base_from_camera`; `hand_eye_file` is the hand_eye.json with the
+    uncertainty of the latter. Writes `lamp.json` and `calibration.json`. Raises RigError folder.invalid,
+    config.invalid, request.invalid and calibration.infeasible, before anything is written.
     """
     if not 1 <= radius_mm <= 200:
         raise RigError(ErrorCode.REQUEST_INVALID, f"--radius-mm {radius_mm:g}: give the sphere's radius, 1–200 mm")
@@ -57,7 +57,7 @@ def calibrate_lamp(
 def _highlights(
     folder: Path, cell: CellConfig, calibration: Calibration
 ) -> tuple[list[Highlight], dict[str, str], dict[str, str]]:
-    """Highlights of a folder's images, why some have none, and the hashes of all, both by name."""
+    """Returns the highlights of a folder's images, why some have none, and all hashes, the latter two by name."""
     joints = read_joints(folder / JOINTS_FILE)
     used: list[Highlight] = []
     why_not: dict[str, str] = {}
@@ -75,7 +75,7 @@ def _highlights(
 
 
 def _clipped_from(values: np.ndarray, bits: int) -> float:
-    """Value at which an image clips: that of the sensor's `bits`, where files of 16 bits are not scaled up to these."""
+    """Returns the value at which an image clips: the sensor's `bits`, unless a 16-bit file is scaled up from these."""
     if values.dtype == np.uint8:
         return 255.0
     return float(2**bits - 1) if values.max() < 2**bits else 65535.0

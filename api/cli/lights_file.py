@@ -1,8 +1,8 @@
 """Reads positions of lights from a file, for method `user`.
 
-JSON (a list of [x, y, z], or the `plan.json` of one pass), text (three numbers on each line), or a session's folder
-(the lights of all its passes); metres, view frame (origin at the camera, x right, y up, z towards the camera). The form
-is recognised by the content, not by the suffix.
+The file is JSON (a list of [x, y, z], or the `plan.json` of one pass), text (three numbers on each line), or a
+session's folder (the lights of all its passes). Positions are in m in the view frame (origin at the camera, x right, y
+up, z towards the camera). The content determines the form, not the suffix.
 """
 
 import json

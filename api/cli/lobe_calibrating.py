@@ -24,13 +24,12 @@ from acquisition.waypoints import measured_pose
 from api.cli.calibration_folder import read_grey, read_value, refuse_overwriting
 
 PLANE_FILE = "plane.csv"
-"""In the folder of images: image, lamp-off image, exposure time, placing, six joints, a line for each."""
+"""File in the folder of images: for each a line with image, lamp-off image, exposure time, placing, six joints."""
 
 
 @dataclass(frozen=True)
 class LobeFiles:
-    """What is known beforehand: cell file, calibration.json to start from, hand_eye.json, lamp.json, the plane's
-    board.json."""
+    """The input files: cell file, calibration.json to start from, hand_eye.json, lamp.json, board.json of the plane."""
 
     cell: Path
     base: Path
@@ -49,11 +48,11 @@ class _Shot:
 
 
 def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: float, out: Path) -> dict[str, Any]:
-    """Calibrates the lamp's intensity and lobe from images of a matt plane of known `albedo`, laid down twice or more.
+    """Calibrates the lamp's intensity and lobe from images of a matt plane of known `albedo` in two or more placings.
 
-    The last placing of `plane.csv` takes no part and verifies the result, where there are two. Writes `lobe.json`,
-    `lobe.png` and `calibration.json`. Raises RigError folder.invalid, config.invalid, request.invalid and
-    calibration.infeasible; nothing is written then.
+    The last of several placings in `plane.csv` is held out and verifies the result. Writes `lobe.json`, `lobe.png` and
+    `calibration.json`. Raises RigError folder.invalid, config.invalid, request.invalid and calibration.infeasible,
+    before anything is written.
     """
     if not 0.05 <= albedo <= 1 or not 0 <= albedo_sigma <= 0.5:
         raise RigError(ErrorCode.REQUEST_INVALID, "--albedo lies between 0.05 and 1, --albedo-sigma between 0 and 0.5")

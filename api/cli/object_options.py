@@ -1,6 +1,6 @@
-"""The options of `lightpose demo` and `lightpose sim` that say which object stands in the simulated cell.
+"""Options of `lightpose demo` and `lightpose sim` that choose the object in the simulated cell.
 
-What they say together is checked by `hardware_sim.object_spec.choose`, which a command imports when it runs.
+`hardware_sim.object_spec.choose` checks their combination; a command imports it when it runs.
 """
 
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Where `lightpose plan` may put lights: candidates of a file or of a folder's other images, or a free dome."""
+"""Candidates of `lightpose plan`: from a file, from a folder's other images, or on a free dome."""
 
 import re
 from collections.abc import Sequence
@@ -16,11 +16,11 @@ from acquisition.plan.candidate_lights import CandidateLights
 from api.cli.plan_capture import Capture, PlanRequest, invalid
 
 SAME_LIGHT_DEG = 0.5
-"""Angle at the object within which a candidate of a file counts as a light of the pilot, which has been captured."""
+"""Angle at the object below which a candidate of a file counts as a light of the pilot, which is captured already."""
 
 
 SAME_PLACE = 1e-5
-"""Distance of candidates over their mean distance from the object, within which they are one."""
+"""Distance of candidates below which they count as one, relative to their mean distance from the object."""
 
 OTHER_UNIT = 10.0
 """Ratio of the candidates' distances to those of the pilot's lamps beyond which another unit is suspected."""
@@ -28,7 +28,7 @@ OTHER_UNIT = 10.0
 
 @dataclass(frozen=True)
 class Offer:
-    """Candidates of a list: numbers (K, 3) in the folder's frame, the number of each in its list, and what they are."""
+    """Candidates of a list: their coordinates (K, 3) in the folder's frame, their numbers in the list, and its name."""
 
     own: FloatArray
     numbers: tuple[int, ...]
@@ -37,19 +37,19 @@ class Offer:
     advice: str = ""  # what to do where too few are left
 
     def only(self, kept: np.ndarray, note: str, advice: str) -> "Offer":
-        """Those of the boolean array `kept` (K,); where not all are, with a note of the others and `advice`."""
+        """Returns the candidates of the boolean array `kept` (K,), with `note` and `advice` if some are missing."""
         if np.all(kept):
             return self
         numbers = tuple(number for number, keep in zip(self.numbers, kept, strict=True) if keep)
         return Offer(self.own[kept], numbers, self.what, (*self.notes, note), advice)
 
     def noted(self, note: str) -> "Offer":
-        """The same with another note."""
+        """Returns the same offer with a further note."""
         return replace(self, notes=(*self.notes, note))
 
 
 def offered(request: PlanRequest, capture: Capture, pilot: Sequence[int]) -> Offer | None:
-    """The candidates of a file, or of the images that are not the pilot's; none: a free dome."""
+    """Returns the candidates of a file, or those of the images outside the pilot; None for a free dome."""
     if request.candidates is not None:
         own = read_candidates(request.candidates)
         return Offer(own, tuple(range(len(own))), f"{request.candidates}")
@@ -67,10 +67,10 @@ def offered(request: PlanRequest, capture: Capture, pilot: Sequence[int]) -> Off
 
 
 def read_candidates(path: Path) -> FloatArray:
-    """The candidates (K, 3) of a file: three numbers on each line, white space or commas between them.
+    """Reads the candidates (K, 3) of a file: three numbers on each line, separated by white space or commas.
 
-    No line may be left blank, so that numbers of lines are numbers of lights. Raises RigError request.invalid naming
-    the line, counted from 1.
+    No line may be blank, so that the numbers of lines are numbers of lights. Raises RigError request.invalid naming the
+    line, counted from 1.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").rstrip().splitlines()
@@ -93,7 +93,7 @@ def read_candidates(path: Path) -> FloatArray:
 def reach(
     request: PlanRequest, capture: Capture, session: EquivalentSession, offer: Offer | None
 ) -> tuple[CandidateLights, Offer | None]:
-    """The candidates about the object, and what is left of the offer."""
+    """Returns the candidates about the object, and the remaining offer."""
     center = session.center
     positions = [shot.light.position for shot in session.observations.shots if shot.light is not None]
     pilot = np.array(positions) - center
@@ -136,10 +136,10 @@ def reach(
 def _checked(
     offer: Offer, capture: Capture, units: FloatArray, offsets: FloatArray, pilot: FloatArray
 ) -> Offer:  # fmt: skip
-    """The offer with notes of candidates behind the object, or in another unit than the pilot's lamps: `units` and
-    `offsets` (K, 3) of candidates from the object, `pilot` (F, 3) offsets of its lamps, view frame.
+    """Notes candidates behind the object, or in another unit than the pilot's lamps.
 
-    Raises RigError request.invalid where all are behind the object.
+    `units` and `offsets` (K, 3) are directions and offsets of candidates from the object, `pilot` (F, 3) the offsets of
+    the pilot's lamps, view frame. Raises RigError request.invalid if all candidates are behind the object.
     """
     if capture.frame.word == "position":
         apart = np.linalg.norm(offsets, axis=1) / np.median(np.linalg.norm(pilot, axis=1))
@@ -162,7 +162,7 @@ def _checked(
 
 
 def too_few(request: PlanRequest, offer: Offer) -> RigError:
-    """The refusal of more lights than there are candidates."""
+    """Returns the refusal of a plan with more lights than candidates."""
     have = len(offer.numbers)
     if not have:
         return invalid(f"{offer.what} leaves no candidates: {offer.advice or 'give some'}{_told(offer)}")
@@ -171,5 +171,5 @@ def too_few(request: PlanRequest, offer: Offer) -> RigError:
 
 
 def _told(offer: Offer) -> str:
-    """The notes of an offer, behind a refusal."""
+    """Formats the notes of an offer for the end of a refusal."""
     return f" ({'; '.join(offer.notes)})" if offer.notes else ""

@@ -1,4 +1,4 @@
-"""What `lightpose plan` is asked for, and the capture that it plans for, in the folder's own frame."""
+"""The options of `lightpose plan`, and the capture for which it plans, in the folder's own frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ from api.cli.solving import session_full_scale
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """Options of one plan; None where they are not given."""
+    """Options of one plan; None where not given."""
 
     folder: Path
     count: int
@@ -36,9 +36,9 @@ class PlanRequest:
 
 @dataclass(frozen=True)
 class Frame:
-    """A folder's own frame: the word for its lights, its axes and unit in words, and its numbers' conversion.
+    """A folder's own frame: the word for its lights, its axes and unit in words, and the conversion of its numbers.
 
-    `view_from_own` (3, 3) turns its numbers into the view frame, in m or, of directions, of any length.
+    `view_from_own` (3, 3) transforms its numbers to the view frame: positions to m, directions to any length.
     """
 
     word: str  # position or direction
@@ -47,7 +47,7 @@ class Frame:
     view_from_own: FloatArray
 
     def view(self, own: FloatArray) -> FloatArray:
-        """Positions in m, or directions, in the view frame, of numbers (K, 3) of the folder."""
+        """Converts numbers (K, 3) of the folder to positions in m, or to directions, in the view frame."""
         return own @ self.view_from_own.T
 
     def own(self, view: FloatArray) -> FloatArray:
@@ -60,7 +60,7 @@ VIEW_AXES, CAMERA_AXES = "x right, y up, z to the camera", "x right, y down, z a
 
 @dataclass(frozen=True)
 class Capture:
-    """A folder's images: its frame, the numbers (F, 3) of its lights in it, their names, and its recipe."""
+    """A folder's images: its frame, its lights (F, 3) in that frame, their names, and its recipe."""
 
     frame: Frame
     lights: FloatArray
@@ -84,7 +84,7 @@ class Capture:
 
 
 def read(request: PlanRequest, scratch: Path) -> Capture:
-    """The capture of a folder, unpacked into `scratch`. Raises RigError folder.invalid and normals.infeasible."""
+    """Reads the capture of a folder, unpacked into `scratch`. Raises RigError folder.invalid and normals.infeasible."""
     folder = request.folder
     kind = folders.kind_of(folder)
     if kind == "session":
@@ -106,5 +106,5 @@ def read(request: PlanRequest, scratch: Path) -> Capture:
 
 
 def invalid(detail: str, path: Path | None = None) -> RigError:
-    """The refusal of an option."""
+    """Returns the refusal of an option."""
     return RigError(ErrorCode.REQUEST_INVALID, detail, **({} if path is None else {"file": str(path)}))

@@ -1,7 +1,7 @@
-"""`lightpose plan`: which lights to add to a folder's images, for a dome, a ring or another robot.
+"""`lightpose plan`: plans lights to add to a folder's images, for a dome, a ring or another robot.
 
-The folder is solved as by `lightpose solve`, and the product's planner chooses from the candidates: of a file, of the
-folder's other images, or of a free dome. All numbers that come out are in the folder's own frame and unit.
+The folder is solved as by `lightpose solve`. The product's planner then chooses from the candidates of a file, of the
+folder's other images, or of a free dome. All resulting numbers are in the folder's own frame and unit.
 """
 
 import json
@@ -30,7 +30,7 @@ from api.cli.plan_capture import Capture, PlanRequest, invalid, read
 from api.cli.solving import refuse_full_scale
 
 MIN_PILOT = 3
-"""Images that give a normal at the least."""
+"""Minimum number of images that determine a normal."""
 
 FORECAST_COUNTS = (1, 2, 4, 8, 16)
 """Numbers of further lights for which the error is forecast."""
@@ -105,7 +105,7 @@ def run(request: PlanRequest) -> dict[str, Any]:
 
 
 def _pilot(request: PlanRequest, count: int) -> tuple[int, ...]:
-    """The numbers of the pilot's images."""
+    """Returns the numbers of the pilot's images."""
     pilot = tuple(range(count)) if request.pilot is None else request.pilot
     outside = sorted({number for number in pilot if number >= count})
     if outside:
@@ -124,10 +124,10 @@ def _pilot(request: PlanRequest, count: int) -> tuple[int, ...]:
 
 
 def _findings(request: PlanRequest, session: EquivalentSession, pilot: Sequence[int]) -> list[ModelFinding]:
-    """What was found about the pilot's images, those numbered as in the folder.
+    """Returns the findings about the pilot's images, with images numbered as in the folder.
 
-    Raises RigError folder.invalid where the lamps' axes were corrected: candidates in the same wrong frame would be
-    planned, or a plan in another frame than the folder's.
+    Raises RigError folder.invalid if the lamps' axes were corrected: candidates would be in the same wrong axes, or the
+    plan would be in another frame than the folder.
     """
     findings = [
         finding.model_copy(update={"value": float(pilot[int(finding.value)])})
@@ -155,7 +155,7 @@ def _outcome(
     chosen: LightPlan,
     offer: Offer | None,
 ) -> dict[str, Any]:
-    """The figures of `--json`; errors are means over the pixels seen within 78° of their normal."""
+    """Returns the figures of `--json`. Errors are means over the pixels seen within 78° of their normal."""
     frame = capture.frame
     notes = list(chosen.notes)
     if offer is None:
@@ -213,7 +213,7 @@ def _show(console: Console, capture: Capture, outcome: dict[str, Any]) -> None:
 
 
 def _refuse_out(out: Path) -> None:
-    """Refuses a file that cannot be written, or that is no plan, before anything is read. Raises RigError."""
+    """Refuses an output file that cannot be written or is not a plan, before anything is read. Raises RigError."""
     try:
         if out.exists():
             content: Any = json.loads(out.read_bytes())
@@ -229,7 +229,7 @@ def _refuse_out(out: Path) -> None:
 
 
 def _write(outcome: dict[str, Any], out: Path) -> None:
-    """Writes the JSON object; the file appears complete or not at all."""
+    """Writes the JSON object atomically."""
     partial = out.with_name(f".{out.name}.part")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

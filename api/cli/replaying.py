@@ -1,4 +1,4 @@
-"""`lightpose replay`: solves a session's folder again and compares with its stored result."""
+"""`lightpose replay`: solves a session's folder again and compares the normals with its stored result."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ from acquisition.models.result import NormalMap, SolveSettings
 from api.cli.solving import progress_bar, shown_step, solve_session, timed
 
 SAME_DEG = 0.01
-"""Two normal maps whose normals differ by less everywhere are the same."""
+"""Largest angle below which two normal maps count as the same, degrees."""
 
 
 def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
@@ -60,7 +60,7 @@ def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
 
 
 def _settings_of(manifest: Path) -> SolveSettings:
-    """The settings of a stored result; without a manifest beside it, the default settings of sessions."""
+    """Returns the settings of a stored result; without a manifest the default settings of sessions."""
     if not manifest.exists():
         return SolveSettings()
     try:

@@ -17,15 +17,15 @@ from acquisition.store.folder import sha256_of, write_value
 from api.cli.calibration_folder import read_grey, refuse_overwriting
 
 RESPONSE_FILE = "response.csv"
-"""In the folder of images: image, lamp (on or off), exposure time in s, time taken in s or nothing; a line for each."""
+"""File in the folder of images; each line: image, lamp (on or off), exposure time in s, optionally time taken in s."""
 
 
 def calibrate_response(folder: Path, base: Path, out: Path) -> dict[str, Any]:
     """Calibrates the camera's response from a folder's images.
 
     `base` is a calibration.json, of which all but the sensor is kept. Writes `response.json`, `photon_transfer.png` and
-    `calibration.json`. Raises RigError folder.invalid, config.invalid and calibration.infeasible; nothing is written
-    then.
+    `calibration.json`. Raises RigError folder.invalid, config.invalid, calibration.infeasible, before anything is
+    written.
     """
     refuse_overwriting(*(out / name for name in ("response.json", "photon_transfer.png", "calibration.json")))
     calibration = cell_config.load_calibration(base)

@@ -1,6 +1,6 @@
-"""`lightpose calibrate camera | hand-eye | response | check --address …`: a session of a service, followed to its end.
+"""`lightpose calibrate camera | hand-eye | response | check --address …`: follows a service's session to its end.
 
-The service moves the arm, so a person has to say that the board is on its flange: without `--mounted` nothing starts.
+The service moves the arm, so a person has to state that the board is on its flange: nothing starts without `--mounted`.
 """
 
 from typing import Any
@@ -16,10 +16,10 @@ from api.rest.schemas import SessionResource
 
 
 def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool) -> dict[str, Any]:
-    """Runs a calibration session and, with `activate`, makes what it found the calibration in use.
+    """Runs a calibration session and, with `activate`, puts its result into use.
 
-    `mounted`: a person has put the board on the flange. Raises RigError rig.other_tool without it, and the session's
-    reason where it does not complete; ProblemError for what the service refuses.
+    `mounted` states that a person has put the board on the flange. Raises RigError rig.other_tool without it, and with
+    the session's reason if it does not complete; ProblemError if the service refuses.
     """
     console = Console(stderr=True, markup=False)
     with Client(address) as client:
@@ -46,7 +46,7 @@ def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool)
 
 
 def completed(session: SessionResource) -> CalibrationSummary:
-    """What a calibration session has found. Raises RigError with its reason where it has not completed."""
+    """Returns a session's calibration summary. Raises RigError with its reason if it has not completed."""
     if session.state is State.COMPLETED and session.estimate is not None and session.estimate.estimated:
         return session.estimate
     reason = session.reason
@@ -56,18 +56,18 @@ def completed(session: SessionResource) -> CalibrationSummary:
 
 
 def report_path(client: Client, session_id: str) -> str:
-    """Path, at the service's address, of the report of a session's newest estimate."""
+    """Returns the path, at the service's address, of the report of a session's newest estimate."""
     return f"/v1/sessions/{session_id}/estimates/{client.estimates(session_id)[-1].number}/report.html"
 
 
 def target_at_hand(address: str) -> str:
-    """The target of a check by what is on the flange: the board itself, or with the lamp the plane."""
+    """Returns the target for a check: the board if it is on the flange, else the plane."""
     with Client(address) as client:
         return "board" if client.rig().tool == "board" else "plane"
 
 
 def sentences(found: CalibrationSummary) -> list[str]:
-    """What a calibration session found and what to do next, for people."""
+    """Formats the result of a calibration session and the advice for people."""
     said: list[str] = []
     if found.focal_px is not None and found.projection_sigma_px is not None:
         said.append(f"focal length {found.focal_px:.1f} px; directions known to {found.projection_sigma_px:.3f} px")

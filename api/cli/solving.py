@@ -1,7 +1,7 @@
 """`lightpose solve`: solves folders of images without a service, a cell or a journal.
 
-The input is validated before anything is solved; the output is written to a hidden folder that is renamed at the end.
-Progress goes to the error stream, for people; programs read one JSON object as the last line of the output.
+The input is validated before anything is solved. The output is written to a hidden folder that is renamed at the end.
+Progress goes to the error stream for people; programs read one JSON object, the last line of the output.
 """
 
 import errno
@@ -53,18 +53,18 @@ class SolveRequest:
 
 @dataclass(frozen=True)
 class Solved:
-    """A normal map, the images it was solved from, the solver and why it was chosen, and the mean σ, degrees."""
+    """A normal map, the images it was solved from, the solver, the reason for its choice, and the mean σ, degrees."""
 
     normal_map: NormalMap
     images: ImageSet
     solver: str
     why: str
     sigma_mean_deg: float | None
-    """Of a session over the facing pixels, as in its summary; of others over all solved pixels; None without σ."""
+    """Mean σ of a session over the facing pixels, as in its summary; of others over all solved pixels; or None."""
 
     @cached_property
     def source(self) -> export.Source:
-        """What exports and the report are made of."""
+        """Input of the exports and the report."""
         return export.Source(self.normal_map, self.images)
 
 
@@ -72,10 +72,7 @@ def solve_request(
     folder: Path, solver: str, near: bool, out: Path | None, sphere: str | None, exports: Sequence[str],
     keep_steps: bool = False, full_scale: float | None = None,
 ) -> SolveRequest:  # fmt: skip
-    """Parses the options of a command line: `sphere` as `cx,cy,r`, `exports` by name, `all` for all of them.
-
-    Raises RigError request.invalid.
-    """
+    """Parses the options: `sphere` as `cx,cy,r`, `exports` by name or `all`. Raises RigError request.invalid."""
     known = tuple(export.FILES | export.FOLDERS)
     unknown = set(exports) - {*known, "all"}
     if unknown:
@@ -96,7 +93,7 @@ def solve_request(
 
 
 def refuse_full_scale(full_scale: float | None) -> None:
-    """Refuses a full scale that is no positive number. Raises RigError request.invalid."""
+    """Refuses a full scale that is not a positive number. Raises RigError request.invalid."""
     if full_scale is not None and not (np.isfinite(full_scale) and full_scale > 0):
         raise RigError(
             ErrorCode.REQUEST_INVALID, f"--full-scale {full_scale:g}: give the greatest stored value, such as 4095"
@@ -179,26 +176,26 @@ def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[s
 
 
 def session_full_scale(folder: Path) -> RigError:
-    """The refusal of a full scale for a session, whose calibration has it."""
+    """Returns the refusal of a full scale for a session, whose calibration states it."""
     return RigError(ErrorCode.REQUEST_INVALID, f"--full-scale: {folder} is a session, which knows it: leave it out")
 
 
 def solve_session(capture: SessionCapture, count: int | None, settings: SolveSettings) -> NormalMap:
-    """Solves a session's images as the session did; `count` says by their number which passes a result was made of."""
+    """Solves a session's images as the session did; `count`, the number of images, determines the passes used."""
     passes = range(len(capture.plans))
     last = next((one for one in passes if len(capture.observations(one).shots) == count), passes[-1])
     return solve_in_cell(capture.observations(last), capture.cell, capture.calibration, settings)
 
 
 def _settings(request: SolveRequest) -> SolveSettings:
-    """Settings of the solver of near light; `ls` switches its robust weights and its shadow test off."""
+    """Returns the settings of the near-light solver; `ls` switches off its robust weights and its shadow test."""
     if request.solver == "ls":
         return SolveSettings(robust=False, shadow_threshold=0.0, keep_steps=request.keep_steps)
     return SolveSettings(keep_steps=request.keep_steps)
 
 
 def _solver_and_reason(normal_map: NormalMap, requested: str) -> tuple[str, str]:
-    """Name of the solver used, and why: from its notes, or the model's share of indirect light and gloss."""
+    """Returns the solver used and the reason: from its notes, or the shares of indirect light and gloss."""
     notes = normal_map.notes
     if "why" in notes:
         return str(notes["solver"]), str(notes["why"])
@@ -242,12 +239,12 @@ def _write(
         summary = _outcome(request, solved, graded, seconds, sum(seconds.values()))
         summary |= {"files": export.checksums(partial)}
         (partial / SUMMARY).write_text(json.dumps(summary, indent=2), encoding="utf-8")
-        export.refuse_foreign(out, SUMMARY)  # somebody may have put a file there while the images were solved
+        export.refuse_foreign(out, SUMMARY)  # again, because a file may have appeared there during the solve
 
 
 @contextmanager
 def _told_if_unwritable(out: Path) -> Generator[None]:
-    """Turns errors of the disk into RigError store.disk_full or folder.invalid."""
+    """Converts errors of the disk to RigError store.disk_full or folder.invalid."""
     try:
         yield
     except OSError as error:
@@ -278,7 +275,7 @@ def _facts(
 def _outcome(
     request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], total: float
 ) -> dict[str, Any]:
-    """The figures of `--json`: errors are null where no truth is known."""
+    """Returns the figures of `--json`. Errors are null where no truth is known."""
     nothing: dict[str, Any] = dict.fromkeys(field.name for field in fields(AngularErrors))
     errors = nothing if graded is None else asdict(graded)
     return {
@@ -323,7 +320,7 @@ def _show(console: Console, outcome: dict[str, Any], warnings: list[str]) -> Non
 
 @contextmanager
 def _scratch(out: Path | None) -> Generator[Path]:
-    """A temporary folder for unpacked images, on the disk of the output if there is one."""
+    """Makes a temporary folder for unpacked images, on the disk of the output if there is one."""
     try:
         if out is not None:
             out.resolve().parent.mkdir(parents=True, exist_ok=True)
@@ -338,7 +335,7 @@ def _scratch(out: Path | None) -> Generator[Path]:
 
 @contextmanager
 def progress_bar(console: Console) -> Generator[Progress]:
-    """A bar of what is done on the error stream, gone when the block ends."""
+    """Shows a progress bar on the error stream, which disappears when the block ends."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as bar:
         yield bar
@@ -354,7 +351,7 @@ def shown_step(bar: Progress, what: str) -> Generator[None]:
 
 @contextmanager
 def timed(seconds: dict[str, float], name: str) -> Generator[None]:
-    """Notes how many seconds the block takes, under its name."""
+    """Records the duration of the block under `name`, s."""
     started = time.monotonic()
     yield
     seconds[name] = time.monotonic() - started

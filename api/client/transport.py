@@ -8,16 +8,13 @@ import httpx
 
 TIMEOUT_S = 30.0
 """Time limit of a request, s; longer than devices may delay a start, and than the pause between two keep-alive comments
-of the event stream.
-"""
+of the event stream."""
 
 LIMITS = httpx.Limits(keepalive_expiry=2.0)
-"""Time after which an idle connection is given up, s; below the service's 5 s, as a request fails on a closing
-connection.
-
-The service counts from sending an answer, the client from reading it. A client delayed by three seconds in between may
-send at the very moment of closing. Measured: 4 of 120 clients that read an answer 5.0 s late failed in this way.
-"""
+"""Time after which an idle connection is given up, s: below the service's 5 s, because a request on a closing
+connection fails. The service counts from sending an answer, the client from reading it; a client delayed by three
+seconds in between may send at the very moment of closing. Measured: of 120 clients that read an answer 5.0 s late, 4
+failed."""
 
 CLOSED_MEANWHILE = (httpx.RemoteProtocolError, httpx.ReadError, httpx.WriteError)
 """Errors of a request on a connection that is just being closed: an end or a reset instead of the answer."""

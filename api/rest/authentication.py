@@ -1,9 +1,9 @@
 """Authentication and authorisation of every request in one place, before any route sees it.
 
 Reading needs the role viewer, changing operator, deleting and the list of keys admin. Every key may stop. A page that
-shows images or follows events cannot send headers, so it requests a short-lived ticket that allows reading only. All
+shows images or follows events cannot send headers; it requests a short-lived ticket that allows reading only. All
 checks run on the event loop from memory, so that a stop waits for nothing. Without keys only this machine can call, and
-everybody logged in on it is an operator; deleting and the list then need a key, or the command line.
+everybody on it is an operator; deleting and the list then need a key, or the command line.
 """
 
 import time
@@ -18,8 +18,7 @@ from api.rest.keys import Caller, KeyRing, Role
 
 PUBLIC_PATHS = ("/health/", "/problems/", "/page/", "/archive/page/", "/docs/")
 """Path prefixes that need no key: health probes, explanations of problems, and the files of the operator's page, the
-archive's page and the page for trying the API, which ask for the key themselves.
-"""
+archive's page and the page for trying the API, which ask for the key themselves."""
 
 PUBLIC_PAGES = frozenset({"/", "/archive", "/docs", "/openapi.json"})
 """Addresses of these pages, and of the OpenAPI description, which is the same for every cell."""
@@ -38,8 +37,7 @@ OPERATORS_MAY_DELETE = ("/v1/queue/",)
 MAX_FAILURES = 10
 FAILURE_WINDOW_S = 60.0
 """Time in which one host may send MAX_FAILURES wrong keys before it has to wait, s. A valid key is accepted even then:
-guessing 256 bits is hopeless, and nobody's guessing may keep an operator from the stop.
-"""
+guessing 256 bits is hopeless, and nobody's guessing may keep an operator from the stop."""
 
 MAX_HOSTS = 10_000
 """Maximum number of hosts whose failures are remembered; bounds the memory."""

@@ -13,8 +13,7 @@ WANTED_DESCRIPTORS = 16_384
 
 RESERVED_DESCRIPTORS = 200
 """Number of descriptors for the service itself: journal, sessions' files, devices, processes. An idle service has about
-40 open, a session about 20 more.
-"""
+40 open, a session about 20 more."""
 
 MOST_CONNECTIONS = 4_096
 """Upper limit of connections; a lab's service has no use for more."""

@@ -47,7 +47,7 @@ KEPT_DRAWINGS = 4
     responses={**_PICTURE, **stored_files.NOT_MODIFIED, **_BUSY},
 )
 async def reach_picture(service: ServiceOf, request: Request, form: Format) -> Response:
-    """Returns a drawing of the arm's reach with reasons of refusals: the dome seen from the camera, or the cell in 3-D."""
+    """Returns a drawing of the arm's reach with reasons of refusals: the dome seen from the camera, or a 3-D page."""
     runner = service.runner
     reach = await in_turn(service.limits.reach, runner.planning.reach)
     cell = runner.choices.lamp_cell

@@ -3,8 +3,8 @@
 asyncio accepts as many connections as there are descriptors, and then fails with a log entry at each turn of its loop;
 a stop would wait in the same queue. Here one thread accepts every connection and reads its first bytes. It carries out
 and answers a well-formed and permitted stop itself, which needs neither the event loop, nor a thread of the pool, nor a
-descriptor that others may hold. It hands everything else to the event loop with the bytes read so far, including a stop
-that is refused, because the application states the reason.
+descriptor that others may hold. It hands everything else to the event loop with the bytes read so far, including a
+refused stop, because the application states the reason.
 
 A connection without a complete first line is undecided. There is room for a fixed number of them; a further one
 replaces the oldest, so that idle connections cannot keep a new one out. Connections that the application serves are
@@ -57,8 +57,7 @@ _log = logging.getLogger(__name__)
 
 Stop = Callable[[bytes, str, str], tuple[bytes, dict[str, Any]] | None]
 """Carries out the stop in a head, given its peer and the address it arrived at. Returns the answer and its log entry,
-or None if the application has to answer.
-"""
+or None if the application has to answer."""
 
 HandOver = Callable[[socket.socket, bytes, str, TlsSession | None], None]
 """Gives the event loop a connection, the bytes read from it, its peer and its TLS session."""

@@ -33,8 +33,7 @@ METHODS_WITH_BODY = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 
 VALID_UNTIL = "Valid-Until"
 """Header of a POST with the end of its validity, s since 1970 by this machine's clock. A request that a failed network
-delivers a minute later is not carried out. A stop is never too late.
-"""
+delivers a minute later is not carried out. A stop is never too late."""
 
 STREAM_PATHS = frozenset({"/v1/events", "/v1/rig/preview.mjpeg"})
 """Addresses of streams, which are counted separately (`open_streams`)."""

@@ -37,8 +37,7 @@ from api.rest.wiring import Service
 
 SWITCH_INTERVAL_S = 0.001
 """Time for which a thread may keep others from running Python code, s (default 0.005). Beside a busy event loop the
-listener waits this long, about ten times per stop.
-"""
+listener waits this long, about ten times per stop."""
 
 SHUTDOWN_GRACE_S = 5
 """Time limit for requests in progress after a signal, s. The halt of the arm does not wait for them."""

@@ -80,10 +80,7 @@ def read_as(kind: type[SettingsT], **values: Any) -> SettingsT:
 
 
 def refuse_open_bind(host: str, keys: bool, what: str = "moves the arm", role: str = "operator") -> None:
-    """Refuses a host other than loopback if there are no keys. Raises RigError config.invalid.
-
-    The message names `what` anybody could do then, and the `role` of the key to make.
-    """
+    """Refuses a host other than loopback without keys. Raises RigError config.invalid with `what` anybody could do."""
     if not keys and not is_loopback(host):
         raise RigError(
             ErrorCode.CONFIG_INVALID,

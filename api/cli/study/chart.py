@@ -23,7 +23,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Axis:
-    """What an axis shows; marks and range follow from the values unless given."""
+    """Label of an axis; its marks and range follow from the values unless given."""
 
     label: str
     marks: Sequence[float] = ()

@@ -1,8 +1,8 @@
 """Mean error against the number of images for every method, diffuse and glossy, with the same solver for all.
 
-A work item is one draw of one object, diffuse and glossy: its geometry is traced once, images are shared by all methods
-and numbers of lights, and items run in two processes. The two methods that matter (optimal and two rings) are drawn
-more often where they are compared, and so are the others with which eight images are compared.
+A work item is one draw of one object, diffuse and glossy. Its geometry is traced once, images are shared by all methods
+and numbers of lights, and items run in two processes. The two main methods (optimal and two rings) are drawn more often
+where they are compared, and so are the others that are compared with them at eight images.
 """
 
 from collections.abc import Sequence
@@ -24,21 +24,21 @@ FAR_OFF_DEG = 10.0
 
 @dataclass(frozen=True)
 class Draws:
-    """Number of draws by number of images: of the rivals, of the methods compared with, and of the others."""
+    """Numbers of draws by number of images: for the rivals, for the methods compared with them, and for the others."""
 
     rivals: dict[int, int]
     compared: dict[int, int]
     others: dict[int, int]
 
     def of(self, method: str) -> dict[int, int]:
-        """Draws by number of images."""
+        """Returns the draws of a method by number of images."""
         if method in RIVALS:
             return self.rivals
         return self.compared if method in COMPARED else self.others
 
     @property
     def most(self) -> int:
-        """The largest number of draws."""
+        """Largest number of draws."""
         return max(*self.rivals.values(), *self.compared.values(), *self.others.values())
 
 
@@ -57,7 +57,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class WorkItem:
-    """One draw of one object; `diffuse` and `glossy`: the draws of that finish, None to leave it out."""
+    """One draw of one object; `diffuse` and `glossy` are the draws of that finish, None to leave it out."""
 
     shape: str
     draw: int
@@ -69,10 +69,10 @@ class WorkItem:
 
 @dataclass(frozen=True)
 class Sample:
-    """One session: its errors, and what the planner had predicted; degrees.
+    """One session: its errors, and the planner's prediction; degrees.
 
-    Errors are of the graded pixels; `straddling` is the share of mixed pixels, which show two surfaces and are left
-    out; the figures `of_all` count these too. The names are keys of `study.json`.
+    Errors are averaged over the graded pixels. `straddling` is the share of mixed pixels, which show two surfaces and
+    are not graded; the figures `of_all` include them. The names are keys of `study.json`.
     """
 
     shape: str
@@ -92,8 +92,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Curve:
-    """Mean error over objects by number of images, with half widths of 95 % confidence intervals; the figures `of_all`
-    count the mixed pixels too."""
+    """Mean error over objects by number of images, half its 95 % confidence interval; `of_all` with mixed pixels."""
 
     method: str
     error_deg: dict[int, float]
@@ -106,7 +105,7 @@ class Curve:
 
 
 def work_items(seed: int, scale: Scale) -> list[WorkItem]:
-    """All work items, the longest first."""
+    """Returns all work items, longest first."""
     return [
         WorkItem(
             shape,
@@ -157,7 +156,7 @@ def _sample(item: WorkItem, scene: Scene, method: str, lights: int) -> Sample:
 
 
 def curves(samples: Sequence[Sample], *, glossy: bool) -> list[Curve]:
-    """One curve for each method, in the order of `METHODS`."""
+    """Returns one curve for each method, in the order of `METHODS`."""
     return [
         _curve(method, [sample for sample in samples if sample.method == method and sample.glossy is glossy])
         for method in METHODS
@@ -181,13 +180,13 @@ def _curve(method: str, samples: Sequence[Sample]) -> Curve:
 
 
 def _over_objects(samples: Sequence[Sample], name: str) -> float:
-    """The mean over objects of a figure's mean over draws."""
+    """Averages a figure over the draws of each object, then over objects."""
     groups = [[getattr(item, name) for item in samples if item.shape == shape] for shape in OBJECTS]
     return float(np.mean([np.mean(group) for group in groups if group]))
 
 
 def mixed_share(samples: Sequence[Sample]) -> dict[str, float]:
-    """For each object the share of mixed pixels, which are not graded because they show two surfaces."""
+    """Returns for each object the share of mixed pixels, which are not graded because they show two surfaces."""
     return {
         shape: float(np.mean([item.straddling for item in samples if item.shape == shape]))
         for shape in OBJECTS
@@ -196,7 +195,7 @@ def mixed_share(samples: Sequence[Sample]) -> dict[str, float]:
 
 
 def over_10(samples: Sequence[Sample], method: str, lights: int) -> dict[str, tuple[float, float]]:
-    """For each diffuse object a method's share of pixels with an error above 10°: of the graded ones, and of all."""
+    """Returns for each diffuse object a method's shares of pixels with errors above 10°: graded, and all pixels."""
     chosen = [item for item in samples if (item.method, item.lights, item.glossy) == (method, lights, False)]
     return {
         shape: (
@@ -209,9 +208,9 @@ def over_10(samples: Sequence[Sample], method: str, lights: int) -> dict[str, tu
 
 
 def half_width(groups: Sequence[FloatArray]) -> float:
-    """Half the 95 % confidence interval of the mean of the groups' means, from the scatter within groups.
+    """Returns half the 95 % confidence interval of the mean of the groups' means, from the scatter within groups.
 
-    The objects are fixed; only the draws are random. Zero where nothing was drawn twice.
+    The objects are fixed; only the draws are random. Zero if nothing was drawn twice.
     """
     freedom = sum(len(values) - 1 for values in groups)
     if freedom == 0:
@@ -221,7 +220,7 @@ def half_width(groups: Sequence[FloatArray]) -> float:
 
 
 def ratio(samples: Sequence[Sample], method: str, rival: str, lights: int, *, glossy: bool) -> tuple[float, float]:
-    """Ratio of a method's mean error to its rival's on the same draws, and half the 95 % confidence interval."""
+    """Returns a method's mean error over its rival's on the same draws, and half its 95 % confidence interval."""
     ours, theirs = (
         {
             (item.shape, item.draw): item.mean_deg
@@ -242,7 +241,7 @@ def ratio(samples: Sequence[Sample], method: str, rival: str, lights: int, *, gl
 
 
 def predicted_over_observed(samples: Sequence[Sample]) -> dict[str, list[float]]:
-    """For each diffuse object the ratios of predicted to observed mean error of the planned sessions."""
+    """Returns for each diffuse object the ratios of predicted to observed mean error of the planned sessions."""
     ratios: dict[str, list[float]] = {}
     for item in samples:
         if item.method == "optimal" and not item.glossy and item.predicted_sigma_deg is not None:

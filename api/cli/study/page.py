@@ -81,7 +81,7 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _with_interval(value: float, half_width: float, digits: int = 2) -> str:
-    """A value and its interval; none where nothing was drawn twice."""
+    """Formats a value with its interval, if it was drawn more than once."""
     return f"{value:.{digits}f} ± {half_width:.{digits}f}" if half_width > 0 else f"{value:.{digits}f}"
 
 

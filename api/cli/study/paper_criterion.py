@@ -1,9 +1,9 @@
 """Numerical check of the paper's figures: Gardi, Walter and Garbe's A-optimality criterion for three distant lights.
 
-The criterion is the mean over the object's normals of tr(B (SᵀS)⁻¹ Bᵀ), B = I − n nᵀ, which for unit albedo is
-tr(M (SᵀS)⁻¹) with M the mean of B. For unit lights it has a least value in closed form, (tr √M)²/m (the eigenvalues of
-SᵀS share a fixed trace m), so the result of a search can be compared with the optimum. What the paper leaves out (near
-light, shadows, more than three images) is left out here too; the other parts of the study include it.
+The criterion is the mean over the object's normals of tr(B (SᵀS)⁻¹ Bᵀ), B = I − n nᵀ. For unit albedo it equals tr(M
+(SᵀS)⁻¹) with M the mean of B. For unit lights its minimum has the closed form (tr √M)²/m (the eigenvalues of SᵀS have
+the fixed sum m), so that the result of a search can be compared with the optimum. Like the paper, this part omits near
+light, shadows and more than three images; the other parts of the study include them.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ STARTS = 12
 DESCENT_STEPS = 400
 DESCENT_RATE = 0.5
 REPORTED_PHI = {"ours": 0.0211, "heuristic": 1.8657}
-"""What the paper's figure 9 reports."""
+"""Values in the paper's figure 9."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,12 @@ PERCENTS = (0.0, 0.01, 0.1, 1.0, 10.0, 25.0, 50.0, 75.0, 90.0)
 
 @dataclass(frozen=True)
 class Errata:
-    """The paper's formulas, checked numerically; the names are keys of `study.json`.
+    """Numerical check of the paper's formulas; the names are keys of `study.json`.
 
-    `idempotence`: ‖B² − B‖/‖B‖ at albedo 1, 0.5 and 0.25, `scaled_idempotence` the same of B² − B/|Ñ|,
-    `trace_times_norm` tr(B)·|Ñ| (2 is right). `gradient_error`: relative difference of Appendix A with the element-wise
-    product from finite differences; `matrix_product_cosine`: median cosine between the gradient with the matrix product
-    and the true one. `literal`: value and mean |s| while Eq. 23 is followed downhill with nothing to bound |s|.
+    `idempotence`: ‖B² − B‖/‖B‖ at albedo 1, 0.5 and 0.25. `scaled_idempotence`: the same for B² − B/|Ñ|.
+    `trace_times_norm`: tr(B)·|Ñ|, which should be 2. `gradient_error`: relative difference between Appendix A with the
+    element-wise product and finite differences. `matrix_product_cosine`: median cosine between the gradient with the
+    matrix product and the true one. `literal`: value and mean |s| during descent on Eq. 23 without a bound on |s|.
     """
 
     idempotence: dict[str, float]
@@ -69,7 +69,7 @@ class Errata:
 
 
 def phi(lights: FloatArray, weight: FloatArray) -> FloatArray:
-    """tr(M (SᵀS)⁻¹) of light sets (..., m, 3) with M (3, 3); infinite where the lights lie in one plane."""
+    """Computes tr(M (SᵀS)⁻¹) of light sets (..., m, 3) with M (3, 3); infinite where the lights lie in one plane."""
     gram = np.einsum("...ki,...kj->...ij", lights, lights)
     a, b, c = gram[..., 0, 0], gram[..., 0, 1], gram[..., 0, 2]
     d, e, f = gram[..., 1, 1], gram[..., 1, 2], gram[..., 2, 2]
@@ -83,24 +83,24 @@ def phi(lights: FloatArray, weight: FloatArray) -> FloatArray:
 
 
 def gradient(lights: FloatArray, weight: FloatArray) -> FloatArray:
-    """∂ tr(M (SᵀS)⁻¹)/∂S (m, 3): Appendix A with the element-wise product."""
+    """Computes ∂ tr(M (SᵀS)⁻¹)/∂S (m, 3): Appendix A with the element-wise product."""
     inverse = np.linalg.inv(lights.T @ lights)
     return -2 * lights @ inverse @ weight @ inverse
 
 
 def lower_bound(weight: FloatArray, count: int) -> float:
-    """The least value for `count` unit lights, (tr √M)²/m."""
+    """Returns the minimum for `count` unit lights, (tr √M)²/m."""
     return float(np.sum(np.sqrt(np.linalg.eigvalsh(weight))) ** 2 / count)
 
 
 def mean_projector(scene: Scene) -> FloatArray:
-    """M (3, 3), the mean of I − n nᵀ over the graded pixels' true normals, view frame."""
+    """Returns M (3, 3), the mean of I − n nᵀ over the graded pixels' true normals, view frame."""
     true = scene.geometry.truth.normals[scene.graded].astype(float)
     return np.eye(3) - true.T @ true / len(true)
 
 
 def best_unit_lights(weight: FloatArray, count: int, seed: int, starts: int = STARTS) -> FloatArray:
-    """Unit lights (count, 3) of least criterion: quasi-Newton on the sphere from random starts; z ≥ 0."""
+    """Minimises the criterion over unit lights (count, 3), z ≥ 0, by quasi-Newton on the sphere from random starts."""
     rng = np.random.default_rng(seed)
 
     def descend(flat: FloatArray) -> tuple[float, FloatArray]:
@@ -121,7 +121,7 @@ def best_unit_lights(weight: FloatArray, count: int, seed: int, starts: int = ST
 
 
 def placement(scene: Scene, seed: int, triples: int = RANDOM_TRIPLES) -> Placement:
-    """Figure 9 for one object: random triples of the upper half space, the heuristic, ours, and the bound."""
+    """Reproduces figure 9 for one object: random triples of the upper half space, the heuristic, ours and the bound."""
     weight = mean_projector(scene)
     rng = np.random.default_rng(seed)
     values: list[FloatArray] = []
@@ -150,7 +150,7 @@ def placement(scene: Scene, seed: int, triples: int = RANDOM_TRIPLES) -> Placeme
 
 
 def errata(weight: FloatArray, seed: int, triples: int = RANDOM_TRIPLES) -> Errata:
-    """The errata, checked for the object of mean projector `weight` (3, 3)."""
+    """Checks the errata for the object of mean projector `weight` (3, 3)."""
     rng = np.random.default_rng(seed)
     normal = rng.normal(size=3)
     normal /= np.linalg.norm(normal)
@@ -181,7 +181,7 @@ def errata(weight: FloatArray, seed: int, triples: int = RANDOM_TRIPLES) -> Erra
 def _gradients(rng: np.random.Generator, weight: FloatArray) -> tuple[float, float]:
     """For random unit lights and one normal: cosine of the matrix-product gradient, error of the element-wise one.
 
-    Read with a matrix product, the sum of all entries of B (SᵀS)⁻¹ B is differentiated in place of the trace.
+    Read with a matrix product, Appendix A differentiates the sum of all entries of B (SᵀS)⁻¹ B instead of its trace.
     """
     lights = rng.normal(size=(3, 3))
     lights /= np.linalg.norm(lights, axis=1, keepdims=True)
@@ -205,7 +205,7 @@ def _gradients(rng: np.random.Generator, weight: FloatArray) -> tuple[float, flo
 
 
 def _unconstrained_descent(start: FloatArray, weight: FloatArray) -> list[tuple[int, float, float]]:
-    """Step, value and mean |s| of plain gradient descent on Eq. 23 as it stands."""
+    """Returns step, value and mean |s| of plain gradient descent on Eq. 23 without constraints."""
     lights, trace = start.copy(), []
     for step in range(DESCENT_STEPS + 1):
         if step in (0, 1, 3, 10, 30, 100, 200, DESCENT_STEPS):

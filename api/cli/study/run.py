@@ -1,6 +1,6 @@
-"""Runs the study: its parts in two processes, their results as values for the page and for programs.
+"""Runs the parts of the study in two processes, and collects their results for the page and for programs.
 
-The number of draws is fixed, never limited by time, so that a seed gives the same figures on every machine.
+The number of draws is fixed and never limited by time, so that a seed gives the same figures on every machine.
 """
 
 import os
@@ -52,7 +52,7 @@ QUICK = Scale(
 
 
 def run(seed: int, out: Path, *, quick: bool) -> dict[str, Any]:
-    """Runs the study, writes `study.html` and `study.json` into `out`, and returns what the latter holds.
+    """Runs the study, writes `study.html` and `study.json` into `out`, and returns the content of the latter.
 
     Raises RigError service.fault when a process of the study dies.
     """
@@ -68,7 +68,7 @@ def measure(seed: int, scale: Scale, *, quick: bool) -> StudyResult:
     """Measures all parts, in two processes."""
     started = time.monotonic()
     for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ[name] = "1"  # read by the processes that are spawned: each has one core
+        os.environ[name] = "1"  # read by the spawned processes, each of which has one core
     work = error_curves.work_items(seed, scale)
     with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
         of_paper = [pool.submit(_placement, shape, seed) for shape in scale.objects]
@@ -94,7 +94,7 @@ def measure(seed: int, scale: Scale, *, quick: bool) -> StudyResult:
 
 
 def summary(result: StudyResult) -> dict[str, Any]:
-    """The figures for programs: errors by method and number of images, criterion, predicted over observed errors."""
+    """Returns the figures for programs: errors by method and number of images, criterion, predicted over observed."""
     predictions = error_curves.predicted_over_observed(result.samples)
     every = [value for values in predictions.values() for value in values]
     figure = result.placements[-1]
@@ -133,7 +133,7 @@ def summary(result: StudyResult) -> dict[str, Any]:
 
 
 def ratios(result: StudyResult) -> list[dict[str, Any]]:
-    """Our error over each rival's at 8, 12 and 20 images, on the same draws."""
+    """Returns our error over each rival's at 8, 12 and 20 images, on the same draws."""
     rows: list[dict[str, Any]] = []
     for glossy in (False, True):
         for rival in simulated_scene.METHODS[1:]:

@@ -1,7 +1,7 @@
 """Geometry of one simulated object under the nominal camera: samples, shadows, truth, and the dome of lights.
 
-Tracing is what costs time, and it depends on neither finish nor light: so it is done once for a draw of an object, kept
-for the few draws that the parts of the study share, and used for the diffuse and the glossy version and all lights.
+Tracing is expensive and depends on neither finish nor light. Each draw of an object is therefore traced once, kept for
+the few draws that the parts of the study share, and used for the diffuse and the glossy version and all lights.
 """
 
 from dataclasses import replace
@@ -24,17 +24,16 @@ from hardware_sim.tracing import Tracer
 from hardware_sim.truth import Truth
 
 PIXELS = 256
-"""Width and height of the image, px. Below, mixed pixels at edges decide the mean errors of the objects with steps,
-whatever the lights."""
+"""Width and height of the image, px. In smaller ones mixed pixels at edges dominate the mean errors at steps."""
 
 SUBDIVISION = 3
-"""Samples per pixel and axis."""
+"""Number of samples per pixel and axis."""
 
 CACHED_GEOMETRIES = 3
-"""Geometries that a process keeps."""
+"""Number of geometries that a process keeps."""
 
 NEAR_OBJECT_PX = 2
-"""Table pixels this close to the object, px, are sampled like it: they may be taken for its edge."""
+"""Distance from the object within which table pixels are sampled like it, px, because they may look like its edge."""
 
 
 class Geometry:
@@ -69,7 +68,7 @@ class Geometry:
 
     @cached_property
     def views(self) -> tuple[View, View]:
-        """Samples of the image: object and its surroundings finely, the rest of the region's table coarsely."""
+        """Samples of the image: object and surroundings finely, the rest of the region's table coarsely."""
         fine = render.trace_view(self.glossy, self.tracer, self.lens, SUBDIVISION)
         covered = np.zeros(self.region.shape, np.uint8)
         covered.ravel()[fine.surface.pixels] = 1
@@ -83,7 +82,7 @@ class Geometry:
         )
 
     def illuminated(self, key: tuple[object, ...], lamp: Lamp) -> list[tuple[BoolArray, BoolArray]]:
-        """Which samples of each view a lamp illuminates, as `render.lit_samples`; cached by `key`, one bit each."""
+        """Returns which samples of each view a lamp illuminates, as `render.lit_samples`; cached as bits by `key`."""
         fine, coarse = self.views
         parts = (fine.surface, fine.table, coarse.surface, coarse.table)
         if key not in self._illuminated:
@@ -99,8 +98,8 @@ class Geometry:
         return render.lit_mask(samples.points[chosen], samples.normals[chosen], lamp.position, self.tracer, self.glossy)
 
     def _surface_lit(self, lamp: Lamp) -> BoolArray:
-        """Which samples of the object a lamp illuminates; shadow rays are cast from all samples of a pixel only where
-        its centre and the neighbouring centres differ: one sample in ten thousand is classified differently."""
+        """Returns which samples of the object a lamp illuminates. Of a pixel's samples, shadow rays are cast only where
+        its centre and the neighbouring centres differ, which classifies one sample in ten thousand differently."""
         shape = (self.lens.height, self.lens.width)
         centres, samples = self.centres, self.views[0].surface
         free = self._lit(centres, lamp)
@@ -136,7 +135,7 @@ class Geometry:
 
     @cached_property
     def facing(self) -> BoolArray:
-        """Pixels (H, W) within the silhouette whose surface is not at grazing view."""
+        """Pixels (H, W) within the silhouette whose surface is not seen at a grazing angle."""
         return grade.graded_pixels(self.truth, self.calibration)
 
     @cached_property
@@ -146,18 +145,18 @@ class Geometry:
 
     @property
     def object_from_view(self) -> FloatArray:
-        """The pose (4, 4) of the view frame."""
+        """Pose (4, 4) of the view frame in the object frame."""
         return self.object_from_base @ geometry.base_from_view(np.array(self.calibration.base_from_camera))
 
 
 @lru_cache(maxsize=CACHED_GEOMETRIES)
 def cached_geometry(shape: str, seed: int, pixels: int = PIXELS) -> Geometry:
-    """The geometry of one draw; the last few are cached, because the study's parts use the same ones."""
+    """Returns the geometry of one draw; the last few are cached, because the study's parts use the same ones."""
     return Geometry(shape, seed, pixels)
 
 
 def _faces(samples: render.Samples, lamp: Lamp) -> BoolArray:
-    """Which samples face a lamp."""
+    """Returns which samples face a lamp."""
     to_lamp = lamp.position.astype(np.float32) - samples.points
     return np.einsum("ni,ni->n", to_lamp, samples.normals) > 0
 

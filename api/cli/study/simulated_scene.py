@@ -1,12 +1,12 @@
-"""Sessions in the simulator without its arm: any light of the dome, at once, with the errors of profile `direct`.
+"""Sessions in the simulator without its arm: any light of the dome, immediately, with the errors of profile `direct`.
 
-Only motion is left out: rendering, sensor, errors of each image, pilot, planner, patterns and solver are those of a
+Only motion is omitted. Rendering, sensor, errors of each image, pilot, planner, patterns and solver are those of a
 session in the simulated cell. One seed is one draw: it determines the object (shape and orientation) and the errors of
-every image, which are keyed by the lamp's position. So methods that choose the same light share its image, draws are
-independent, and no result depends on the order of calls.
+every image, which are keyed by the lamp's position. Methods that choose the same light therefore share its image, draws
+are independent, and no result depends on the order of calls.
 
-An image is rendered once for each light, its shadows once for the diffuse and glossy version; the table, which no
-figure depends on, with one sample for each pixel.
+An image is rendered once per light, its shadows once for both finishes. The table, on which no figure depends, has one
+sample per pixel.
 """
 
 import hashlib
@@ -47,14 +47,16 @@ class Frames:
     pixels: dict[str, npt.NDArray[np.uint16]]
 
     def rows(self, frame: FrameRef, start: int, stop: int) -> npt.NDArray[np.uint16]:
-        """Rows [start, stop) of a frame."""
+        """Returns rows [start, stop) of a frame."""
         return self.pixels[frame.path][start:stop]
 
 
 @dataclass(frozen=True)
 class SceneResult:
-    """Images and normal map of one set of lights, with the error of each pixel in degrees: (K,) of the graded pixels,
-    and (J,) of the mixed pixels, which are not graded because they show two surfaces."""
+    """Images and normal map of one set of lights, and errors in degrees: (K,) of graded pixels, (J,) of mixed pixels.
+
+    Mixed pixels are not graded, because they show two surfaces.
+    """
 
     observations: Observations
     normal_map: NormalMap
@@ -63,25 +65,25 @@ class SceneResult:
 
     @property
     def mean_deg(self) -> float:
-        """Mean error over the graded pixels."""
+        """Mean error over the graded pixels, degrees."""
         return float(np.mean(self.error_deg))
 
     @property
     def all_error_deg(self) -> FloatArray:
-        """The errors (K + J,) of graded and mixed pixels together."""
+        """Errors (K + J,) of graded and mixed pixels together, degrees."""
         return np.concatenate([self.error_deg, self.mixed_error_deg])
 
 
 @dataclass(frozen=True)
 class Run:
-    """Result of a session with some recipe, and the plan of its last pass."""
+    """Result of a session with a recipe, and the plan of its last pass."""
 
     result: SceneResult
     plan: LightPlan
 
 
 class Scene:
-    """One draw: an object, diffuse or glossy, and the errors of every image of it."""
+    """One draw: an object, diffuse or glossy, and the errors of all its images."""
 
     def __init__(self, shared: Geometry, *, glossy: bool = False) -> None:
         self.geometry, self.glossy = shared, glossy
@@ -96,7 +98,7 @@ class Scene:
 
     @property
     def dome(self) -> CandidateLights:
-        """The allowed positions of lights."""
+        """Allowed positions of lights."""
         return self.geometry.dome
 
     @property
@@ -106,14 +108,14 @@ class Scene:
 
     @property
     def mixed(self) -> BoolArray:
-        """Mixed pixels (H, W), not graded: they show two surfaces and so have no single normal."""
+        """Mixed pixels (H, W), not graded, because they show two surfaces and so have no single normal."""
         return self.geometry.facing & ~self.geometry.one_surface
 
     def capture(self, lights: Sequence[Light], unpredicted: int | None = None) -> Observations:
         """Captures one image for each light, exposed as in a session, and the lamp-off frames.
 
-        The first `unpredicted` lights (None: all) are exposed without a prediction; for the others a normal map
-        predicts how bright the object becomes.
+        The first `unpredicted` lights (None: all) are exposed without a prediction. For the others a normal map
+        predicts the brightness of the object.
         """
         wanted, camera = Exposure(), self.geometry.cell.camera
         frames: dict[str, npt.NDArray[np.uint16]] = {}
@@ -140,9 +142,9 @@ class Scene:
         return Observations(shots, darks, Frames(frames))
 
     def solve(self, lights: Sequence[Light], unpredicted: int | None = None) -> SceneResult:
-        """Solves the images under some lights with the final solver; cached, because methods share lights.
+        """Solves the images under some lights with the final solver. Results are cached, because methods share lights.
 
-        `unpredicted` as for `capture`. A pixel without a normal counts with the error of the viewing axis, the best
+        `unpredicted` is as for `capture`. A pixel without a normal counts with the error of the viewing axis, the best
         guess without data.
         """
         key = (None if unpredicted == len(lights) else unpredicted, tuple(lights))
@@ -183,7 +185,7 @@ class Scene:
         return plan.choose(problem, certify=False)
 
     def _picture(self, light: Light, repeat: int) -> Float32Array:
-        """Signal (H, W), fraction of full scale per second, with the image's own error of intensity and position."""
+        """Renders the signal (H, W), fraction of full scale per second, with its errors of intensity and position."""
         key = (*_position_key(light), repeat)
         if key not in self._pictures:
             random = self._random("error", _position_key(light), repeat)
@@ -225,7 +227,7 @@ class Scene:
 
 
 def recipe(method: str, lights: int, seed: int = 0) -> Recipe:
-    """The recipe of a method with a total number of lights, the pilot's included."""
+    """Returns the recipe of a method with a total number of lights, including the pilot's."""
     first = min(PILOT_LIGHTS, lights)
     return Recipe.model_validate(
         {
@@ -239,5 +241,5 @@ def recipe(method: str, lights: int, seed: int = 0) -> Recipe:
 
 
 def _position_key(light: Light) -> tuple[object, ...]:
-    """A lamp's position to a hundredth of a millimetre, as a key."""
+    """Returns a lamp's position to a hundredth of a millimetre, as a key."""
     return tuple(round(value / 1e-5) for value in light.position)

@@ -1,4 +1,4 @@
-"""The result of a study: what `run` measures, `page` shows and `study.json` holds."""
+"""The result of a study, which `run` measures, `page` shows and `study.json` holds."""
 
 from dataclasses import dataclass
 

@@ -1,11 +1,11 @@
 """Three images and plain inversion (Woodham 1980): which conditions reproduce the paper's errors, and which do not.
 
-A mean error near the median, both near nine degrees, is typical of a near lamp modelled as a distant one; a mean far
+A mean error near the median, both near nine degrees, is typical of a near lamp modelled as a distant one. A mean far
 above the median is typical of shadows. The paper's best figures are those of a ring at 25–35° with a distant lamp and
-model; its criterion with unit lights, which moves the lights to grazing slants, does not give them.
+model. Its criterion with unit lights, which moves the lights to grazing slants, does not give them.
 
-0.5 % noise and 8 bits; each image exposed by its 99.5th percentile; errors over the graded pixels, shadowed ones
-included unless said.
+Conditions: 0.5 % noise and 8 bits, each image exposed by its 99.5th percentile, errors over the graded pixels including
+shadowed ones unless stated otherwise.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ REPORTED = {
     "Drbohlav–Chantler": (6.078, 3.313),
     "greatest distance": (9.712, 8.733),
 }
-"""Mean and median error in degrees that the paper reports for three images."""
+"""Mean and median error that the paper reports for three images, degrees."""
 
 NOISE = 0.005
 LEVELS = 255
@@ -39,7 +39,7 @@ BRIGHT_PERCENTILE, BRIGHT_LEVEL = 99.5, 0.8
 
 @dataclass(frozen=True)
 class Condition:
-    """How the three images are captured and inverted; the errors are medians over the draws of lights."""
+    """How the three images are captured and inverted; errors are medians over the draws of lights."""
 
     name: str
     distance_m: float
@@ -61,25 +61,25 @@ class Row:
 
 
 def ring(slant_deg: float) -> Callable[[Scene, np.random.Generator], FloatArray]:
-    """Three lights evenly round the view axis."""
+    """Returns three lights evenly spaced round the view axis."""
     return lambda scene, rng: geometry.direction(np.radians(slant_deg), np.arange(3) * 2 * np.pi / 3)
 
 
 def equation_23(scene: Scene, rng: np.random.Generator) -> FloatArray:
-    """Three unit lights of least criterion for the object's own normals, none below the horizon."""
+    """Returns three unit lights that minimise the criterion for the object's normals, none below the horizon."""
     best = paper_criterion.best_unit_lights(paper_criterion.mean_projector(scene), 3, int(rng.integers(2**31)))
     slant, azimuth = geometry.slant_azimuth(best)
     return geometry.direction(np.minimum(slant, np.radians(MAX_SLANT_DEG)), azimuth)
 
 
 def random_directions(scene: Scene, rng: np.random.Generator) -> FloatArray:
-    """Three directions drawn evenly from the dome's cap."""
+    """Draws three directions uniformly from the dome's cap."""
     cosine = rng.uniform(np.cos(np.radians(75)), np.cos(np.radians(8)), 3)
     return geometry.direction(np.arccos(cosine), rng.uniform(0, 2 * np.pi, 3))
 
 
 def conditions(draws: int) -> list[Condition]:
-    """The rows of the table; `draws` for the random ones."""
+    """Returns the conditions of the table; `draws` applies to the random ones."""
     diagonal = ring(baselines.DRBOHLAV_SLANT_DEG)
     few = max(1, draws // 6)
     return [
@@ -98,7 +98,7 @@ def conditions(draws: int) -> list[Condition]:
 
 
 def table(scene: Scene, draws: int) -> list[Row]:
-    """All conditions for one object."""
+    """Evaluates all conditions for one object."""
     return [_row(scene, condition) for condition in conditions(draws)]
 
 
@@ -154,7 +154,7 @@ def _image(scene: Scene, position: FloatArray, distance_m: float, rng: np.random
 
 
 def _lit(scene: Scene, position: FloatArray) -> BoolArray:
-    """Where (H, W) the pixel centres see the lamp."""
+    """Returns where (H, W) the pixel centres see the lamp."""
     shared = scene.geometry
     centres = shared.centres
     lamp_position = geometry.transform(shared.object_from_view, position)
