@@ -25,7 +25,7 @@ export class OperatorsPage extends PageElement {
 
   private readonly turn = (): void => {
     this.way = location.hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
-    live.fail(null); // what failed on another screen
+    live.fail(null); // an error of another screen
     this.querySelector("main")?.focus({ preventScroll: true });
     window.scrollTo(0, 0);
   };

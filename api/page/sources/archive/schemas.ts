@@ -1,4 +1,4 @@
-/** What the archive's routes answer (`api/rest/archive_page/schemas.py`). */
+/** Answers of the archive's routes (`api/rest/archive_page/schemas.py`). */
 
 export interface ArchivedSession {
   key: string;

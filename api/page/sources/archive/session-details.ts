@@ -1,4 +1,4 @@
-/** One session: its facts, results beside each other and what moved between them, maps, movable light, exports. */
+/** One session: facts, results and the changes between them, maps, movable light, exports. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { get, openable } from "../connection/requests";
@@ -143,7 +143,7 @@ export class SessionDetails extends PageElement {
     </details>`;
   }
 
-  /** The camera that captured the session: from its calibration. */
+  /** The camera that captured the session, from its calibration. */
   private readonly camera = async (): Promise<Scene["camera"]> => {
     const read = await get<{ camera_matrix: Scene["camera"]["camera_matrix"]; width: number; height: number }>(
       `${this.session!.links.self}/files/calibration.json`,

@@ -1,4 +1,4 @@
-/** The list: searched by words or by a condition, page by page. */
+/** The list of sessions, searched by words or by a condition, page by page. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { get } from "../connection/requests";
@@ -12,7 +12,7 @@ import { degrees, t, when } from "../words/language";
 import type { ArchivedSession } from "./schemas";
 
 const COLUMNS = ["picture", "object", "captured", "cell", "lights", "solver", "sigma"] as const;
-/** Time without a further key after which the archive is asked, ms. */
+/** Pause after the last key before the archive is searched, ms. */
 const PAUSE_MS = 250;
 
 @customElement("session-list")
@@ -41,7 +41,7 @@ export class SessionList extends PageElement {
     this.loading = true;
     try {
       const page = await get<Page<ArchivedSession>>(address);
-      if (!more && address !== this.address) return; // the search has changed meanwhile
+      if (!more && address !== this.address) return; // the search has been changed meanwhile
       this.items = more ? [...this.items, ...page.items] : page.items;
       this.next = page.next;
       this.failed = null;
@@ -102,7 +102,7 @@ export class SessionList extends PageElement {
     void this.find(event.target as HTMLFormElement);
   };
 
-  /** Asks by both fields: a condition that has been cleared no longer holds, whichever field was typed in last. */
+  /** Searches by both fields, so that a cleared condition no longer applies, whichever field was changed last. */
   private find(form: HTMLFormElement): Promise<void> {
     const given = new FormData(form);
     this.search = String(given.get("search") ?? "");

@@ -1,6 +1,6 @@
 /**
- * The bar that is always in view: what the rig does, who is in charge, whether the arm moves, the age of the connection,
- * and STOP; below it what an action failed with, wherever the page is scrolled to.
+ * The bar that is always in view: state of the rig, person in charge, motion of the arm, age of the connection, and
+ * STOP. Below it stands the failure of an action, wherever the page is scrolled to.
  */
 import { html, nothing } from "lit";
 import { customElement } from "lit/decorators.js";
@@ -16,7 +16,7 @@ import "./stop-button";
 @customElement("app-bar")
 export class AppBar extends PageElement {
   protected readonly watching = new LiveController(this, ["change", "tick"]);
-  /** What has the focus, and headings that are jumped to, shall not lie below the bar (`scroll-padding-top`). */
+  /** Keeps focused elements and headings that are jumped to from lying below the bar (`scroll-padding-top`). */
   private readonly measuring = new ResizeObserver(() =>
     document.documentElement.style.setProperty("--bar-height", `${this.offsetHeight}px`),
   );

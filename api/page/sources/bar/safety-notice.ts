@@ -1,4 +1,4 @@
-/** The safety faults that nobody has acknowledged, with reason and remedy; the acknowledgement asks first. */
+/** The unacknowledged safety faults, with reason and remedy. The acknowledgement asks for confirmation first. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
@@ -16,7 +16,7 @@ export class SafetyNotice extends PageElement {
   protected readonly watching = new LiveController(this);
   private asked = "";
 
-  /** What somebody said of one stop is not said of the next. */
+  /** A statement about one stop does not apply to the next. */
   override willUpdate(): void {
     const faults = (live.rig?.faults ?? []).map(({ code, since }) => `${code} ${since}`).join();
     if (faults === this.asked) return;
@@ -62,7 +62,7 @@ export class SafetyNotice extends PageElement {
     </div>`;
   }
 
-  /** Opens or closes the question; the focus goes on to what takes the place of the button. */
+  /** Opens or closes the question. The focus moves to what replaces the button. */
   private async ask(open: boolean): Promise<void> {
     this.asking = open;
     this.inspected = false;

@@ -1,6 +1,6 @@
 /**
- * STOP: halts all motion. It acts when the button goes down, not when it comes up, and on Escape anywhere; it asks
- * nothing, and says within a second whether the service has heard it.
+ * STOP: halts all motion. It acts when the button goes down, not when it comes up, and on Escape anywhere. It asks
+ * nothing, and shows within a second whether the service has received it.
  */
 import { html } from "lit";
 import { customElement, state } from "lit/decorators.js";
@@ -8,7 +8,7 @@ import { stop, type StopState } from "../connection/stop";
 import { PageElement } from "../parts/element";
 import { number, t } from "../words/language";
 
-/** How long the confirmation stays, ms. */
+/** Time for which the confirmation stays, ms. */
 const SHOWN_MS = 20_000;
 
 @customElement("stop-button")

@@ -1,18 +1,18 @@
-/** Actions that a person asks for: the bar tells that they are being sent, and by their name what they failed with. */
+/** Actions of a person: the bar shows that they are being sent, and by their name how they failed. */
 import { t, type Word } from "../words/language";
 import { live } from "./live";
 import { randomName } from "./random-name";
 import { post, send, Unreachable, UNLIMITED, type RequestOptions } from "./requests";
 import type { Session } from "./schemas";
 
-/** How long after the press the arm may begin to move, s. */
+/** Time after the press within which the arm may begin to move, s. */
 export const WANTED_S = 5;
 /** Actions after which the arm moves. */
 const MOVES = new Set(["start", "resume"]);
-/** How often is looked whether the service is still there, ms. */
+/** Time between two checks of whether the service still answers, ms. */
 const WATCH_MS = 250;
 
-/** Carries out what a person asked for under this name; whether it succeeded. */
+/** Carries out a person's request under this name. Returns whether it succeeded. */
 export async function attempt(name: string, request: () => Promise<unknown>): Promise<boolean> {
   const sent = live.send(name);
   try {
@@ -28,8 +28,10 @@ export async function attempt(name: string, request: () => Promise<unknown>): Pr
 }
 
 /**
- * The same of what moves the arm. Its requests are made with the options given, asked for anew for each: they are not
- * carried out when they arrive late, and are given up with all that would follow when the service is not heard any more.
+ * Carries out a request that moves the arm.
+ *
+ * Each of its single requests is made with newly requested options: it is not carried out if it arrives late. When the
+ * service is not heard any more, the request under way and all that would follow are abandoned.
  */
 export function attemptMove(
   name: string,
@@ -53,7 +55,7 @@ export function attemptMove(
   });
 }
 
-/** Start and resume connect to the devices and check them first. */
+/** Performs an action. Start and resume first connect to the devices and check them. */
 export async function act(id: string, action: string, more: Record<string, unknown> = {}): Promise<void> {
   const name = t(`action.${action}` as Word);
   const ask = (options: RequestOptions): Promise<unknown> =>
@@ -64,7 +66,7 @@ export async function act(id: string, action: string, more: Record<string, unkno
   live.refreshRig();
 }
 
-/** Changes a session's label, notes or answer; whether it succeeded. */
+/** Changes a session's label, notes or answer. Returns whether it succeeded. */
 export function edit(
   name: string,
   id: string,
@@ -77,8 +79,8 @@ export function edit(
 }
 
 /**
- * Creates a session of a recipe, opens its screen, and starts it where that is wanted; a start is not sent any more where
- * the session took too long to be created. Throws what the creation fails with.
+ * Creates a session of a recipe, opens its screen, and starts it if `start` is set. The start is not sent if the
+ * creation took too long. Throws the error of the creation.
  */
 export async function create(recipe: Record<string, unknown>, start: boolean): Promise<void> {
   const pressed = performance.now();

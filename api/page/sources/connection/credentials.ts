@@ -1,6 +1,6 @@
 /**
- * The caller's key: in this tab's session storage alone, so that it ends with the tab and no other page of the browser
- * can read it; empty on a machine without keys.
+ * The caller's key, empty on a machine without keys. It is only in this tab's session storage, so that it ends with the
+ * tab and no other page of the browser can read it.
  */
 const NAME = "lightpose-key";
 

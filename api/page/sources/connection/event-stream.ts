@@ -1,9 +1,9 @@
 /**
- * One stream of the service's events, and the pulse that tells whether the service answers.
+ * One stream of the service's events, and the pulse that checks whether the service answers.
  *
- * The stream is read with `fetch` instead of `EventSource`: it sends the key as a header, resumes by `Last-Event-ID`
- * from any id, and sees the keep-alive comments, so that a connection which is silently dead is noticed. The pulse is a
- * separate request, because a stream may stay open over a network that carries nothing any more.
+ * The stream is read with `fetch` instead of `EventSource`. It sends the key as a header, resumes by `Last-Event-ID`
+ * from any id, and receives the keep-alive comments, so that a silently dead connection is noticed. The pulse is a
+ * separate request, because a stream may stay open over a network that transmits nothing any more.
  */
 import { authorization } from "./credentials";
 import type { JointReading, JournalEvent } from "./schemas";
@@ -12,15 +12,15 @@ import type { JointReading, JournalEvent } from "./schemas";
 const PULSE_MS = 1_000;
 /** Time limit of a pulse, ms. */
 const PULSE_TIMEOUT_MS = 1_500;
-/** The service sends at least a comment every 10 s; a stream without one for this long is dead, ms. */
+/** Time without data after which a stream is dead, ms. The service sends at least a comment every 10 s. */
 const SILENCE_MS = 13_000;
 /** Pause before the stream is opened again, ms. */
 const RETRY_MS = 500;
 
-/** Type of the readings of the arm's joints; they are not journalled and have no id. */
+/** Type of the readings of the arm's joints, which are not journalled and have no id. */
 const JOINTS = "arm.joints";
 
-/** The same after a refusal: a key that was revoked is not asked for all the time, ms. */
+/** Pause after a refusal, ms; it is longer, so that a revoked key is not tried all the time. */
 const REFUSED_MS = 10_000;
 
 export interface StreamStatus {
@@ -65,7 +65,7 @@ export class EventStream {
       try {
         await this.readOnce();
       } catch {
-        // The connection was cut or refused: the status says so, and the loop opens it again.
+        // The connection was cut or refused: the status shows it, and the loop opens the stream again.
       }
       this.update({ open: false });
       if (!this.ended) await pause(this.status.refused === null ? RETRY_MS : REFUSED_MS);
@@ -123,9 +123,9 @@ export class EventStream {
       try {
         const signal = AbortSignal.timeout(PULSE_TIMEOUT_MS);
         const response = await fetch("/health/live", { cache: "no-store", signal });
-        if (!response.ok) throw new Error(`HTTP ${response.status}`); // a proxy answers for a service that is gone
+        if (!response.ok) throw new Error(`HTTP ${response.status}`); // a proxy answers instead of the service
         this.update({ heardAt: Date.now(), roundTripMs: Math.round(performance.now() - start) });
-        // After a gap the old stream may hang on a dead connection: a new one replays what was missed.
+        // After a gap the old stream may hang on a dead connection. A new one replays the missed events.
         if (this.missedPulse) this.reading?.abort();
         this.missedPulse = false;
       } catch {

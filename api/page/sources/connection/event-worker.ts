@@ -1,7 +1,7 @@
 /**
  * Shared worker: one event stream for all tabs of a browser that use the same key.
  *
- * HTTP/1.1 gives a browser six connections to one host. If every tab held a stream of its own, the stop of the third or
+ * HTTP/1.1 allows a browser six connections to one host. If every tab had its own stream, the stop of the third or
  * fourth tab could wait in the browser's queue.
  */
 import { EventStream } from "./event-stream";
@@ -9,7 +9,7 @@ import { EventStream } from "./event-stream";
 /** Messages of a tab to the worker. */
 export type TabMessage = { kind: "open"; key: string } | { kind: "alive" } | { kind: "close" } | { kind: "hurry" };
 
-/** A tab that has said nothing for this long is gone, ms: a worker is not told when a tab crashes. */
+/** Time of silence after which a tab is gone, ms; a worker is not notified when a tab crashes. */
 const GONE_MS = 90_000;
 
 interface Listening {
@@ -56,14 +56,14 @@ scope.onconnect = (connected) => {
       port.postMessage({ kind: "status", status: listening.stream.status });
     } else if (key !== null && data.kind === "alive") {
       const listening = listeningTo(key);
-      // A tab that was frozen has missed events: told that the stream has been closed, it reads everything again.
+      // A tab that was frozen has missed events. A status with a closed stream makes it read everything again.
       if (!listening.ports.has(port))
         for (const status of [{ ...listening.stream.status, open: false }, listening.stream.status])
           port.postMessage({ kind: "status", status });
       listening.ports.set(port, Date.now());
     } else if (key !== null && data.kind === "close") leave(key, port);
     else if (data.kind === "hurry") {
-      // A stop is under way in one tab: the others give their connections back.
+      // A stop is under way in one tab: the others release their connections.
       for (const { ports } of streams.values())
         ports.forEach((_, other) => other !== port && other.postMessage({ kind: "hurry" }));
     }

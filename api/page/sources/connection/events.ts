@@ -1,4 +1,4 @@
-/** Events of the service in this tab: from the browser's shared worker, or by a stream of the tab's own without one. */
+/** Events of the service in this tab: from the browser's shared worker, or without one from the tab's own stream. */
 import { storedKey } from "./credentials";
 import { EventStream, type StreamListener, type StreamStatus } from "./event-stream";
 import type { TabMessage } from "./event-worker";
@@ -11,14 +11,14 @@ type WorkerMessage =
   | { kind: "status"; status: StreamStatus }
   | { kind: "hurry" };
 
-/** How often a tab tells the worker that it is still there, ms. */
+/** Time between two messages to the worker that the tab still exists, ms. */
 const ALIVE_MS = 20_000;
 
 let port: MessagePort | null = null;
 let own: EventStream | null = null;
 let timer = 0;
 
-/** Follows the events with the present key; called again after a change of the key. */
+/** Follows the events with the present key. Call it again after a change of the key. */
 export function follow(listener: StreamListener): void {
   own?.end();
   if (typeof SharedWorker === "undefined") {
@@ -42,7 +42,7 @@ export function follow(listener: StreamListener): void {
   timer = window.setInterval(() => tell({ kind: "alive" }), ALIVE_MS);
 }
 
-/** Gives the connections of this tab and of the others back to the browser, for a stop. */
+/** Releases the connections of this tab and of the others for a stop. */
 export function hurry(): void {
   abandonPictures();
   tell({ kind: "hurry" });

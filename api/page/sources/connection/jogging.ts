@@ -1,8 +1,8 @@
 /**
- * Jogging under a dead-man: the request is repeated while a button is held, and the arm rests when it ceases.
+ * Jogging under a dead-man: the request is repeated while a button is held, and the arm comes to rest when it ceases.
  *
- * Every press has a name of its own; once its motion has ended, the service moves nothing more by that name. At most two
- * requests are under way at once, so that a slow network delays the next one instead of piling them up.
+ * Every press has its own name. Once its motion has ended, the service moves nothing more under that name. At most two
+ * requests are under way at the same time, so that a slow network delays the next one instead of queuing them.
  */
 import { randomName } from "./random-name";
 import { live } from "./live";
@@ -14,10 +14,10 @@ export type JogMotion = { direction: -1 | 1 } & ({ joint: number } | { axis: "x"
 /** Time between two renewals, ms; the service ends the motion 300 ms after the last one. */
 const RENEW_MS = 100;
 const AT_ONCE = 2;
-/** Making the arm ready for the first step takes seconds, ms. */
+/** Time limit of a request, ms: preparing the arm for the first step takes seconds. */
 const TIMEOUT_MS = 20_000;
 
-/** A press that arrives later than this moves nothing, s: an outage may have held it up, and the hand is gone. */
+/** Time after which a press moves nothing, s: an outage may have delayed it, and the button is released by then. */
 const WANTED_S = 2;
 
 export class Jogging {
@@ -26,14 +26,14 @@ export class Jogging {
   private abort = new AbortController();
   private running = 0;
 
-  /** `ended` is called when a motion ends otherwise than by release, with the reason. */
+  /** `ended` is called with the reason when a motion ends other than by release. */
   constructor(private readonly ended: (error: unknown) => void) {}
 
   get held(): boolean {
     return this.hold !== "";
   }
 
-  /** A button goes down. */
+  /** Starts the motion when a button goes down. */
   press(motion: JogMotion): void {
     this.release();
     this.hold = randomName();
@@ -42,14 +42,14 @@ export class Jogging {
     this.timer = window.setInterval(() => void this.renew(motion, this.hold), RENEW_MS);
   }
 
-  /** The button comes up, or the hand is gone in another way. */
+  /** Ends the motion when the button comes up, or is released in another way. */
   release(): void {
     if (!this.held) return;
     const { hold } = this;
     this.hold = "";
     clearInterval(this.timer);
     this.abort.abort();
-    // Named, so that a press which this overtakes moves nothing; without it, the arm rests 0.3 s later.
+    // Named, so that a press which this request overtakes moves nothing. If it is lost, the arm rests 0.3 s later.
     void send("POST", "/v1/rig/jog/release", { body: { hold } }).catch(() => undefined);
   }
 

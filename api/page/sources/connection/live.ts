@@ -1,9 +1,8 @@
 /**
- * What the page knows of the service: caller, rig, sessions, the age of the connection.
+ * The page's knowledge of the service: caller, rig, sessions, the age of the connection.
  *
- * Everything is read from the API and read again when an event says that it has changed; the events themselves are
- * kept, a limited number of them, for the screens that tell what happened. Elements that show any of it are
- * drawn again through `LiveController`.
+ * Everything is read from the API, and read again when an event reports a change. A limited number of events is kept
+ * for the screens that show what happened. `LiveController` draws the elements again that show any of this.
  */
 import type { ReactiveController, ReactiveControllerHost } from "lit";
 import { storedKey, storeKey } from "./credentials";
@@ -12,35 +11,35 @@ import type { StreamStatus } from "./event-stream";
 import { get, Refusal } from "./requests";
 import type { Caller, JointReading, JournalEvent, Rig, Session } from "./schemas";
 
-/** Events kept for display. */
+/** Number of events kept for display. */
 const KEPT_EVENTS = 400;
-/** Sessions kept as last read; they are read again when the connection is back. */
+/** Number of sessions kept as last read; they are read again when the connection is back. */
 const KEPT_SESSIONS = 20;
-/** Least time between two readings of the same thing, ms. */
+/** Minimum time between two readings of the same thing, ms. */
 const PACE_MS = 250;
-/** The rig is read at least so often while the page is visible, ms. */
+/** Maximum time between two readings of the rig while the page is visible, ms. */
 const REFRESH_MS = 5_000;
-/** What was last read of the rig this long ago is old, though the service answers, ms. */
+/** Age above which a reading of the rig is old although the service answers, ms. */
 const RIG_OLD_MS = 15_000;
-/** Joints that came this long ago say nothing about now, ms. */
+/** Age above which joint readings do not describe the present, ms. */
 const JOINTS_OLD_MS = 2_000;
-/** The session that runs is read at least so often, for its time left, ms. */
+/** Maximum time between two readings of the running session for its time left, ms. */
 const PROGRESS_MS = 2_000;
-/** A connection that was last heard this long ago is stale, ms. */
+/** Silence after which a connection is stale, ms. */
 export const STALE_MS = 3_500;
-/** Pause before the caller is read again where nothing answers, ms. */
+/** Pause before the caller is read again if nothing answers, ms. */
 const BEGIN_AGAIN_MS = 1_000;
 
-/** What the page could not carry out, and by which name the person knows it. */
+/** An error of the page's request, and the name by which the person knows the request. */
 export interface Failure {
   name: string;
   error: unknown;
 }
 
-/** What became of the key that was last given. */
+/** Outcome of the last given key. */
 export type KeyProblem = "wrong" | "crowded" | "unreached" | null;
 
-/** Why an answer asks for a key: it is missing or unknown, or too many wrong ones came from this machine. */
+/** Why an answer requires a key: it is missing or unknown, or too many wrong ones came from this machine. */
 function keyProblem(error: unknown): KeyProblem {
   if (!(error instanceof Refusal)) return "unreached";
   if (error.problem.status === 401) return "wrong";
@@ -52,7 +51,7 @@ class Live extends EventTarget {
   keyNeeded = false;
   keyProblem: KeyProblem = null;
   rig: Rig | null = null;
-  /** When the rig was last read, at first when it was first asked for, ms since 1970; 0: not asked for yet. */
+  /** When the rig was last read, at first when it was first requested, ms since 1970; 0: not requested yet. */
   rigReadAt = 0;
   /** Who started or resumed the session that holds the rig. */
   inCharge: string | null = null;
@@ -70,7 +69,7 @@ class Live extends EventTarget {
   private readonly again = new Set<string>();
   private started = false;
 
-  /** Reads the caller; without a valid key the page asks for one. Then follows the events. */
+  /** Reads the caller, asks for a key if there is no valid one, and then follows the events. */
   async begin(): Promise<void> {
     clearTimeout(this.retry);
     try {
@@ -108,24 +107,24 @@ class Live extends EventTarget {
     this.changed();
   }
 
-  /** Whether the service has not been heard for a while. */
+  /** Whether the service has been silent for a while. */
   get unheard(): boolean {
-    // Before the first word of the service the page is young, not stale; without a key it follows nothing yet.
+    // Before the service's first answer the page is new, not stale. Without a key it follows nothing yet.
     if (this.stream.heardAt === 0) return !this.keyNeeded && performance.now() > STALE_MS;
     return Date.now() - this.stream.heardAt > STALE_MS;
   }
 
-  /** Whether the service answers and yet does not say what the rig does. */
+  /** Whether the service answers but does not report the state of the rig. */
   get rigOld(): boolean {
     return this.rigReadAt > 0 && !this.keyNeeded && Date.now() - this.rigReadAt > RIG_OLD_MS;
   }
 
-  /** Whether what is shown is old. */
+  /** Whether the displayed state is old. */
   get stale(): boolean {
     return this.unheard || this.rigOld;
   }
 
-  /** Whether the arm moves now; null: not known. */
+  /** Whether the arm moves now; null: unknown. */
   get moving(): boolean | null {
     const { joints } = this;
     if (this.stale || !this.stream.open || !joints?.connected) return null;
@@ -133,8 +132,8 @@ class Live extends EventTarget {
   }
 
   /**
-   * The header of a request that shall be carried out within so many seconds or not at all, in the service's clock: the
-   * kernel goes on sending what this page has given up. Null as long as the service's clock is not known.
+   * The header of a request that must be carried out within `seconds`, by the service's clock, or not at all: the
+   * kernel may still send a request that this page has given up. Null while the service's clock is unknown.
    */
   validFor(seconds: number): Record<string, string> | null {
     if (!this.joints) return null;
@@ -155,7 +154,7 @@ class Live extends EventTarget {
     return this.missing.has(id);
   }
 
-  /** A session as last read; it is read when it is not known yet. */
+  /** A session as last read; an unknown one is read. */
   session(id: string): Session | null {
     if (!this.known.has(id) && !this.missing.has(id)) this.refreshSession(id);
     return this.known.get(id) ?? null;
@@ -194,7 +193,7 @@ class Live extends EventTarget {
     });
   }
 
-  /** What the last action failed with, until it is dismissed or another screen is opened. */
+  /** Error of the last action, until it is dismissed or another screen is opened. */
   failure: Failure | null = null;
 
   fail(failure: Failure | null): void {
@@ -202,7 +201,7 @@ class Live extends EventTarget {
     this.changed();
   }
 
-  /** An action is being sent until the function returned is called. */
+  /** Marks an action as being sent until the returned function is called. */
   send(name: string): () => void {
     this.sending = [...this.sending, name];
     this.changed();
@@ -213,13 +212,13 @@ class Live extends EventTarget {
     };
   }
 
-  /** Takes a session as an action's answer gave it. */
+  /** Takes a session from the answer to an action. */
   learn(session: Session): void {
     this.remember(session);
     this.changed();
   }
 
-  /** Keeps a session as read; of many, those read last. */
+  /** Keeps a session as read; of many sessions only those read last. */
   private remember(session: Session): void {
     this.known.delete(session.id);
     this.known.set(session.id, session);
@@ -266,7 +265,7 @@ class Live extends EventTarget {
     this.changed();
   }
 
-  /** Runs a reading now, or once more after the present one and a pause, however often it is asked for. */
+  /** Runs a reading now, or once more after the present one and a pause, however often it is requested. */
   private paced(name: string, read: () => Promise<void>): void {
     if (this.due.has(name)) {
       this.again.add(name);
@@ -275,7 +274,7 @@ class Live extends EventTarget {
     this.due.set(name, 1);
     void read()
       .catch((error: unknown) => {
-        // Not reached: the age of the connection says so, and it is read again when it is back.
+        // Not reached: the age of the connection shows that, and it is read again when the connection is back.
         if (keyProblem(error) === "wrong") this.keyNeeded = true; // revoked meanwhile
       })
       .finally(() => {
@@ -296,13 +295,13 @@ export const live = new Live();
 
 declare global {
   interface Window {
-    /** What the page knows, for whoever looks into it by the browser's console, and for tests. */
+    /** The page's knowledge, for the browser's console and for tests. */
     lightpose: Live;
   }
 }
 window.lightpose = live;
 
-/** Draws its element again when what the page knows changes; with `tick`, twice a second too. */
+/** Draws its element again when the page's knowledge changes, and with `tick` also twice a second. */
 export class LiveController implements ReactiveController {
   private readonly update = (): void => this.host.requestUpdate();
 
@@ -322,7 +321,7 @@ export class LiveController implements ReactiveController {
   }
 }
 
-/** Tells its element each event of the journal while the element is in the document. */
+/** Passes each event of the journal to its element while that is in the document. */
 export class JournalController implements ReactiveController {
   private readonly tell = (event: Event): void => this.hear((event as CustomEvent<JournalEvent>).detail);
 

@@ -1,23 +1,22 @@
 /**
  * Pictures of the API, fetched with the key and shown from memory.
  *
- * At most two are under way at once and all of them are given up when a stop is pressed: a browser has six connections
- * to a host, and pictures shall never be what a stop waits for.
+ * At most two are under way at the same time, and all are abandoned when a stop is pressed: a browser has six
+ * connections to a host, and a stop must never wait for pictures.
  */
 import { send } from "./requests";
 
 const AT_ONCE = 2;
-/** Pictures kept in memory, by address. */
+/** Number of pictures kept in memory, by address. */
 const KEPT = 60;
 
 let running = 0;
 const waiting: (() => void)[] = [];
-/** Ends of the requests under way: a signal of its own for each, since one that lives as long as the page would keep
- * what was made of it. */
+/** Abort controllers of the requests under way, one each: a signal for the page's lifetime would keep their data. */
 const underWay = new Set<AbortController>();
 const kept = new Map<string, Promise<string>>();
 
-/** The picture at an address as a `blob:` address; from memory when it was shown before. */
+/** The picture at an address as a `blob:` address, from memory if it was shown before. */
 export function picture(address: string): Promise<string> {
   const known = kept.get(address);
   if (known) return known;
@@ -28,7 +27,7 @@ export function picture(address: string): Promise<string> {
   return made;
 }
 
-/** A file's bytes, in turn with the pictures. */
+/** A file's bytes, queued with the pictures. */
 export async function fetchBlob(address: string, timeoutMs = 60_000): Promise<Blob> {
   if (running >= AT_ONCE) await new Promise<void>((resolve) => waiting.push(resolve));
   running += 1;

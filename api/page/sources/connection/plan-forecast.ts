@@ -1,6 +1,6 @@
 /**
- * Forecasts for lights that are being dragged: one request at a time, the next one with the lights as they stand then,
- * so that the forecast neither lags behind the hand nor piles up in the service.
+ * Forecasts for lights that are being dragged. One request is sent at a time, and the next one takes the lights'
+ * positions at that time, so that the forecast neither lags behind the pointer nor queues up in the service.
  */
 import type { components } from "./api-types";
 import { post, send, UNLIMITED } from "./requests";
@@ -12,20 +12,20 @@ export class PlanForecasting {
   private wanted: readonly Vector3[] | null = null;
   private running = false;
 
-  /** `tell` is called with each forecast, `fail` with what went wrong. */
+  /** `tell` is called with each forecast, `fail` with each error. */
   constructor(
     private readonly address: string,
     private readonly tell: (forecast: LightForecast) => void,
     private readonly fail: (error: unknown) => void,
   ) {}
 
-  /** Asks for the forecast of these lights, once the present request is answered. */
+  /** Requests the forecast of these lights once the present request is answered. */
   ask(lights: readonly Vector3[]): void {
     this.wanted = lights;
     if (!this.running) void this.run();
   }
 
-  /** σ over the object for these lights as a picture, dark where it is small. */
+  /** Returns σ over the object for these lights as a picture, dark where it is small. */
   async picture(lights: readonly Vector3[]): Promise<Blob> {
     const options = { body: { lights }, headers: { Accept: "image/png" }, timeoutMs: UNLIMITED };
     return (await send("POST", this.address, options)).blob();

@@ -1,26 +1,26 @@
 /**
- * What an element shows, read from the API: read again when that failed, when events tell of more, and when the
- * connection is back. The element says which of it is the case (`parts/reading-state`).
+ * Data that an element shows, read from the API. It is read again after a failure, on events that change it, and when
+ * the connection is back. The element shows which of these is the case (`parts/reading-state`).
  *
- * One reading at a time; what happens meanwhile is read after it, however many events tell of it.
+ * There is one reading at a time. Events that arrive meanwhile cause one further reading, however many they are.
  */
 import type { LitElement, ReactiveController } from "lit";
 import { live } from "./live";
 import type { JournalEvent, Session } from "./schemas";
 
-/** Pause before what could not be read is asked for again, ms. */
+/** Pause before a failed reading is repeated, ms. */
 const RETRY_MS = 2_000;
 
 export interface ReadingOptions {
-  /** Events that call for another reading. */
+  /** Whether an event calls for another reading. */
   again?: (event: JournalEvent) => boolean;
-  /** What is read about; of another one what was read is forgotten, what is being read dropped. */
+  /** Subject of the reading. When it changes, the data are forgotten and a reading under way is dropped. */
   of?: () => string;
-  /** Not read again when the connection is back: a person works on what was read. */
+  /** Not read again when the connection is back, because a person works on the data. */
   once?: boolean;
 }
 
-/** The options of a reading about an element's session: read again on its events of these types. */
+/** The options of a reading about an element's session: it is read again on its events of these types. */
 export function ofSession(host: { readonly session: Session }, types: RegExp): ReadingOptions {
   return {
     of: () => host.session.id,
@@ -29,9 +29,9 @@ export function ofSession(host: { readonly session: Session }, types: RegExp): R
 }
 
 export class Reading<T> implements ReactiveController {
-  /** What was read last; null: nothing yet. */
+  /** The data read last; null: none yet. */
   found: T | null = null;
-  /** What the last reading failed with; null: it did not. */
+  /** Error of the last reading; null: none. */
   failed: unknown = null;
   private reading = false;
   private repeat = false;
@@ -63,7 +63,7 @@ export class Reading<T> implements ReactiveController {
     clearTimeout(this.timer);
   }
 
-  /** Reads now, or once more after the reading that is under way. */
+  /** Reads now, or once more after the reading under way. */
   async load(): Promise<void> {
     this.repeat = this.reading;
     if (this.reading) return;
@@ -82,14 +82,14 @@ export class Reading<T> implements ReactiveController {
     if (this.repeat) await this.load();
   }
 
-  /** Reads something else: what a reading under way finds is dropped. */
+  /** Starts over: the result of a reading under way is dropped. */
   restart(forget = true): void {
     this.turn += 1;
     if (forget) this.found = this.failed = null;
     void this.load();
   }
 
-  /** Restarts where there is another subject than before; whether there is. */
+  /** Restarts if the subject has changed. Returns whether it has. */
   private followed(): boolean {
     const subject = this.options.of?.() ?? "";
     if (subject === this.subject) return false;

@@ -1,17 +1,17 @@
-/** Requests to the API with the caller's key; a refusal is thrown as its problem object. */
+/** Requests to the API with the caller's key. A refusal is thrown with its problem object. */
 import { authorization, storedKey } from "./credentials";
 import type { Page, Problem } from "./schemas";
 
-/** Time limit of a request that the service answers from what it has, ms. */
+/** Time limit of a request that needs no computation and no motion, ms. */
 const TIMEOUT_MS = 15_000;
 
-/** Of what computes or moves something: none. A busy machine takes its time; the bar says whether the service is there. */
+/** No time limit, for computations and motions: a busy machine is slow, and the bar shows if the service is gone. */
 export const UNLIMITED = Infinity;
 
-/** What a proxy answers for a service that is gone or too slow. */
+/** Statuses of a proxy whose service is gone or too slow. */
 const GATEWAY = new Set([502, 503, 504]);
 
-/** The service refused; carries its problem object. */
+/** A refusal by the service, with its problem object. */
 export class Refusal extends Error {
   constructor(readonly problem: Problem) {
     super(problem.detail);
@@ -67,7 +67,7 @@ export async function post<T>(address: string, body?: unknown, options: RequestO
   return (await (await send("POST", address, { ...options, body })).json()) as T;
 }
 
-/** All items of a list, page by page. */
+/** Returns all items of a list, page by page. */
 export async function all<T>(address: string): Promise<T[]> {
   const items: T[] = [];
   for (let next: string | null = address; next !== null;) {
@@ -78,14 +78,14 @@ export async function all<T>(address: string): Promise<T[]> {
   return items;
 }
 
-/** An address that the browser opens by itself (a download, a report), with a ticket where keys are in use. */
+/** Returns an address that the browser opens itself (a download, a report), with a ticket if keys are in use. */
 export async function openable(address: string): Promise<string> {
   if (!storedKey()) return address;
   const { ticket } = await post<{ ticket: string }>("/v1/tickets");
   return `${address}${address.includes("?") ? "&" : "?"}ticket=${encodeURIComponent(ticket)}`;
 }
 
-/** The service's problem object; null where a proxy says that it does not reach the service. */
+/** Returns the service's problem object; null if a proxy reports that it does not reach the service. */
 async function problemOf(response: Response): Promise<Problem | null> {
   try {
     return (await response.json()) as Problem;

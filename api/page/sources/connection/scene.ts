@@ -1,4 +1,4 @@
-/** The cell's geometry, read once and kept; read again when the reach has become known. */
+/** The cell's geometry, read once and kept, and read again when the reach has become known. */
 import type { components } from "./api-types";
 import { get } from "./requests";
 

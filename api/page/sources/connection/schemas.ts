@@ -27,13 +27,13 @@ export type Queue = Schemas["QueueResource"];
 export type QueueEntry = Schemas["QueueEntryResource"];
 export type Vector3 = readonly [number, number, number];
 
-/** A list as the API pages it. */
+/** One page of a list. */
 export interface Page<T> {
   items: T[];
   next: string | null;
 }
 
-/** An event of the journal; `id` grows for ever. */
+/** An event of the journal. Its `id` increases for ever. */
 export interface JournalEvent {
   id: number;
   session_id: string | null;

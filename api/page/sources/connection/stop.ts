@@ -1,8 +1,8 @@
 /**
  * The stop: sent at once, and again every half second until the service has confirmed it, however long that takes.
  *
- * It shares nothing with the rest of the page: neither the event stream nor its state, and it does not wait for an
- * attempt that hangs before it makes the next one. It works with every key.
+ * It shares nothing with the rest of the page, neither the event stream nor the page's state. It does not wait for a
+ * hanging attempt before it makes the next one. It works with every key.
  */
 import { authorization, storedKey } from "./credentials";
 import { hurry } from "./events";
@@ -10,9 +10,9 @@ import { hurry } from "./events";
 const AGAIN_MS = 500;
 /** Time limit of one attempt, ms. */
 const ATTEMPT_MS = 3_000;
-/** After this time without an answer the person is told that the stop was not heard, ms. */
+/** Time without an answer after which the person is told that the stop was not received, ms. */
 export const UNHEARD_MS = 1_000;
-/** No key, not allowed, too many wrong keys (a valid one is accepted all the same): to try again would not help. */
+/** Statuses that a repetition would not change: no key, not allowed, too many wrong keys (a valid one still works). */
 const REFUSALS = new Set([401, 403, 429]);
 export type StopState =
   | { kind: "none" }
@@ -21,7 +21,7 @@ export type StopState =
   | { kind: "refused"; status: number }
   | { kind: "unheard"; attempts: number; sinceMs: number };
 
-/** A stop that has not been heard yet, from its first press on. */
+/** A stop that has not been confirmed yet, from its first press on. */
 interface Unheard {
   start: number;
   attempts: number;
@@ -32,8 +32,8 @@ interface Unheard {
 let unheard: Unheard | null = null;
 
 /**
- * Sends the stop until it is heard; `tell` is called with each change. Another press of one that has not been heard sends
- * it at once again, and goes on counting time and attempts from the first one.
+ * Sends the stop until it is confirmed; `tell` is called with each change. A further press of an unconfirmed stop sends
+ * it again at once, but time and attempts are counted from the first press.
  */
 export function stop(tell: (state: StopState) => void): void {
   const current = (unheard ??= begun());

@@ -23,14 +23,14 @@ import type { Body, Scene } from "../connection/scene";
 const Y = new Vector3(0, 1, 0);
 const Z = new Vector3(0, 0, 1);
 
-/** Edge of the part of a half-space that is drawn, m. */
+/** Edge of the drawn part of a half-space, m. */
 const TABLE_M = 1.8;
 
 export function matrix(rows: readonly (readonly number[])[]): Matrix4 {
   return new Matrix4().set(...(rows.flat() as Parameters<Matrix4["set"]>));
 }
 
-/** An object whose pose is a matrix. */
+/** Gives an object a matrix as its pose. */
 export function posed<T extends Object3D>(object: T, pose: Matrix4): T {
   object.matrixAutoUpdate = false;
   object.matrix.copy(pose);
@@ -52,7 +52,7 @@ export function capsule({ start_m, end_m, radius_m }: CapsuleLike, material: Mat
   return mesh;
 }
 
-/** A cylinder or cone that stands on the origin along +z. */
+/** A cylinder or cone from the origin along +z. */
 export function standing(foot: number, top: number, height: number, material: Material): Mesh {
   const geometry = new CylinderGeometry(top, foot, height, 40);
   geometry.rotateX(Math.PI / 2).translate(0, 0, height / 2);
@@ -93,7 +93,7 @@ export function frustum({ base_from_camera, corners_m }: Scene["camera"], colour
   return new LineSegments(geometry, new LineBasicMaterial({ color: colour, transparent: true, opacity: 0.6 }));
 }
 
-/** Circles about the dome's axis every 15° and the cap's edge. */
+/** Circles about the dome's axis every 15°, and the cap's edge. */
 export function dome({ center_m, axis, radius_m, max_slant_deg }: Scene["dome"], colour: string): LineSegments {
   const points: number[] = [];
   const turn = new Quaternion().setFromUnitVectors(Z, new Vector3(...axis));
@@ -112,7 +112,7 @@ export function dome({ center_m, axis, radius_m, max_slant_deg }: Scene["dome"],
   return new LineSegments(geometry, new LineBasicMaterial({ color: colour, transparent: true, opacity: 0.25 }));
 }
 
-/** The lamp: its head, and a glass cone of light that is shown while it shines. */
+/** The lamp: its head, and a translucent cone of light that is shown while the lamp is on. */
 export function lamp(colour: string): Group {
   const group = new Group();
   group.add(new Mesh(new SphereGeometry(0.016, 20, 12), new MeshLambertMaterial({ color: colour, emissive: colour })));

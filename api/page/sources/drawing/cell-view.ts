@@ -1,12 +1,11 @@
 /**
- * The cell in three dimensions: arm, lamp, object's keep-out, table, obstacles, camera, dome, lights and route.
+ * The cell in three dimensions: arm, lamp, keep-out, table, obstacles, camera, dome, lights and route.
  *
  * It draws only when something has changed. The arm follows the readings of its joints, eight a second, and moves
- * straight from one to the next, so that it neither jumps nor runs ahead of what was measured.
+ * straight from one to the next, so that it neither jumps nor runs ahead of the measurement.
  *
- * A view outlives the screen that shows it, and what marks the lights is made once: three.js numbers programs and
- * geometries for as long as the page lives and keeps lists as long as these numbers, so that new views would fill the
- * memory.
+ * A view outlives the screen that shows it, and the markers of the lights are made once. three.js numbers programs and
+ * geometries for the life of the page and keeps lists as long as these numbers, so new views would fill the memory.
  */
 import {
   AmbientLight,
@@ -50,10 +49,10 @@ export interface MarkedLight {
   taken: boolean;
 }
 
-/** Time in which the arm is drawn from one reading to the next, ms. */
+/** Time for drawing the arm's motion from one reading to the next, ms. */
 const GLIDE_MS = 140;
 
-/** Size of the view beside what it shows when everything is to be seen. */
+/** Size of the view relative to its content when everything is to be seen. */
 const MARGIN = 1.05;
 
 export type Layer = "labels" | "candidates" | "route" | "bodies";
@@ -79,10 +78,10 @@ export class CellView {
   private readAt = 0;
   private frame = 0;
   private readonly sizes = new ResizeObserver(() => this.resize());
-  /** Pictures drawn so far. */
+  /** Number of pictures drawn so far. */
   frames = 0;
 
-  /** Meshes are given by address; throws Error where the browser has no WebGL. */
+  /** Meshes are given by address. Throws Error if the browser has no WebGL. */
   constructor(
     private readonly scene: Scene,
     meshes: Map<string, ArrayBuffer>,
@@ -114,12 +113,12 @@ export class CellView {
     this.world.updateMatrixWorld(true);
   }
 
-  /** Whether the view can be drawn: a browser takes the WebGL context away when it is short of memory. */
+  /** Whether the view can be drawn: a browser withdraws the WebGL context when it is short of memory. */
   get usable(): boolean {
     return !this.renderer.getContext().isContextLost();
   }
 
-  /** Shows the view in an element, everything in sight; `drawn` is told how many pictures have been drawn there. */
+  /** Shows the view in an element, everything in sight. `drawn` receives the number of pictures drawn there. */
   attach(place: HTMLElement, drawn: (frames: number) => void): void {
     if (this.place) this.detach(this.place);
     [this.place, this.drawn, this.frames, this.readAt] = [place, drawn, 0, 0];
@@ -129,7 +128,7 @@ export class CellView {
     this.sizes.observe(place);
   }
 
-  /** Takes the view out of an element, unless another one shows it by now. */
+  /** Takes the view out of an element, unless another element shows it by now. */
   detach(place: HTMLElement): void {
     if (this.place !== place) return;
     cancelAnimationFrame(this.frame);
@@ -139,7 +138,7 @@ export class CellView {
     [this.place, this.drawn] = [null, () => undefined];
   }
 
-  /** Ends the view and gives its WebGL context back. */
+  /** Ends the view and releases its WebGL context. */
   close(): void {
     if (this.place) this.detach(this.place);
     this.orbit.dispose();
@@ -147,7 +146,7 @@ export class CellView {
     this.renderer.forceContextLoss();
   }
 
-  /** Moves the arm to a new reading of its joints, rad; the first one at once. */
+  /** Moves the arm to a new reading of its joints, rad; the first reading at once. */
   setJoints(joints: readonly number[]): void {
     const now = performance.now();
     if (joints.every((angle, index) => Math.abs(angle - this.to[index]!) < 1e-5)) return;
@@ -184,7 +183,7 @@ export class CellView {
     this.draw();
   }
 
-  /** Places the view so that arm, dome, camera and obstacles just fit into it. */
+  /** Places the camera of the view so that arm, dome, camera and obstacles just fit. */
   fit(): void {
     const points = this.cap.map((point) => point.clone());
     for (const item of [...this.links, ...this.layers.bodies.children]) {
@@ -210,12 +209,12 @@ export class CellView {
     this.orbit.look(middle.clone().addScaledVector(towards, Math.max(...distances)), middle);
   }
 
-  /** Turns the view about its middle, rad, and comes nearer by a factor. */
+  /** Turns the view about its middle, rad, and moves nearer by a factor. */
   turn(azimuth: number, slant: number, nearer?: number): void {
     this.orbit.turn(azimuth, slant, nearer);
   }
 
-  /** The present picture as a PNG. */
+  /** Returns the present picture as a PNG. */
   picture(): Promise<Blob | null> {
     this.renderer.render(this.world, this.camera);
     return new Promise((resolve) => this.renderer.domElement.toBlob(resolve));
@@ -298,7 +297,7 @@ export class CellView {
     return new SpriteMaterial({ map: new CanvasTexture(sheet), depthTest: false });
   }
 
-  /** Joints to be drawn at a time, on the straight line from one reading to the next. */
+  /** Joints to draw at a time, on the straight line from one reading to the next. */
   private present(now: number): number[] {
     const share = Math.min(1, (now - this.readAt) / GLIDE_MS);
     return this.to.map((angle, index) => this.from[index]! + (angle - this.from[index]!) * share);

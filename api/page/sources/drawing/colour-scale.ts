@@ -1,4 +1,4 @@
-/** The viridis colour scale, and maps of one value a pixel as pictures in it. */
+/** The viridis colour scale, and pictures of maps with one value per pixel. */
 import type { FloatMap } from "./float-tiff";
 
 /** Coefficients of viridis as polynomials of sixth degree, by Matt Zucker (shadertoy WlfXRN, CC0). */
@@ -25,10 +25,10 @@ export function viridis(value: number): [number, number, number] {
 
 export const COLOURS = Array.from({ length: 256 }, (_, level) => viridis(level / 255));
 
-/** Values that quantiles are taken of, at most. */
+/** Maximum number of values from which quantiles are taken. */
 const SAMPLES = 100_000;
 
-/** Quantiles of the finite values where `inside` is set; of a sample of many. */
+/** Quantiles of the finite values where `inside` is set; of a large map from a sample. */
 export function quantiles(map: FloatMap, inside: Uint8Array, shares: readonly number[]): number[] {
   const step = Math.max(1, Math.floor(map.values.length / SAMPLES));
   const sample: number[] = [];
@@ -38,13 +38,13 @@ export function quantiles(map: FloatMap, inside: Uint8Array, shares: readonly nu
   return shares.map((share) => kept[Math.min(kept.length - 1, Math.floor(share * kept.length))] ?? 0);
 }
 
-/** A map in the colour scale from `low` to `high`, transparent outside. */
+/** Colours a map from `low` to `high`, transparent outside. */
 export function coloured(map: FloatMap, inside: Uint8Array, low: number, high: number): ImageData {
   const colours = COLOURS.map(packed);
   return painted(map, inside, (value) => colours[levelOf((value - low) / (high - low || 1), 255)]!);
 }
 
-/** A map as grey with gamma 2.2, white at `high`, transparent outside. */
+/** Shows a map as grey with gamma 2.2, white at `high`, transparent outside. */
 export function grey(map: FloatMap, inside: Uint8Array, high: number): ImageData {
   const greys = Array.from({ length: GREY_LEVELS + 1 }, (_, level) => {
     const shade = Math.round(255 * (level / GREY_LEVELS) ** (1 / 2.2));
@@ -53,14 +53,14 @@ export function grey(map: FloatMap, inside: Uint8Array, high: number): ImageData
   return painted(map, inside, (value) => greys[levelOf(value / high, GREY_LEVELS)]!);
 }
 
-/** Steps of linear grey that are told apart: enough for 8 bits after the gamma. */
+/** Number of steps of linear grey: enough for 8 bits after the gamma. */
 const GREY_LEVELS = 4095;
 
 function levelOf(share: number, most: number): number {
   return Math.round(Math.min(1, Math.max(0, share)) * most) || 0;
 }
 
-/** A colour as the 32 bits of a pixel, opaque; canvases are little-endian wherever browsers run. */
+/** Packs an opaque colour into the 32 bits of a pixel; canvases are little-endian wherever browsers run. */
 function packed([red, green, blue]: readonly [number, number, number]): number {
   return ((255 << 24) | (blue << 16) | (green << 8) | red) >>> 0;
 }

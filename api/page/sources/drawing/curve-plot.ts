@@ -1,4 +1,4 @@
-/** One curve with its axes (uPlot), in the page's colours; its values stand in a table for screen readers too. */
+/** One curve with its axes (uPlot), in the page's colours, with its values in a table for screen readers. */
 import { html } from "lit";
 import { customElement, property } from "lit/decorators.js";
 import uPlot from "uplot";
@@ -9,12 +9,12 @@ const HEIGHT_PX = 200;
 
 const LOGARITHMIC: uPlot.Scale = { distr: 3, range: (_plot, low, high) => [0.85 * low, 1.15 * high] };
 
-/** Numbers are written beside the lines of 1, 2 and 5 times a power of ten. */
+/** Labels only the lines at 1, 2 and 5 times a power of ten. */
 function ofOneTwoFive(_plot: uPlot, values: number[]): (number | null)[] {
   return values.map((value) => (/^[125]\.00e/.test(value.toExponential(2)) ? value : null));
 }
 
-/** Whether values differ: a screen that is drawn again with the same ones leaves the curve as it is. */
+/** Whether values differ: if not, a screen that is drawn again leaves the curve unchanged. */
 function differ(now: readonly unknown[], before: readonly unknown[] | undefined): boolean {
   return now.length !== before?.length || now.some((value, index) => value !== before[index]);
 }
@@ -26,7 +26,7 @@ export class CurvePlot extends PageElement {
   @property() xLabel = "";
   @property() yLabel = "";
   @property({ type: Boolean }) points = false;
-  /** Whether equal ratios of y are drawn equally large. */
+  /** Whether the y axis is logarithmic. */
   @property({ type: Boolean }) logarithmic = false;
   private plot: uPlot | null = null;
   private readonly sizes = new ResizeObserver(() => {

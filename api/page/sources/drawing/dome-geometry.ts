@@ -28,7 +28,7 @@ export function directionOf(position: readonly number[], dome: Dome): Direction 
   return { slant: Math.atan2(Math.hypot(x, y), z), azimuth: Math.atan2(y, x) };
 }
 
-/** The position on the dome in a direction, m, view frame; the slant is kept within the dome. */
+/** The position on the dome in a direction, m, view frame. The slant is limited to the dome. */
 export function positionAt({ slant, azimuth }: Direction, dome: Dome): Vector3 {
   const kept = Math.min(slant, dome.maxSlant);
   const across = Math.sin(kept) * dome.radius;

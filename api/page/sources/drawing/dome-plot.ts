@@ -1,6 +1,6 @@
 /**
- * The lights as the camera sees them: rings at 30°, 60° and 90° from the viewing axis. A light that may be moved is
- * dragged, or moved by the arrow keys.
+ * The lights as the camera sees them, with rings at 30°, 60° and 90° from the viewing axis. A movable light is dragged,
+ * or moved by the arrow keys.
  */
 import { html, nothing, svg } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
@@ -11,14 +11,14 @@ import { directionOf, positionAt, type Dome } from "./dome-geometry";
 const SIZE = 320;
 const MIDDLE = SIZE / 2;
 const RADIUS = MIDDLE - 18;
-/** How far an arrow key moves a light, rad. */
+/** Angle by which an arrow key moves a light, rad. */
 const STEP = (2 * Math.PI) / 180;
 
 export interface PlottedLight {
   position: readonly number[];
   label: string;
   kind: "taken" | "planned" | "refused" | "pilot";
-  /** Added to the light's name for screen readers. */
+  /** Text added to the light's name for screen readers. */
   note?: string;
 }
 

@@ -1,9 +1,9 @@
-/** Reads the float maps of a result: TIFF of 32-bit floats, uncompressed, little-endian, one or three values a pixel. */
+/** Reads a result's float maps: uncompressed little-endian TIFF of 32-bit floats, one or three values per pixel. */
 
 export interface FloatMap {
   width: number;
   height: number;
-  /** Values of a pixel. */
+  /** Values per pixel. */
   channels: number;
   values: Float32Array;
 }
@@ -16,10 +16,10 @@ const CHANNELS = 277;
 const STRIP_BYTES = 279;
 const SAMPLE_FORMAT = 339;
 const FLOAT = 3;
-/** Bytes of a value of each TIFF type that may stand in the tags read here (short, long). */
+/** Bytes of a value of each TIFF type in the tags that are read here (short, long). */
 const TYPE_BYTES: Record<number, number> = { 3: 2, 4: 4 };
 
-/** Throws RangeError for a file of another kind. */
+/** Reads a float map. Throws RangeError for a file of another kind. */
 export function readFloatTiff(buffer: ArrayBuffer): FloatMap {
   const view = new DataView(buffer);
   if (view.getUint16(0) !== 0x4949 || view.getUint16(2, true) !== 42) throw new RangeError("not a little-endian TIFF");

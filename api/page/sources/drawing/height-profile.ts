@@ -1,4 +1,4 @@
-/** Heights along a line across a result, in mm: the points of the depth map, placed by the camera's intrinsics. */
+/** Heights along a line across a result, mm, from the depth map and the camera's intrinsics. */
 import type { Scene } from "../connection/scene";
 import type { FloatMap } from "./float-tiff";
 import type { Point } from "./region-drawing";
@@ -10,13 +10,13 @@ export interface Profile {
   height: (number | null)[];
 }
 
-/** Points at which the line is read. */
+/** Maximum number of points of a profile. */
 const MOST_POINTS = 600;
 
 export function profileOf(depth: FloatMap, from: Point, to: Point, camera: Scene["camera"]): Profile {
   const length = Math.hypot(to[0] - from[0], to[1] - from[1]);
   const steps = Math.max(2, Math.min(MOST_POINTS, Math.round(length)));
-  // A map of another size than the camera's images is a reduced one.
+  // A map whose size differs from the camera's images is a reduced one.
   const scale = camera.width_px / depth.width;
   const [fx, fy, cx, cy] = [
     camera.camera_matrix[0][0],

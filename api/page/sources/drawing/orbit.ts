@@ -1,9 +1,9 @@
 /** Orbiting a point with mouse, pen or fingers: drag turns, right button or two fingers shift, wheel or pinch zooms. */
 import { Spherical, Vector3, type PerspectiveCamera } from "three";
 
-/** Turn for a drag across the whole height, rad. */
+/** Angle of a drag across the whole height, rad. */
 const TURN_RAD = Math.PI;
-/** Share by which a wheel's step of 100 px comes nearer. */
+/** Share by which a wheel step of 100 px moves nearer. */
 const WHEEL = 0.12;
 const NEAREST_M = 0.1;
 const FARTHEST_M = 8;
@@ -39,10 +39,10 @@ export class Orbit {
     this.moved();
   }
 
-  /** Turns about the target (rad) and comes nearer by a factor. */
+  /** Turns about the target (rad) and moves nearer by a factor. */
   turn(azimuth: number, slant: number, nearer = 1): void {
     const away = this.camera.position.clone().sub(this.target);
-    // Spherical counts from +y; the cell's upright is +z.
+    // Spherical measures from +y, but the cell's upright axis is +z.
     const place = new Spherical().setFromVector3(new Vector3(away.y, away.z, away.x));
     place.theta += azimuth;
     place.phi = Math.min(Math.PI - 0.05, Math.max(0.05, place.phi + slant));

@@ -1,4 +1,4 @@
-/** The region of interest while it is drawn: a mask of the camera's size, painted by polygons and by a brush. */
+/** The region of interest while it is drawn: a mask of the camera's size, painted by polygons and a brush. */
 
 export type Tool = "polygon" | "brush" | "eraser";
 export type Point = readonly [number, number];
@@ -9,7 +9,7 @@ const BRUSH_SHARE = 0.03;
 export class RegionDrawing {
   private readonly mask: OffscreenCanvas;
   private readonly ink: OffscreenCanvasRenderingContext2D;
-  /** Corners of the polygon that is not closed yet, px of the camera. */
+  /** Corners of the open polygon, px of the camera. */
   corners: Point[] = [];
 
   constructor(
@@ -28,7 +28,7 @@ export class RegionDrawing {
     this.ink.clearRect(0, 0, this.width, this.height);
   }
 
-  /** Takes over a mask that was drawn before: what is white in it. */
+  /** Loads an existing mask, of which the white pixels count. */
   load(picture: ImageBitmap): void {
     this.clear();
     this.ink.drawImage(picture, 0, 0, this.width, this.height);
@@ -66,7 +66,7 @@ export class RegionDrawing {
     return count;
   }
 
-  /** Draws the region over a picture of `scale` screen pixels for one of the camera's. */
+  /** Draws the region over a picture with `scale` screen pixels per camera pixel. */
   show(over: CanvasRenderingContext2D, scale: number, colour: string, cursor: Point | null): void {
     const tint = new OffscreenCanvas(this.width, this.height);
     const tinted = tint.getContext("2d")!;
@@ -89,7 +89,7 @@ export class RegionDrawing {
       over.strokeRect(x * scale - 3, y * scale - 3, 6, 6);
   }
 
-  /** The mask as the API takes it: a PNG, white where wanted, black elsewhere. */
+  /** Returns the mask in the API's form: a PNG, white where wanted, black elsewhere. */
   async png(): Promise<Blob> {
     const sheet = new OffscreenCanvas(this.width, this.height);
     const ink = sheet.getContext("2d")!;

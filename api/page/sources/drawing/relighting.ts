@@ -1,6 +1,6 @@
 /**
- * Relighting of a result by WebGL: albedo · max(0, n·l), with a lobe about the half vector for the glossy surface;
- * the formula of the report's own movable light.
+ * Relighting of a result by WebGL: albedo · max(0, n·l), with a lobe about the half vector for the glossy surface. The
+ * formula is that of the report's movable light.
  */
 export type Surface = "own" | "clay" | "gloss";
 
@@ -26,7 +26,7 @@ export class Relighting {
   private readonly gl: WebGL2RenderingContext;
   private readonly program: WebGLProgram;
 
-  /** Throws Error where the browser has no WebGL 2. */
+  /** Throws Error if the browser has no WebGL 2. */
   constructor(
     readonly canvas: HTMLCanvasElement,
     normals: TexImageSource,
@@ -58,7 +58,7 @@ export class Relighting {
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
   }
 
-  /** Gives the context back: browsers keep a limited number of them. */
+  /** Releases the context, because browsers keep a limited number of them. */
   close(): void {
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }

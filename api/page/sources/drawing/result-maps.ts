@@ -1,8 +1,8 @@
 /**
- * A result's maps as they are downloaded, each once: normals as a picture, the others as floats.
+ * A result's maps, each downloaded once: normals as a picture, the others as floats.
  *
- * What is drawn is reduced to what a screen shows, and loops over pixels are short, because a page that computes does not
- * hear a press on STOP: values and profiles are read from the full maps, pixel by pixel.
+ * Drawn maps are reduced to the resolution of a screen, and loops over pixels are short, because a page that computes
+ * does not react to a press on STOP. Values and profiles are read pixel by pixel from the full maps.
  */
 import { fetchBlob } from "../connection/pictures";
 import { number } from "../words/language";
@@ -21,13 +21,13 @@ const UNITS: Record<MapName, readonly [number, string, number]> = {
   residual: [2, "", 1],
 };
 
-/** A value of a map as it is written. */
+/** Formats a value of a map. */
 export function mapValue(name: MapName, value: number): string {
   const [digits, unit, factor] = UNITS[name];
   return `${number(value * factor, digits)}${unit}`;
 }
 
-/** Two results whose images differ in size, "width × height" each. */
+/** Thrown for two results whose images differ in size, given as "width × height" each. */
 export class SizesDiffer extends Error {
   constructor(
     readonly one: string,
@@ -37,15 +37,15 @@ export class SizesDiffer extends Error {
   }
 }
 
-/** Most pixels of a map that is drawn: some tens of milliseconds of computing. */
+/** Maximum number of pixels of a drawn map; it takes some tens of milliseconds to compute. */
 const DRAWN_PIXELS = 1_100_000;
 
-/** Where a result's maps are: below the address `self`. */
+/** Location of a result's maps: below the address `self`. */
 export interface MapSource {
   links: Record<string, string>;
 }
 
-/** A map as a picture, with the ends of its scale; what lies beyond them has their colours. */
+/** A map as a picture, with the ends of its scale. Values beyond an end have its colour. */
 export interface MapPicture {
   name: MapName;
   image: ImageData;
@@ -60,7 +60,7 @@ export class ResultMaps {
 
   constructor(readonly result: MapSource) {}
 
-  /** A float map by name, every pixel. */
+  /** A float map by name, with every pixel. */
   values(name: MapName): Promise<FloatMap> {
     let made = this.floats.get(name);
     if (!made) {
@@ -73,12 +73,12 @@ export class ResultMaps {
     return made;
   }
 
-  /** A float map as it is drawn: every so many-th pixel of a large one. */
+  /** A float map as it is drawn: a large one is subsampled. */
   async drawn(name: MapName): Promise<FloatMap> {
     return reduced(await this.values(name));
   }
 
-  /** Pixels with a normal, of a drawn map: 1, else 0. */
+  /** Pixels of a drawn map with a normal: 1, else 0. */
   async inside(): Promise<Uint8Array> {
     this.mask ??= this.bitmap("mask.png").then((mask) => {
       const values = new Float32Array(mask.width * mask.height);
@@ -88,7 +88,7 @@ export class ResultMaps {
     return Uint8Array.from(reduced(await this.mask).values);
   }
 
-  /** The normals as colours, 8 bits, as they are drawn. */
+  /** The normals as they are drawn, in 8-bit colours. */
   async normals(): Promise<ImageData> {
     const { width, height, data } = await this.bitmap("normals.png");
     const step = stepOf(width, height);
@@ -102,7 +102,7 @@ export class ResultMaps {
     return small;
   }
 
-  /** A map as a picture: normals in their colours, albedo grey, the others in the colour scale. */
+  /** A map as a picture: normals in their colours, albedo in grey, the others in the colour scale. */
   async picture(name: MapName, range?: readonly [number, number]): Promise<MapPicture> {
     const inside = await this.inside();
     if (name === "normals") {
@@ -141,7 +141,7 @@ function stepOf(width: number, height: number): number {
   return Math.max(1, Math.ceil(Math.sqrt((width * height) / DRAWN_PIXELS)));
 }
 
-/** Every so many-th pixel of a map that is larger than what is drawn. */
+/** Subsamples a map that is larger than what is drawn. */
 function reduced(map: FloatMap): FloatMap {
   const step = stepOf(map.width, map.height);
   if (step === 1) return map;
@@ -165,7 +165,7 @@ async function pixelsOf(blob: Blob): Promise<ImageData> {
   return pixels;
 }
 
-/** Angles between two results' normals in degrees, where both have one; as they are drawn. */
+/** Angles between two results' normals where both have one, degrees, at the drawn resolution. */
 export async function normalDifference(one: ResultMaps, other: ResultMaps): Promise<FloatMap> {
   const [a, b, inside, beside] = await Promise.all([
     one.drawn("normals"),

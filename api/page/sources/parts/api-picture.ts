@@ -1,4 +1,4 @@
-/** A picture of the API, shown when it is near the window; says so where it cannot be had. */
+/** A picture of the API, loaded when it is near the window; says so if it is not available. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { picture } from "../connection/pictures";

@@ -1,10 +1,10 @@
-/** Whether the calibration in use has been checked, on which target, how long ago, and what was found. */
+/** The last checks of the calibration in use: target, age and result. */
 import { html, nothing } from "lit";
 import type { Rig } from "../connection/schemas";
 import { duration, t, tOr } from "../words/language";
 
 const TARGETS = ["board", "plane"] as const;
-/** Age from which on another check is suggested, s. */
+/** Age at which another check is suggested, s. */
 const DUE_S = 86_400;
 
 export function calibrationChecks({ calibration: { check } }: Rig) {
@@ -28,7 +28,7 @@ export function calibrationChecks({ calibration: { check } }: Rig) {
   </ul>`;
 }
 
-/** Parts of a calibration that have changed, in words. */
+/** Names the changed parts of a calibration in words. */
 export function changedNames(parts: readonly string[]): string {
   return t("check.changed", { parts: parts.map((part) => tOr(`changed.${part}`, part)).join(", ") });
 }

@@ -1,4 +1,4 @@
-/** All calibrations that there are, with the figures of each; the choice of the one in use, which asks. */
+/** All calibrations with their figures, and the choice of the one in use, which asks for confirmation. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { attempt } from "../connection/actions";
@@ -13,7 +13,7 @@ import { readingState } from "./reading-state";
 
 @customElement("calibration-sets")
 export class CalibrationSets extends PageElement {
-  /** Shows this one alone. */
+  /** Identifier of the only one to show; null: all. */
   @property({ attribute: false }) only: string | null = null;
   @state() private asked: string | null = null;
   protected readonly watching = new LiveController(this);

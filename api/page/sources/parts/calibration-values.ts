@@ -1,4 +1,4 @@
-/** The calibration in use: whether it is valid, its values in words and numbers. */
+/** The calibration in use: its validity, and its values in words and numbers. */
 import { html, type TemplateResult } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { JournalController } from "../connection/live";
@@ -9,7 +9,7 @@ import { saidOf } from "./problem";
 import { number, percent, t, when } from "../words/language";
 
 const DAY_MS = 86_400_000;
-/** Pause before values that could not be read are asked for again, ms. */
+/** Pause before values that could not be read are requested again, ms. */
 const RETRY_MS = 2_000;
 
 type Row = readonly [name: string, value: string | TemplateResult];
@@ -138,7 +138,7 @@ function noiseOf({ values: { sensor, ...known } }: Calibration): Row[] {
   ];
 }
 
-/** The position in a pose, in mm. */
+/** Formats the position of a pose, mm. */
 function millimetres(pose: readonly (readonly number[])[]): string {
   return `${pose
     .slice(0, 3)
@@ -146,7 +146,7 @@ function millimetres(pose: readonly (readonly number[])[]): string {
     .join(", ")} mm`;
 }
 
-/** The direction of a pose's z axis. */
+/** Formats the direction of a pose's z axis. */
 function axis(pose: readonly (readonly number[])[]): string {
   return pose
     .slice(0, 3)

@@ -1,4 +1,4 @@
-/** The colour scale of a map with its ends, which lie within the values: a fiftieth of them is cut off. */
+/** The colour scale of a map with its ends, which lie within the range of values: a fiftieth of them is cut off. */
 import { html, nothing } from "lit";
 import { mapValue, type MapName, type MapPicture } from "../drawing/result-maps";
 
@@ -9,7 +9,7 @@ export function colourLegend(name: MapName, low: number, high: number) {
   </p>`;
 }
 
-/** Of a map that is drawn in the scale: normals and albedo are not. */
+/** The legend of a map in the colour scale; normals and albedo have none. */
 export function legendOf(picture: MapPicture | null) {
   if (picture?.low == null || picture.high == null || picture.name === "albedo") return nothing;
   return colourLegend(picture.name, picture.low, picture.high);

@@ -1,4 +1,4 @@
-/** Files of the API that the browser itself opens or saves: with a ticket in the address where keys are in use. */
+/** Files of the API that the browser opens or saves itself, with a ticket in the address if keys are in use. */
 import { attempt } from "../connection/actions";
 import { openable } from "../connection/requests";
 import { t } from "../words/language";

@@ -1,4 +1,4 @@
-/** Base of the page's elements: drawn into the document itself, so that one style sheet and all labels reach them. */
+/** Base of the page's elements, drawn into the document itself, so that one style sheet and all labels apply. */
 import { LitElement } from "lit";
 import { onLanguage } from "../words/language";
 

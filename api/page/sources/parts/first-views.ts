@@ -1,4 +1,4 @@
-/** Where a calibration's first images will show the board, before anything moves: asked for, and drawn one over another. */
+/** Where a calibration's first images will show the board, before anything moves: on request, in one drawing. */
 import { html, nothing, svg } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
@@ -16,7 +16,7 @@ export class FirstViews extends PageElement {
   @state() private failed: unknown = null;
   @state() private computing = false;
   protected readonly watching = new LiveController(this);
-  /** What the views shown were planned for. */
+  /** The values for which the shown views were planned. */
   private shown = "";
   private abort = new AbortController();
 

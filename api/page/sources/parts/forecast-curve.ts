@@ -1,4 +1,4 @@
-/** The σ that a plan forecasts against the number of images, as a curve: a pilot's is ten times the final one. */
+/** The forecast σ of a plan against the number of images, logarithmic, as a pilot's σ is ten times the final one. */
 import { html, type TemplateResult } from "lit";
 import type { Plan } from "../connection/schemas";
 import "../drawing/curve-plot";

@@ -1,11 +1,11 @@
-/** What a live image is called: the camera's image now, or an old one, which must not pass for it. */
+/** Title of a live image: the camera's present image, or an old one, which must not be mistaken for it. */
 import { live } from "../connection/live";
 import { clock, t } from "../words/language";
 
-/** An image that came this long ago is old, ms. */
+/** Age above which an image is old, ms. */
 const OLD_MS = 2_000;
 
-/** `shownAt`: when it came, ms since 1970; 0: there is none yet. */
+/** `shownAt` is the image's arrival, ms since 1970; 0: there is none yet. */
 export function isOld(shownAt: number): boolean {
   return shownAt > 0 && Date.now() - shownAt > OLD_MS;
 }

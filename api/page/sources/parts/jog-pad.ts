@@ -1,4 +1,4 @@
-/** Buttons that move the arm while they are held, by hand or by key. */
+/** Buttons that move the arm while they are held, by pointer or by key. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { Jogging, type JogMotion } from "../connection/jogging";
@@ -27,7 +27,7 @@ export class JogPad extends PageElement {
 
   override connectedCallback(): void {
     super.connectedCallback();
-    // Wherever the hand has gone, the motion ends: outside the button, to another window, to another tab.
+    // The motion ends wherever the pointer is: outside the button, in another window, in another tab.
     for (const type of ["pointerup", "pointercancel", "blur", "pagehide"]) window.addEventListener(type, this.release);
     document.addEventListener("visibilitychange", this.release);
   }
@@ -50,7 +50,7 @@ export class JogPad extends PageElement {
       <h3>${t("jog.joints")}</h3>
       <div class="jog">${JOINTS.map((joint) => this.pair(t("rig.joint", { number: joint + 1 }), { joint }))}</div>
       ${
-        // Below the buttons: above them it would move them, and the next press would be that of another joint.
+        // Below the buttons, because text above would shift them, and the next press would hit another joint's button.
         this.refused ? saidOf(this.refused) : nothing
       }
     </section>`;

@@ -1,4 +1,4 @@
-/** The service's keys (names, roles, age, last use), for admins; and how they are made and revoked. */
+/** The service's keys (names, roles, age, last use), for admins, and how they are made and revoked. */
 import { html, type TemplateResult } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
@@ -9,7 +9,7 @@ import { PageElement } from "./element";
 import { listTable } from "./list-table";
 import { saidOf } from "./problem";
 
-/** Pause before what could not be read is asked for again, ms. */
+/** Pause before a failed reading is repeated, ms. */
 const RETRY_MS = 2_000;
 
 @customElement("key-list")

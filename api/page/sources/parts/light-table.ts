@@ -1,4 +1,4 @@
-/** The lights of a plan as a table: direction, gain, where it gains, and why it was chosen. */
+/** The lights of a plan as a table: direction, gain, gain map, and the reason for the choice. */
 import { html, nothing, type TemplateResult } from "lit";
 import { directionOf, type Dome } from "../drawing/dome-geometry";
 import { number, t } from "../words/language";
@@ -10,9 +10,9 @@ export interface LightTable {
   dome: Dome;
   selected: number;
   select: (index: number) => void;
-  /** What a light gains, in words. */
+  /** The gain of a light in words. */
   gain: (index: number) => string;
-  /** Addresses of gain maps and reasons; none where a person has moved the lights. */
+  /** Addresses of gain maps, and reasons; empty if a person has moved the lights. */
   pictures: readonly string[];
   reasons: readonly string[];
 }

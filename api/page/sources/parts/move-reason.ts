@@ -1,16 +1,16 @@
-/** Why nothing that moves the arm can be asked for now, in words beside what is greyed out; null: it can. */
+/** Why nothing that moves the arm is possible now, in words beside the disabled controls; null: it is possible. */
 import { html, nothing } from "lit";
 import { live } from "../connection/live";
 import { t } from "../words/language";
 
-/** Of everything that moves. */
+/** Reason for everything that moves. */
 export function whyNoMove(): string | null {
   if (live.stale || !live.joints) return t("move.stale");
   if (live.sending.length > 0) return t("bar.sending", { name: live.sending.at(-1)! });
   return live.rig?.faults.length ? t("move.stopped") : null;
 }
 
-/** Of moves outside of sessions. */
+/** Reason for moves outside of sessions. */
 export function whyNoMoveByHand(): string | null {
   return whyNoMove() ?? (live.rig?.holder == null ? null : t("move.busy"));
 }

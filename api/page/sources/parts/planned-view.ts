@@ -1,4 +1,4 @@
-/** A planned view as a picture: where the board will be in the camera's image, its first corner marked. */
+/** A planned view as a picture: the board's place in the camera's image, with its first corner marked. */
 import { html, svg, type TemplateResult } from "lit";
 import type { PlannedViews } from "../connection/schemas";
 import { number, t } from "../words/language";
@@ -28,7 +28,7 @@ export function whereOf({ distance_m, tilt_deg }: View): string {
   return t("view.where", { distance: number(1e3 * distance_m, 0), tilt: number(tilt_deg, 0) });
 }
 
-/** Why a view was chosen: what is left after it, in the page's language. */
+/** The reason for a view: the uncertainty left after it, in the page's language. */
 function reasonOf(reason: string): string {
   const [, value, unit] = /^leaves ([\d.e+-]+) (\S+)$/.exec(reason) ?? [];
   return value ? t("view.leaves", { value: number(Number(value), 2), unit: unit! }) : reason;

@@ -1,4 +1,4 @@
-/** Figures of the present preview image: histogram, clipped shares, brightness, focus beside its best since the screen opened. */
+/** Figures of the present preview image: histogram, clipped shares, brightness, focus and its best since opening. */
 import { html, nothing, svg } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import type { components } from "../connection/api-types";
@@ -12,7 +12,7 @@ type Figures = components["schemas"]["PreviewFigures"];
 const PERIOD_MS = 500;
 const WIDTH = 256;
 const HEIGHT = 90;
-/** Share of clipped pixels above which the figure is marked. */
+/** Share of clipped pixels above which the figure is highlighted. */
 const CLIPPED_SHARE = 0.001;
 
 @customElement("preview-figures")
@@ -39,7 +39,7 @@ export class PreviewFigures extends PageElement {
         this.figures = await get<Figures>("/v1/rig/preview/figures");
         this.best = Math.max(this.best, this.figures.focus ?? 0);
       } catch {
-        this.figures = null; // the image beside it says why
+        this.figures = null; // the image beside it states the reason
       }
     }
     if (this.isConnected) this.timer = window.setTimeout(() => void this.read(), PERIOD_MS);
@@ -97,7 +97,7 @@ export class PreviewFigures extends PageElement {
       </p>`;
   }
 
-  /** Square roots of the counts, so that a few clipped pixels can be seen beside the background. */
+  /** Square roots of the counts, so that a few clipped pixels are visible beside the background. */
   private histogram({ histogram, saturated }: Figures) {
     const most = Math.sqrt(Math.max(...histogram, 1));
     const step = WIDTH / histogram.length;

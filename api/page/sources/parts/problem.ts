@@ -1,10 +1,10 @@
-/** What went wrong and what to do, from a problem object or from a connection that failed. */
+/** An error and its remedy, from a problem object or a failed connection. */
 import { html, type TemplateResult } from "lit";
 import { Refusal, Unreachable } from "../connection/requests";
 import { t } from "../words/language";
 import { problemTitle, remedyOf } from "../words/problems";
 
-/** What failed: an action, a reading that the page repeats by itself, or one that somebody has to choose again. */
+/** What failed: an action, a reading that the page repeats by itself, or one that a person has to choose again. */
 const UNREACHED = {
   action: "problem.unreachable",
   reading: "problem.unread",

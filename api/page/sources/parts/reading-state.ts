@@ -1,4 +1,4 @@
-/** Words for what is not there yet: it is being read, or could not be read and is tried again. */
+/** Words for missing content: it is being read, or it could not be read and is tried again. */
 import { html, nothing } from "lit";
 import type { Reading } from "../connection/reading";
 import { t } from "../words/language";

@@ -1,4 +1,4 @@
-/** Saves what stands at an address under a name. */
+/** Saves the content of an address under a name. */
 export function save(address: string, name: string): void {
   const link = document.createElement("a");
   link.href = address;

@@ -1,4 +1,4 @@
-/** The camera's live image with the corners of the calibration board that are found in it, and in words whether it is. */
+/** The camera's live image with the detected corners of the calibration board, and a sentence on whether it is seen. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { LiveController } from "../connection/live";
@@ -10,14 +10,14 @@ import { PageElement } from "./element";
 import { imageCaption, isOld } from "./image-age";
 import { saidOf } from "./problem";
 
-/** Least time between two images, ms: the board is looked for in each. */
+/** Minimum time between two images, ms; the board is detected in each. */
 const PERIOD_MS = 400;
 /** Pause after a refusal, ms. */
 const RETRY_MS = 1_500;
 
 @customElement("target-preview")
 export class TargetPreview extends PageElement {
-  /** Whether the calibration board is looked for. */
+  /** Whether the calibration board is detected. */
   @property({ attribute: false }) board = true;
   @state() private found: TargetView | null = null;
   @state() private refused: unknown = null;
@@ -49,7 +49,7 @@ export class TargetPreview extends PageElement {
           this.shownAt = Date.now();
         } catch (error) {
           this.refused = error;
-          this.found = null; // what was found in an old image says nothing of now
+          this.found = null; // what an old image shows says nothing about now
           pause = RETRY_MS;
         }
       }

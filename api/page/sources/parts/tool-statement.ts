@@ -1,4 +1,4 @@
-/** What is on the flange, as a person states it: the service certifies paths for it, and cannot see it. */
+/** A person's statement of what is on the flange. The service certifies paths for it, and cannot see it. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { attempt } from "../connection/actions";
@@ -13,7 +13,7 @@ const TOOLS: Tool[] = ["lamp", "board"];
 
 @customElement("tool-statement")
 export class ToolStatement extends PageElement {
-  /** What is to be on the flange next; null: whatever a person mounts. */
+  /** The tool that is needed on the flange next; null: any. */
   @property({ attribute: false }) needed: Tool | null = null;
   @state() private asked: Tool | null = null;
   protected readonly watching = new LiveController(this);

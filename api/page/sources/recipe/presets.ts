@@ -1,4 +1,4 @@
-/** Usual recipes, as a choice of values over the schema's defaults. */
+/** Common recipes, as values that differ from the schema's defaults. */
 import type { Word } from "../words/language";
 import type { Values } from "./recipe-form";
 

@@ -1,7 +1,7 @@
 /**
- * The recipe as a form, made from its schema: whatever field a later release adds appears here with its explanation.
+ * The recipe as a form, made from its schema: a field that a later release adds appears here with its explanation.
  *
- * What only this page knows is which fields a newcomer needs first, and which make no sense beside each other.
+ * Only this page knows which fields a newcomer needs first, and which have no meaning beside others.
  */
 import { html, nothing, type TemplateResult } from "lit";
 import { customElement, property } from "lit/decorators.js";
@@ -16,7 +16,7 @@ const FIRST = [
   ...["max_images", "target_mm", "target_px", "notes"],
 ];
 
-/** Whether a field means anything beside the values of the others. */
+/** Whether a field has a meaning beside the values of the others. */
 const MATTERS: Record<string, (values: Values) => boolean> = {
   planned_lights: (values) => values["target_sigma_deg"] == null && values["method"] !== "user",
   pilot_lights: (values) => values["method"] !== "user",
@@ -28,7 +28,7 @@ const MATTERS: Record<string, (values: Values) => boolean> = {
   target_mm: (values) => values["kind"] !== "camera",
 };
 
-/** A value that keeps the form from being sent is shown: a browser says nothing of one that is folded away. */
+/** Opens the section of an invalid value: a browser reports nothing about a value that is folded away. */
 const OPEN_FOR_INVALID = {
   capture: true,
   handleEvent: (event: Event): void => {
@@ -40,7 +40,7 @@ const OPEN_FOR_INVALID = {
 export class RecipeForm extends PageElement {
   @property({ attribute: false }) fields: Field[] = [];
   @property({ attribute: false }) values: Values = {};
-  /** What the service says about single fields, by dotted name. */
+  /** The service's messages about single fields, by dotted name. */
   @property({ attribute: false }) errors: Record<string, string> = {};
 
   override render() {
@@ -73,7 +73,7 @@ export class RecipeForm extends PageElement {
     </div>`;
   }
 
-  /** This page's words where it has some, else the schema's own, and the range. */
+  /** The page's own words if there are any, else the schema's, with the range. */
   private explanation(field: Field, path: string): string {
     const words = tOr(`explain.${path}`, field.explanation);
     const { least, most } = field;

@@ -4,7 +4,7 @@ import { get } from "../connection/requests";
 export interface Field {
   name: string;
   kind: "choice" | "number" | "integer" | "text" | "long-text" | "yes-no" | "lights" | "group";
-  /** None is allowed: an empty field. */
+  /** Whether the field may be empty (null). */
   optional: boolean;
   explanation: string;
   otherwise: unknown;
@@ -30,12 +30,12 @@ interface Schema {
   properties?: Record<string, Schema>;
 }
 
-/** Texts longer than this are written in several lines. */
+/** Texts that may be longer than this get several lines. */
 const LONG_TEXT = 500;
 
 let known: Promise<Record<string, Schema>> | null = null;
 
-/** A recipe's fields in the schema's order, without its kind and those that have one value only. */
+/** A recipe's fields in the schema's order, without its kind and those with a single possible value. */
 export async function recipeFields(recipe = "Recipe"): Promise<Field[]> {
   known ??= get<{ components: { schemas: Record<string, Schema> } }>("/openapi.json").then(
     ({ components }) => components.schemas,

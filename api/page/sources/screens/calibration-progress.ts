@@ -1,4 +1,4 @@
-/** A calibration session: the next view as a picture, what the camera sees, accuracy found and wished, residuals, what next. */
+/** A calibration session: next view, the camera's image, accuracy found and requested, residuals, next steps. */
 import { html, nothing } from "lit";
 import { customElement, property } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
@@ -20,18 +20,18 @@ import { duration, number, t, tOr } from "../words/language";
 import { imageName, stageName } from "../words/names";
 
 const STAGES = ["plan", "waypoints", "capture", "estimate"] as const;
-/** What an accuracy on order is compared with. */
+/** The figure with which each ordered accuracy is compared. */
 const FOUND: Record<string, string> = { target_px: "projection_sigma_px", target_mm: "position_sigma_mm" };
-/** Files of an estimate that hold no residuals. */
+/** Files of an estimate without residuals. */
 const OTHER_FILES = new Set(["basis.json", "summary.json", "calibration.json", "corners.json", "manifest.json"]);
-/** Facts of an image that are no figure to be read. */
+/** Facts of an image that are not shown as figures. */
 const HIDDEN = new Set(["image", "sha256", "why_not", "lamp"]);
 
 type Residual = Record<string, string | number | null>;
 
 interface Found {
   planned: PlannedViews | null;
-  /** The pass that is under way, of a kind whose views are lights on the dome. */
+  /** The pass under way, of a kind whose views are lights on the dome. */
   pass: Pass | null;
   dome: Dome | null;
   estimate: Estimate | null;
@@ -128,7 +128,7 @@ export class CalibrationProgress extends PageElement {
     ></dome-plot>`;
   }
 
-  /** What to do now that it has ended. */
+  /** What to do after the end of the session. */
   private next({ estimate }: Found) {
     const summary = estimate?.summary;
     if (!summary?.estimated) return html`<p class="notice warning">${t("next.nothing")}</p>`;
@@ -150,7 +150,7 @@ export class CalibrationProgress extends PageElement {
     </section>`;
   }
 
-  /** What a check has found: it makes no calibration that could be used. */
+  /** The result of a check, which makes no calibration that could be used. */
   private verdict({ passed, changed, advice }: Estimate["summary"]) {
     return html`<section class="card" aria-labelledby="next">
       <h2 id="next">${t("next.title")}</h2>
@@ -179,7 +179,7 @@ export class CalibrationProgress extends PageElement {
       )}`;
   }
 
-  /** An image's pass and number in words. */
+  /** Names an image by its pass and number. */
   private imageOf(path: string): string {
     const [, pass, image] = /^passes\/(\d+)\/shots\/(\d+)/.exec(path) ?? [];
     return image ? `${t("progress.pass", { number: pass! })}, ${imageName(this.session, Number(image))}` : path;
@@ -188,7 +188,7 @@ export class CalibrationProgress extends PageElement {
 
 type Values = Record<string, unknown>;
 
-/** What the files of an estimate tell of single images, or of the images of one exposure time. */
+/** Content of an estimate's files about single images, or about the images of one exposure time. */
 interface Residuals {
   views?: Residual[];
   images?: Residual[];
@@ -207,7 +207,7 @@ function cell(value: string | number | null | undefined): string | null {
   return Number.isInteger(value) ? String(value) : number(value, 3);
 }
 
-/** The views of a pass; none for a kind without a board. */
+/** The views of a pass; null for a kind without a board. */
 async function viewsOf(address: string): Promise<PlannedViews | null> {
   try {
     return await get<PlannedViews>(address);
@@ -217,7 +217,7 @@ async function viewsOf(address: string): Promise<PlannedViews | null> {
   }
 }
 
-/** Each image's part in an estimate, from the first of its files that tells it; the camera's own is the last to ask. */
+/** Each image's residual in an estimate, from the first of its files that has one; the camera's file is read last. */
 async function residualsOf({ artefacts }: Estimate): Promise<Residual[]> {
   const files = artefacts.filter(({ name }) => name.endsWith(".json") && !OTHER_FILES.has(name));
   files.sort((one, other) => Number(one.name === "camera.json") - Number(other.name === "camera.json"));

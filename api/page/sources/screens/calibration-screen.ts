@@ -1,8 +1,8 @@
 /**
- * Calibration: what to calibrate, what has to be on the flange, whether the camera sees it, and the start of a session;
- * below it the calibrations that there are. The session itself has the screen of every session.
+ * Calibration: what to calibrate, what must be on the flange, whether the camera sees it, and the start of a session;
+ * below it the existing calibrations. A running session has the same screen as every session.
  *
- * Kinds, their tools and their forms are read from the service, so that a new kind appears by itself.
+ * Kinds, their tools and their forms are read from the service, so that a new kind appears without a change.
  */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
@@ -24,7 +24,7 @@ import type { Values } from "../recipe/recipe-form";
 import { recipeFields, type Field } from "../recipe/recipe-schema";
 import { number, t, tOr } from "../words/language";
 
-/** Pause before what could not be read is asked for again, ms. */
+/** Pause before a failed reading is repeated, ms. */
 const RETRY_MS = 2_000;
 
 @customElement("calibration-screen")
@@ -90,7 +90,7 @@ export class CalibrationScreen extends PageElement {
       <calibration-values></calibration-values>`;
   }
 
-  /** The way back to a calibration that is under way. */
+  /** A link back to the calibration under way. */
   private running() {
     const holder = live.holder;
     if (!holder || holder.recipe.kind === "capture") return nothing;
@@ -125,7 +125,7 @@ export class CalibrationScreen extends PageElement {
   }
 
   private steps(kind: CalibrationKind) {
-    // A check of the lamp needs the lamp where its other target needs the board.
+    // A check of the lamp needs the lamp on the flange; with its other target it needs the board.
     const tool = this.values["target"] === "plane" ? "lamp" : kind.tool;
     const mounted = live.rig?.tool === tool;
     const others = (live.rig?.reasons ?? []).filter(({ code }) => code !== "rig.other_tool");
@@ -181,7 +181,7 @@ export class CalibrationScreen extends PageElement {
     return Object.fromEntries((this.failed.problem.errors ?? []).map(({ field, message }) => [field, message]));
   }
 
-  /** The values without what is empty: the service's own defaults stand then. */
+  /** The values without the empty ones, for which the service's defaults apply. */
   private recipe(): Values {
     return Object.fromEntries(Object.entries(this.values).filter(([, value]) => value !== null));
   }

@@ -1,4 +1,4 @@
-/** The cell in three dimensions, as it stands now, with the lights and the route of the session that holds the rig. */
+/** The present state of the cell in three dimensions, with the lights and route of the session that holds the rig. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { attempt } from "../connection/actions";
@@ -16,10 +16,10 @@ import { t, type Word } from "../words/language";
 const LAYERS: Layer[] = ["labels", "candidates", "route", "bodies"];
 const TURN_RAD = 0.12;
 
-/** The view of the cell is kept for the next visit, until scene or colours change. */
+/** The view of the cell, kept for the next visit until scene or colours change. */
 let kept: { view: CellView; scene: Scene; colours: Palette } | null = null;
 
-/** Pause before a scene that could not be read is asked for again, ms. */
+/** Pause before a failed reading of the scene is repeated, ms. */
 const RETRY_MS = 2_000;
 
 @customElement("cell-screen")
@@ -107,7 +107,7 @@ export class CellScreen extends PageElement {
         : [];
       this.view?.setLights(lights, way as unknown as number[][]);
     } catch {
-      // Not reached: the bar says so; the next event marks them.
+      // Not reached: the bar shows that, and the next event marks them.
     }
   }
 

@@ -17,7 +17,7 @@ import { number, t, type Word } from "../words/language";
 type Shown = MapName | "relit";
 
 const SURFACES: Surface[] = ["own", "clay", "gloss"];
-/** Largest slant of the movable light, as the sine. */
+/** Sine of the largest slant of the movable light. */
 const MOST = Math.sin((85 * Math.PI) / 180);
 const LIGHT_STEP = 0.08;
 @customElement("map-viewer")
@@ -55,7 +55,7 @@ export class MapViewer extends PageElement {
     const maps = this.maps!;
     const isWanted = (): boolean => this.shown === name && maps === this.maps;
     this.shown = name;
-    // Nothing of another map or result stands under this one's name meanwhile.
+    // Until the new map is read, nothing of another map or result is shown under its name.
     this.picture = this.failed = null;
     this.value = "";
     this.relighting?.close();
@@ -235,7 +235,7 @@ export class MapViewer extends PageElement {
     void this.tell(this.read(this.picture, at));
   };
 
-  /** What could not be read of the picture shown is said. */
+  /** Shows the error if a reading for the displayed picture fails. */
   private async tell(reading: Promise<void>): Promise<void> {
     const { picture } = this;
     try {

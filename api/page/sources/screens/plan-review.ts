@@ -1,4 +1,4 @@
-/** A session's plans: lights on the dome with what each gains, the forecast; in a review lights are moved and accepted. */
+/** A session's plans: lights on the dome with their gains, and the forecast. A review moves and accepts lights. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { attemptMove } from "../connection/actions";
@@ -99,7 +99,7 @@ export class PlanReview extends PageElement {
     return this.reviewing && pass.plan.method !== "pilot";
   }
 
-  /** Asks for the forecast of the lights as they stand, and for σ as a picture when they have come to rest. */
+  /** Requests the forecast of the present lights, and σ as a picture once they are at rest. */
   private ask(settled = true): void {
     this.forecasting?.ask(this.lights);
     if (settled) void this.showPicture();
@@ -244,7 +244,7 @@ export class PlanReview extends PageElement {
     return refusal ? t(`refusal.${refusal.reason}` as Word) : null;
   }
 
-  /** What a light gains, or why the arm cannot serve it: by the forecast, else as the plan says. */
+  /** A light's gain, or why the arm cannot serve it, by the forecast, else by the plan. */
   private gain(index: number): string {
     const refusal = this.refusal(index);
     if (refusal) return refusal;

@@ -1,8 +1,8 @@
 /**
- * What the camera sees now, and the region of interest drawn on it.
+ * The camera's present image, and the region of interest drawn on it.
  *
- * The image is a series of stills, each asked for when the last one has been drawn: a tab in the background asks for
- * none, and none holds a connection that a stop may need.
+ * The image is a series of stills, each requested when the last one has been drawn. A tab in the background therefore
+ * requests none, and none holds a connection that a stop may need.
  */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
@@ -22,7 +22,7 @@ import { readingState } from "../parts/reading-state";
 import { number, t, type Word } from "../words/language";
 import { sessionName } from "../words/names";
 
-/** Least time between two images, ms. */
+/** Minimum time between two images, ms. */
 const PERIOD_MS = 200;
 /** Pause after a refusal, ms. */
 const RETRY_MS = 1_500;
@@ -70,7 +70,7 @@ export class PreviewScreen extends PageElement {
     return true;
   }
 
-  /** Takes over the region that the chosen session has already. */
+  /** Loads the region that the chosen session already has. */
   private async loadRegion(): Promise<void> {
     this.drawing?.clear();
     const id = this.chosen;
@@ -78,7 +78,7 @@ export class PreviewScreen extends PageElement {
     try {
       this.drawing?.load(await createImageBitmap(await fetchBlob(`/v1/sessions/${id}/region.png`)));
     } catch (error) {
-      if (!(error instanceof Refusal && error.problem.status === 404)) throw error; // none is drawn yet
+      if (!(error instanceof Refusal && error.problem.status === 404)) throw error; // no region is drawn yet
     }
     this.paint();
   }
@@ -247,7 +247,7 @@ export class PreviewScreen extends PageElement {
     this.paint();
   };
 
-  /** The polygon without a mouse: arrows move a cross, Enter sets a corner, C closes. */
+  /** Draws the polygon without a mouse: arrow keys move a cross, Enter sets a corner, C closes. */
   private readonly key = (event: KeyboardEvent): void => {
     const drawing = this.drawing;
     if (this.tool !== "polygon" || !drawing) return;

@@ -1,4 +1,4 @@
-/** The queue: sessions that run one after another, each of a named object; a person says when the next object is in place. */
+/** The queue: sessions of named objects in turn. A person states when the next object is in place. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { attempt, attemptMove } from "../connection/actions";
@@ -126,7 +126,7 @@ export class QueueScreen extends PageElement {
 
   private async resume(queue: Queue): Promise<void> {
     const next = queue.entries.find((entry) => entry.state === "waiting");
-    // Named, so that an order that was changed meanwhile does not begin another object's session.
+    // Named, so that after a change of the order no session of another object begins.
     const body = next ? { action: "resume", entry: next.id } : { action: "resume" };
     this.asking = false;
     await attemptMove(t("queue.confirm"), (options) => post("/v1/queue/actions", body, options()));

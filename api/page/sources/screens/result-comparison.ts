@@ -1,4 +1,4 @@
-/** Two results beside each other: the same map in the same scale, their figures, and the angle between their normals. */
+/** Two results side by side: the same map on the same scale, their figures, and the angle between their normals. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { all } from "../connection/requests";
@@ -27,15 +27,15 @@ export class ResultComparison extends PageElement {
   @state() private map: MapName = "sigma_deg";
   @state() private failed: unknown = null;
   @state() private angles: { mean: number; median: number; high: number } | null = null;
-  /** The first map as it is drawn, whose scale is that of the second too. */
+  /** The first map as it is drawn; its scale is used for the second too. */
   @state() private picture: MapPicture | null = null;
-  /** The address of the other result, as it was chosen. */
+  /** The address of the other result, as chosen. */
   @state() private chosen = "";
   private compared = "";
-  /** Counts what is drawn: what comes late of an earlier choice is dropped. */
+  /** Number of the present drawing; late data of an earlier choice are dropped. */
   private turn = 0;
 
-  /** Another result beside the same one is drawn anew; one is not compared with itself. */
+  /** Draws anew when one of the results changes. A result is not compared with itself. */
   override willUpdate(): void {
     const address = this.result.links["self"]!;
     if (address === this.compared) return;
@@ -68,7 +68,7 @@ export class ResultComparison extends PageElement {
     return html`<option value=${address} ?selected=${address === this.chosen}>${name}</option>`;
   }
 
-  /** A result by its number, of another session by that session's name too. */
+  /** Names a result by its number, one of another session also by that session's name. */
   private nameOf(result: Result): string {
     const name = t("result.number", { number: result.number });
     const session = this.sessions.find((one) => one.answer!.links["self"] === result.links["self"]);
@@ -172,7 +172,7 @@ export class ResultComparison extends PageElement {
     }
   }
 
-  /** The pictures side by side; those that are not there are blank. */
+  /** Draws the pictures side by side; missing ones are blank. */
   private paint(images: readonly ImageData[]): void {
     for (const canvas of this.querySelectorAll("canvas")) {
       const image = images[Number(canvas.dataset["side"])];

@@ -13,12 +13,12 @@ import { degrees, number, percent, t, tOr, when } from "../words/language";
 import "./map-viewer";
 import "./result-comparison";
 
-/** Misfits above this are said to be too large: the ends of the words for the goodness of fit. */
+/** Probability of the misfit below which it is reported as too large. */
 const FAIR_PROBABILITY = 0.05;
 
 interface Found {
   results: Result[];
-  /** Other sessions that have an answer. */
+  /** Other sessions with an answer. */
   others: Session[];
   calibrations: CalibrationSet[];
 }
@@ -71,7 +71,7 @@ export class ResultView extends PageElement {
       ${this.session.ended && live.mayOperate ? this.solving(found) : nothing} ${this.downloads(result)}`;
   }
 
-  /** Another solve of the same images, with the calibration of the capture or one that was made since. */
+  /** Solves the same images again, with the calibration of the capture or a newer one. */
   private solving({ calibrations }: Found) {
     const solve = async (event: Event): Promise<void> => {
       event.preventDefault();
@@ -81,7 +81,7 @@ export class ResultView extends PageElement {
         const { number } = await post<{ number: number }>(`/v1/sessions/${this.session.id}/results`, { calibration });
         const known = this.reading.found?.results.some((result) => result.number === number);
         this.solved = known ? null : number;
-        if (known) this.chosen = number; // it has been solved before
+        if (known) this.chosen = number; // it was solved before
       });
       this.asking = false;
     };

@@ -76,7 +76,7 @@ export class RigScreen extends PageElement {
     </section>`;
   }
 
-  /** What became of the last way home that this page has heard of. */
+  /** Outcome of the last way home of which this page has received the event. */
   private parked() {
     const last = live.events.findLast(({ type }) => type === "rig.parked");
     if (!last) return nothing;

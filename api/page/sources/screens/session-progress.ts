@@ -1,4 +1,4 @@
-/** A session as it goes: stages, time left, images as they come, what happened in words. */
+/** The progress of a session: stages, time left, images as they arrive, and events in words. */
 import { html, nothing } from "lit";
 import { customElement, property } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
@@ -12,13 +12,13 @@ import { clock, duration, number, percent, t, tOr, type Word } from "../words/la
 import { imageName, stageName } from "../words/names";
 
 const STAGES = ["pilot", "waypoints", "capture", "normals", "plan"] as const;
-/** Of a session that calibrates. */
+/** Stages of a calibration session. */
 const CALIBRATION_STAGES = ["plan", "waypoints", "capture", "estimate"] as const;
-/** Share of clipped pixels above which it is worth a word. */
+/** Share of clipped pixels above which it is mentioned. */
 const CLIPPED_SHARE = 0.005;
-/** Events that are shown, newest first. */
+/** Number of events shown, newest first. */
 const SHOWN_EVENTS = 60;
-/** Events that tell what stands above them anyway. */
+/** Types of events that are not shown, because the screen displays their content elsewhere. */
 const UNTOLD = new Set(["session.progress"]);
 
 @customElement("session-progress")
@@ -145,7 +145,7 @@ export class SessionProgress extends PageElement {
   }
 }
 
-/** Whether an event tells of a fault of the camera, not that it is back. */
+/** Whether an event reports a fault of the camera, and not its return. */
 function warns({ type, body }: JournalEvent): boolean {
   return type === "camera.fault" && body["kind"] !== "returned";
 }

@@ -1,4 +1,4 @@
-/** One session: what it does and may do, and its progress, plan or result. */
+/** One session: its state and actions, and its progress, plan or result. */
 import { html, nothing, type PropertyValues } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { act, edit } from "../connection/actions";
@@ -15,7 +15,7 @@ import "./result-view";
 import "./session-progress";
 
 const PARTS = ["", "plan", "result"];
-/** Of a session that calibrates. */
+/** Parts of a calibration session's screen. */
 const CALIBRATION_PARTS = ["", "images"];
 type Action = Session["allowed_actions"][number];
 const ASKED = new Set<Action>(["resume", "stop"]);
@@ -31,7 +31,7 @@ export class SessionScreen extends PageElement {
   protected readonly watching = new LiveController(this);
   private asking = "";
 
-  /** A question is of one session in one state: what was ticked for it is not said of another. */
+  /** A question is about one session in one state. What was ticked for it does not apply to another. */
   override willUpdate(changed: PropertyValues<this>): void {
     if (changed.has("identity")) this.editing = false;
     const session = this.identity ? live.session(this.identity) : null;
@@ -129,7 +129,7 @@ export class SessionScreen extends PageElement {
 
   private actions(session: Session) {
     const more = session.state === "running" && session.seconds_left !== null;
-    // A plan under review is accepted where its lights stand, or a change of them would be lost.
+    // A plan under review is accepted beside its lights, because here a change of them would be lost.
     const offered = session.allowed_actions.filter(
       (action) => action !== "resume" || session.reason?.code !== "plan.to_review",
     );

@@ -1,4 +1,4 @@
-/** All sessions: searched by label, state and date; opened, renamed, deleted. */
+/** All sessions: search by label, state and date; open, rename, delete. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { attempt } from "../connection/actions";
@@ -15,7 +15,7 @@ import { sessionName } from "../words/names";
 
 const STATES = ["created", "running", "paused", "interrupted", "completed", "stopped", "failed"] as const;
 
-/** Sessions that were found, and whether all are meant or those of a search. */
+/** Sessions that were found, and whether by a search. */
 interface Found extends Page<Session> {
   searched: boolean;
 }
@@ -29,7 +29,7 @@ export class SessionsScreen extends PageElement {
     again: ({ type }) => type.startsWith("session."),
   });
 
-  /** The list's address: the service filters, so that sessions far back are found too. */
+  /** The list's address. The service filters, so that old sessions are found too. */
   private get address(): string {
     const query = new URLSearchParams({ limit: "50" });
     const { text, state: wanted, since } = this.wanted;
@@ -48,7 +48,7 @@ export class SessionsScreen extends PageElement {
     const before = this.reading.found!;
     await attempt(t("sessions.more"), async () => {
       const page = await get<Page<Session>>(before.next!);
-      // Where the list has been read anew meanwhile, this page may not follow on it.
+      // If the list has been read anew meanwhile, this page must not be appended to it.
       if (this.reading.found === before)
         this.reading.found = { ...before, ...page, items: [...before.items, ...page.items] };
     });

@@ -1,4 +1,4 @@
-/** A new session: presets, the recipe's form, and beside it what its first pass would do. */
+/** A new session: presets, the recipe's form, and what its first pass would do. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
 import { create } from "../connection/actions";
@@ -23,7 +23,7 @@ import { remedyOf } from "../words/problems";
 /** Pause after the last change before the dry run, ms. */
 const SETTLED_MS = 500;
 
-/** The number of images of a recipe; none where a target accuracy or the person's own lights decide. */
+/** The number of images of a recipe; null if a target accuracy or the person's own lights determine it. */
 function lightsOf({ method, pilot_lights: pilot, planned_lights: planned, target_sigma_deg: target }: Values) {
   return method === "user" || target ? null : Number(pilot) + Number(planned);
 }
@@ -180,7 +180,7 @@ export class StartScreen extends PageElement {
       ${plan.notes?.map((note) => html`<p class="notice">${note}</p>`)}`;
   }
 
-  /** What accuracy to expect of how many images, of an assumed object. */
+  /** The accuracy to expect against the number of images, for an assumed object. */
   private prospect({ plan, forecast }: DryRun) {
     const piloted = plan.method === "pilot";
     return html`<h3>${t("start.forecast")}</h3>
@@ -210,11 +210,11 @@ export class StartScreen extends PageElement {
     this.failed = null;
     if (same && (this.dryRun || this.computing)) return;
     this.abort.abort();
-    this.dryRun = this.dryRunFailed = null; // that of other values says nothing about these
+    this.dryRun = this.dryRunFailed = null; // they belong to other values
     this.plan();
   }
 
-  /** When the rig has become free, what was not computed before is. */
+  /** Computes what is missing once the rig has become free. */
   override updated(): void {
     if (this.dome && this.mayTry && !this.dryRun && !this.dryRunFailed && !this.computing) this.plan();
   }
@@ -248,7 +248,7 @@ export class StartScreen extends PageElement {
     if (this.abort === abort) this.computing = false;
   }
 
-  /** The values without what is empty: the service's own defaults stand then. */
+  /** The values without the empty ones, for which the service's defaults apply. */
   private recipe(): Values {
     return Object.fromEntries(Object.entries(this.values).filter(([, value]) => value !== null));
   }

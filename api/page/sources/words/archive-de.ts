@@ -1,4 +1,4 @@
-/** The same in German. */
+/** The words of the archive's page in German. */
 import type { archiveEn } from "./archive-en";
 
 export const archiveDe: Record<keyof typeof archiveEn, string> = {

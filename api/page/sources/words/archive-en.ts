@@ -1,4 +1,4 @@
-/** The words of the archive's page that the operator's page has not, in English. */
+/** The English words of the archive's page that the operator's page does not have. */
 export const archiveEn = {
   title: "Archive",
   sign_in: "The archive asks for a key: a viewer's is enough (lightpose keys add NAME --role viewer).",

@@ -1,4 +1,4 @@
-/** Remedies in German; in English the service's own are shown. */
+/** Remedies in German. In English the service's own are shown. */
 export const REMEDIES: Record<string, string> = {
   "rig.busy": "Warten, bis die andere Sitzung endet, oder sie beenden.",
   "rig.changed": "Zellendatei und Kalibrierung wiederherstellen, oder neu beginnen.",

@@ -677,7 +677,7 @@ export const en = {
   "result.solving": "Solving … (result {number} will appear above)",
   "calibration.fingerprint": "SHA-256 of the values",
 
-  // Problems: what is said of each code; remedies are the service's own in English
+  // Problems: a title for each code; in English the remedies are the service's own
   "problem.session.action_not_allowed": "The session's state does not allow this",
   "problem.rig.busy": "Another session uses the rig",
   "problem.rig.not_ready": "The rig is not ready",

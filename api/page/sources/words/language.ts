@@ -1,4 +1,4 @@
-/** The page's language: the browser's at first, then the one that was chosen; numbers and times follow it. */
+/** The page's language: at first the browser's, then the chosen one. Numbers and times follow it. */
 import { de } from "./de";
 import { en } from "./en";
 
@@ -7,7 +7,7 @@ export type Word = keyof typeof en;
 
 const NAME = "lightpose-language";
 const WORDS: Record<Language, Record<Word, string>> = { en, de };
-/** Numbers and times are written as in this region. */
+/** Region whose format numbers and times have. */
 const REGION: Record<Language, string> = { en: "en-GB", de: "de-DE" };
 const listeners = new Set<() => void>();
 
@@ -31,18 +31,18 @@ export function choose(next: Language): void {
   listeners.forEach((listener) => listener());
 }
 
-/** Calls back after a change of the language; returns a function that ends it. */
+/** Calls back after a change of the language. Returns a function that ends this. */
 export function onLanguage(listener: () => void): () => void {
   listeners.add(listener);
   return () => listeners.delete(listener);
 }
 
-/** The words of a key in the present language, with `{name}` replaced by its value. */
+/** Returns the words of a key in the present language, with `{name}` replaced by its value. */
 export function t(word: Word, values: Record<string, string | number> = {}): string {
   return WORDS[chosen][word].replace(/\{(\w+)\}/g, (_, name: string) => String(values[name] ?? ""));
 }
 
-/** The words of a key that is put together, where there are such; else what is given. */
+/** Returns the words of a composed key if there are any, else `otherwise`. */
 export function tOr(word: string, otherwise: string): string {
   return (WORDS[chosen] as Record<string, string>)[word] ?? otherwise;
 }
@@ -52,7 +52,7 @@ export function number(value: number | null | undefined, digits = 2): string {
   return value.toLocaleString(REGION[chosen], { minimumFractionDigits: digits, maximumFractionDigits: digits });
 }
 
-/** A number with as many digits as it has. */
+/** Formats a number with all its digits. */
 export function exact(value: number): string {
   return value.toLocaleString(REGION[chosen]);
 }
@@ -77,7 +77,7 @@ export function clock(time: string | number): string {
   return new Date(time).toLocaleTimeString(REGION[chosen]);
 }
 
-/** A duration in words: "40 s", "12 min". */
+/** Formats a duration: "40 s", "12 min". */
 export function duration(seconds: number | null | undefined): string {
   if (seconds === null || seconds === undefined) return "–";
   if (seconds < 90) return `${Math.round(seconds)} s`;

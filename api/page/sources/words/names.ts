@@ -1,20 +1,20 @@
-/** Names for people of what has only numbers. */
+/** Names for what has only numbers. */
 import type { Session } from "../connection/schemas";
 import { t, tOr, type Word } from "./language";
 
-/** Whether a session's images are taken with the lamp in chosen places; those of the others show the board. */
+/** Whether a session's images are taken with the lamp in chosen places. Other sessions' images show the board. */
 function isLit(recipe: Session["recipe"]): boolean {
   return ["capture", "lamp", "response"].includes(recipe.kind) || ("target" in recipe && recipe.target === "plane");
 }
 
-/** A session's label; without one what it calibrates, or its number. */
+/** A session's label; without one the kind of its calibration, or its number. */
 export function sessionName({ label, number, recipe }: Session): string {
   if (label) return label;
   const kind = recipe.kind ?? "capture";
   return `${kind === "capture" ? t("session") : tOr(`kind.${kind}`, kind)} ${number}`;
 }
 
-/** What an image of a session is called, by the number of its light or view from 0. */
+/** Name of a session's image, by the number of its light or view from 0. */
 export function imageName({ recipe }: Session, number: number): string {
   const word = recipe.kind === "response" ? "progress.image" : isLit(recipe) ? "progress.light" : "view.name";
   return t(word, { number: number + 1 });
