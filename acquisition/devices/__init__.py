@@ -1,7 +1,7 @@
 """Interfaces (protocols) of the devices: arm, lamp, camera and clock.
 
-Device calls are synchronous and run in the runner's one thread. Only `Arm.halt` and `Arm.reading` (and `Rig.halt`) may
-be called from any thread at any time; neither takes a lock nor blocks. Classes for real devices import this module,
+Device calls are synchronous and run in the runner's one thread. Only `Arm.halt`, `Arm.reading` and `Rig.halt` may be
+called from any thread at any time; none of them takes a lock or blocks. Classes for real devices import this module,
 never the other way round.
 """
 
@@ -26,15 +26,15 @@ DriverPriority = Literal["real-time", "niceness", "ordinary"]
 """Scheduling of the driver's process that the machine has granted, best first."""
 
 UNKNOWN = "unknown"
-"""A model, serial number or software that the controller does not tell."""
+"""Stands for a model, serial number or software version that the controller does not report."""
 
 StopToken = threading.Event
-"""Cancellation token of the runner's present step; every device call that waits checks it."""
+"""Cancellation token of the runner's present step. Every device call that waits checks it."""
 
 
 @dataclass(frozen=True)
 class ArmIdentity:
-    """Who answered at the arm's address; each may be UNKNOWN."""
+    """Model, serial number and software of the controller at the arm's address; each may be UNKNOWN."""
 
     model: str
     serial: str
@@ -43,7 +43,7 @@ class ArmIdentity:
 
 @dataclass(frozen=True)
 class ArmReading:
-    """The newest values from the controller; `received_at` is time.monotonic() of their arrival."""
+    """Newest values from the controller; `received_at` is time.monotonic() at their arrival."""
 
     connected: bool
     joints: tuple[float, ...]  # rad
@@ -59,12 +59,12 @@ class ArmReading:
     received_at: float
     lost: str = ""  # why it is not connected
     taking_control: bool = False  # the driver is in a constructor, which may keep it silent for seconds; nothing moves
-    driver_priority: DriverPriority | None = None  # none: there is no driver process
+    driver_priority: DriverPriority | None = None  # None without a driver process
 
 
 @dataclass(frozen=True)
 class TrackPoint:
-    """Where the arm was at a moment of the controller's own clock, s; `received_at` is time.monotonic() of arrival."""
+    """The arm's position at a time of the controller's own clock, s; `received_at` is time.monotonic() at arrival."""
 
     timestamp: float
     received_at: float
@@ -95,14 +95,14 @@ class Frame:
     pixels: npt.NDArray[np.uint16]
     exposure_s: float
     taken_at: float  # seconds since 1970, UTC
-    number: int | None = None  # its serial number since the camera was connected; none: the camera numbers none
-    settings: CameraSettings | None = None  # read back before it was triggered; none: the camera cannot tell
+    number: int | None = None  # serial number since the camera was connected; None if the camera does not number frames
+    settings: CameraSettings | None = None  # read back before the trigger; None if the camera cannot report them
     temperature_c: float | None = None
 
 
 @dataclass(frozen=True)
 class CameraFault:
-    """Something that went wrong with the camera, or that it is back."""
+    """A fault of the camera, or its return after one."""
 
     kind: FaultKind
     detail: str
@@ -117,27 +117,29 @@ class Arm(Protocol):
 
     @property
     def reading(self) -> ArmReading:
-        """The newest reading; cached, never blocks, any thread."""
+        """The newest reading. It is cached, never blocks, and may be read from any thread."""
         ...
 
     def track(self, seconds: float) -> Sequence[TrackPoint]:
-        """Where the arm was in the newest `seconds`, oldest first; cached, never blocks, any thread."""
+        """Returns the arm's positions of the newest `seconds`, oldest first. Cached, never blocks, any thread."""
         ...
 
     def connect(self) -> ArmIdentity:
-        """Starts the driver and connects. Raises RigError arm.unreachable within 3 s where nobody listens."""
+        """Starts the driver and connects. Raises RigError arm.unreachable within 3 s if nobody listens."""
         ...
 
     def prepare(self) -> None:
-        """Takes control, the explicit step that makes moves possible (again); moves nothing, harmless when in control.
+        """Takes control: the explicit step that makes moves possible (again); moves nothing, harmless while in control.
 
         Raises RigError arm.not_ready, arm.protective_stop, arm.emergency_stop, arm.in_use, driver.lost.
         """
         ...
 
     def carry(self, mass_kg: float, center_m: Vector3) -> None:
-        """States the payload that `prepare` tells the controller and `preflight` compares, in the flange frame; none
-        stated: the cell file's `[arm]`. Asks no device."""
+        """States the payload, in the flange frame, which `prepare` sets and `preflight` compares; calls no device.
+
+        Until it is stated, the payload of the cell file's `[arm]` is used.
+        """
         ...
 
     def preflight(self) -> Sequence[Finding]:
@@ -145,7 +147,7 @@ class Arm(Protocol):
         ...
 
     def recover(self, step: RecoveryStep) -> None:
-        """One step out of a stop, which a person has asked for; moves nothing by itself.
+        """Carries out one step out of a stop, which a person has asked for; moves nothing by itself.
 
         Raises RigError safety.recovery_refused with the controller's answer, arm.unreachable.
         """
@@ -154,13 +156,13 @@ class Arm(Protocol):
     def move(self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits], stop: StopToken) -> None:
         """Moves through joint configurations, one straight joint segment each, with a limit for each segment.
 
-        Returns at rest at the last one. Raises Halted when the token was set, RigError otherwise; the arm is at rest or
-        braking in either case, and no command is ever sent twice.
+        Returns when the arm is at rest at the last one. Raises Halted if the token was set, RigError otherwise; in
+        either case the arm is at rest or braking. No command is ever sent twice.
         """
         ...
 
     def halt(self) -> None:
-        """Stops the arm and puts the lamp out by both paths; any thread, at once, harmless at rest."""
+        """Stops the arm and switches the lamp off by both halt paths; any thread, at once, harmless at rest."""
         ...
 
     def close(self) -> None:
@@ -172,11 +174,11 @@ class Lamp(Protocol):
     """A lamp that is on or off."""
 
     def connect(self) -> None:
-        """Makes sure that the lamp is off."""
+        """Ensures that the lamp is off."""
         ...
 
     def set(self, on: bool) -> None:
-        """States the level, no toggle; returns when read back. Raises RigError lamp.not_confirmed."""
+        """Sets the level (it does not toggle) and returns when it is read back. Raises RigError lamp.not_confirmed."""
         ...
 
     def close(self) -> None:
@@ -185,25 +187,25 @@ class Lamp(Protocol):
 
 
 class CameraDriver(Protocol):
-    """One kind of camera: one trigger, one frame. Whether that frame counts is judged in `frame_accounting` alone."""
+    """One kind of camera: one trigger, one frame. `frame_accounting` alone decides whether that frame counts."""
 
     def connect(self) -> CameraCapabilities:
-        """Opens the camera, anew if it is open, and makes all settings but the exposure time.
+        """Opens the camera, or reopens it, and makes all settings but the exposure time.
 
-        Raises RigError camera.unreachable within 3 s, config.invalid for settings that it refuses.
+        Raises RigError camera.unreachable within 3 s, config.invalid for settings that the camera refuses.
         """
         ...
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
         """Sets the exposure time, reads the settings back, triggers, and returns the frame of that trigger.
 
-        `attempt` tells a simulated camera which noise to draw. Raises BadFrameError, RigError camera.timeout,
+        `attempt` selects the noise that a simulated camera draws. Raises BadFrameError, RigError camera.timeout,
         device.disconnected, camera.unreachable, config.invalid; Halted as soon as the token is set.
         """
         ...
 
     def restart(self) -> None:
-        """Discards whatever is still under way after a frame that was not good. Raises RigError device.disconnected."""
+        """Discards whatever is still under way after a bad frame. Raises RigError device.disconnected."""
         ...
 
     def close(self) -> None:
@@ -212,16 +214,16 @@ class CameraDriver(Protocol):
 
 
 class Camera(Protocol):
-    """A camera with linear pixels, whose frames are accounted for."""
+    """A camera with linear pixels, each of whose frames is checked by frame accounting."""
 
     @property
     def capabilities(self) -> CameraCapabilities | None:
-        """What the camera said when it was last connected; none: it never was."""
+        """What the camera reported at the last connection; None if it was never connected."""
         ...
 
     @property
     def is_gone(self) -> bool:
-        """Whether the camera did not answer at the last exposure."""
+        """Whether the camera failed to answer at the last exposure."""
         ...
 
     def connect(self) -> None:
@@ -229,7 +231,7 @@ class Camera(Protocol):
         ...
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
-        """Takes one frame; a lost or bad one is taken again.
+        """Takes one frame; takes it again if it is lost or bad.
 
         Raises RigError camera.timeout, device.disconnected, camera.unreachable; Halted.
         """
@@ -238,12 +240,12 @@ class Camera(Protocol):
     def take_up(self, stop: StopToken) -> None:
         """Waits until a camera that is gone is back, and connects it.
 
-        Raises RigError camera.unreachable when it is not back in time, Halted.
+        Raises RigError camera.unreachable if it is not back in time, Halted.
         """
         ...
 
     def listen(self, listener: FaultListener) -> None:
-        """Has every fault told to a listener, in the thread that exposes."""
+        """Adds a listener, which is called with every fault, in the thread that exposes."""
         ...
 
     def close(self) -> None:
@@ -252,7 +254,7 @@ class Camera(Protocol):
 
 
 class Clock(Protocol):
-    """Time, so that waiting can be interrupted."""
+    """Time, with waits that can be interrupted."""
 
     def now(self) -> float:
         """Seconds since 1970, UTC."""
@@ -287,5 +289,5 @@ class Rig:
     clock: Clock = field(default_factory=WallClock)
 
     def halt(self) -> None:
-        """Stops the arm and puts the lamp out; any thread."""
+        """Stops the arm and switches the lamp off; any thread."""
         self.arm.halt()

@@ -1,12 +1,13 @@
-"""A GigE Vision or USB3 Vision camera of any maker through Aravis (LGPL), by its GObject introspection.
+"""Driver of a GigE Vision or USB3 Vision camera of any maker through Aravis (LGPL), by its GObject introspection.
 
-The acquisition runs on and each frame waits for its trigger: makers' cameras take up to a second to start one, and only
-so do frame identifiers count on. A frame that arrives before its own trigger belongs to an earlier one, whatever its
-number says. Buffers have a status each; one whose packets did not all arrive within Aravis' own time limits is given up
-as damaged. After any doubt the acquisition is ended, what waits is thrown away, and it begins anew.
+The acquisition runs continuously and each frame waits for its trigger, for two reasons: cameras take up to a second to
+start an acquisition, and frame identifiers keep counting only within one. A frame that arrives before its own trigger
+belongs to an earlier one, whatever its number is. Each buffer has a status; one whose packets do not all arrive within
+Aravis' own time limits is rejected as damaged. After any doubt the acquisition is ended, pending frames are discarded,
+and a new acquisition begins.
 
-Aravis and GObject introspection come with the system (Debian: gir1.2-aravis-0.8, python3-gi); they are loaded only
-where a cell file asks for them.
+Aravis and GObject introspection come with the system (Debian: gir1.2-aravis-0.8, python3-gi). They are loaded only if a
+cell file asks for them.
 """
 
 import importlib
@@ -25,16 +26,16 @@ from acquisition.models.colour import mosaic_of
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 POLL_US = 50_000
-"""Period, µs, of looking at the stop token while a frame is waited for."""
+"""Period, µs, of checks of the stop token while waiting for a frame."""
 
 BUFFERS = 4
-"""Buffers of the stream; one frame is asked for at a time, the others hold what nobody asked for."""
+"""Buffers of the stream. One frame is requested at a time; the other buffers hold frames that nobody requested."""
 
 LAST_SHORT_ID = 65_535
-"""Frame identifiers of GigE Vision 1 go from 1 to this and on with 1."""
+"""Frame identifiers of GigE Vision 1 run from 1 to this value and start again at 1."""
 
 GAIN_STEP = 0.1
-"""Largest difference of a gain read back from that set: makers step by 0.1 dB or less."""
+"""Largest difference between the gain read back and the one set: makers step by 0.1 dB or less."""
 
 _CHUNK = "ExposureTime"
 _AUTOMATIC = ("ExposureAuto", "GainAuto", "BalanceWhiteAuto", "BlackLevelAuto")
@@ -45,7 +46,7 @@ class AravisCamera:
     """One camera; see the Protocol `CameraDriver`. Raises RigError config.invalid without Aravis."""
 
     def __init__(self, config: AravisCameraConfig, pulse: Callable[[], None] | None = None) -> None:
-        """`pulse` raises and lowers the line that is wired to the camera; without it the trigger is by software."""
+        """`pulse` raises and lowers the line that is wired to the camera; without it, the trigger is by software."""
         self._config = config
         self._pulse = pulse if config.trigger == "hardware" else None
         try:
@@ -60,7 +61,7 @@ class AravisCamera:
             )
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
         self._camera: Any = None
-        self._chunks: Any = None  # reads the chunks of a buffer; none: the camera has none that matters
+        self._chunks: Any = None  # reads the chunks of a buffer; None if the camera does not send the exposure time
         self._stream: Any = None
         self._number = 0
         self._last_id: int | None = None
@@ -68,7 +69,7 @@ class AravisCamera:
     def connect(self) -> CameraCapabilities:
         """Opens the camera, makes all settings but the exposure time, and starts the acquisition.
 
-        Raises RigError camera.unreachable when no camera answers to this name or another program controls it,
+        Raises RigError camera.unreachable if no camera answers to this name or another program controls it,
         config.invalid for a pixel format, size, gain or trigger that the camera does not have.
         """
         self.close()
@@ -96,7 +97,7 @@ class AravisCamera:
             ) from error
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
-        """Takes one frame; `attempt` says nothing to a real camera.
+        """Takes one frame; a real camera ignores `attempt`.
 
         Raises BadFrameError, RigError camera.timeout, device.disconnected; Halted as soon as the token is set.
         """
@@ -121,7 +122,7 @@ class AravisCamera:
         return Frame(pixels, exposure_s, triggered_at + exposure_s / 2, self._number, settings, temperature)
 
     def restart(self) -> None:
-        """Ends the acquisition, throws away what waits, and begins anew. Raises RigError device.disconnected."""
+        """Ends the acquisition, discards pending frames, and begins anew. Raises RigError device.disconnected."""
         if self._camera is None:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, "The camera is not open")
         try:
@@ -132,23 +133,23 @@ class AravisCamera:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The camera does not answer: {error.message}") from error
 
     def close(self) -> None:
-        """Ends the acquisition and gives control of the camera back."""
+        """Ends the acquisition and releases control of the camera."""
         camera, self._camera, self._stream = self._camera, None, None
         if camera is not None:
             device = camera.get_device()
             try:
                 camera.stop_acquisition()
-                # The object may live on in an error's traceback, and would keep the control.
+                # An error's traceback may keep the object alive, and with it the control of the camera.
                 if isinstance(device, self._aravis.GvDevice):
                     device.leave_control()
             except self._error:
-                return  # it is gone, and its acquisition with it
+                return  # the camera is gone, and its acquisition with it
 
     # ---------------------------------------------------------------------------------------------------------- pieces
 
     def _set_up(self, camera: Any) -> None:
         config, device = self._config, camera.get_device()
-        # Without it Aravis writes what is out of range, and each camera makes of it what it likes.
+        # Without this check Aravis writes values out of range, and their effect depends on the camera.
         device.set_range_check_policy(self._aravis.RangeCheckPolicy.ENABLE)
         for name in _AUTOMATIC:
             if device.is_feature_available(name):
@@ -168,7 +169,7 @@ class AravisCamera:
         self._require_taken(camera)
 
     def _chunk_parser(self, camera: Any) -> Any:
-        """Has each frame carry the exposure time that it had; None where the camera has no such chunk."""
+        """Makes each frame carry the exposure time that it had; None if the camera has no such chunk."""
         if not camera.are_chunks_available():
             return None
         try:
@@ -178,7 +179,7 @@ class AravisCamera:
         return camera.create_chunk_parser()
 
     def _require_taken(self, camera: Any) -> None:
-        """Raises RigError config.invalid for a setting that the camera has rounded or clipped in silence."""
+        """Raises RigError config.invalid for a setting that the camera has silently rounded or clipped."""
         config, settings = self._config, self._settings(camera)
         asked = (
             ("pixel_format", config.pixel_format, settings.pixel_format),
@@ -197,7 +198,7 @@ class AravisCamera:
             )
 
     def _begin(self) -> None:
-        """A stream of its own for each acquisition: no buffer of an earlier one can come out of it."""
+        """Starts an acquisition with a new stream, so that no buffer of an earlier one can come out of it."""
         self._stream = None
         self._stream = stream = self._camera.create_stream(None, None)
         payload = self._camera.get_payload()
@@ -209,7 +210,7 @@ class AravisCamera:
     def _receive(
         self, triggered_at: float, exposure_s: float, stop: StopToken
     ) -> tuple[npt.NDArray[np.uint16], float | None]:
-        """The frame, and the exposure time, s, that it says it had."""
+        """Returns the frame and the exposure time, s, that the frame reports."""
         deadline = time.monotonic() + self._config.timeout_s + exposure_s
         while not stop.is_set():
             buffer = self._stream.timeout_pop_buffer(POLL_US)
@@ -221,13 +222,13 @@ class AravisCamera:
                 finally:
                     self._stream.push_buffer(buffer)
             if time.monotonic() > deadline:
-                self._camera.get_exposure_time()  # fails, if it is the camera that is gone
+                self._camera.get_exposure_time()  # fails if the camera itself is gone
                 detail = f"The camera sent no frame within {self._config.timeout_s:.0f} s after the exposure"
                 raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
         raise Halted
 
     def _pixels(self, buffer: Any, triggered_at: float) -> npt.NDArray[np.uint16]:
-        """The pixels of a complete buffer; counts the frame."""
+        """Returns the pixels of a complete buffer and counts the frame."""
         self._count(int(buffer.get_frame_id()))
         status = buffer.get_status()
         if status != self._aravis.BufferStatus.SUCCESS:
@@ -252,7 +253,7 @@ class AravisCamera:
         self._number, self._last_id = self._number + step, identifier
 
     def _settings(self, camera: Any) -> CameraSettings:
-        """The settings as the camera reads them back."""
+        """Returns the settings as the camera reads them back."""
         device = camera.get_device()
         _, _, width, height = _rectangle(camera.get_region())
         names = [name for name in (*_AUTOMATIC, "Gamma", "TriggerMode", "TriggerSource") if _has(device, name)]

@@ -1,13 +1,14 @@
-"""Any camera whose tethering program writes files into a folder: each trigger has to yield exactly one new file.
+"""Driver of any camera whose tethering program writes files into a folder: one new file for each trigger.
 
-Nothing in a folder says which trigger a file belongs to. So: what lies there before a trigger is surplus and refused;
-after a trigger one file may come, and when two have come neither is believed; a file counts when it can be read to its
-end; a trigger whose file has not come in time is given up, and its file waited for (`late_s`) before the next trigger.
-Where names end in a counter, as cameras' do, the counter is the frame's number, and a gap or a step back is noticed. A
-file with the same pixels as the one before is the same image under another name: no two exposures have the same noise.
+Nothing in a folder tells which trigger a file belongs to. Files that lie there before a trigger are surplus and
+refused. After a trigger exactly one file may come; if two have come, both are refused. A file counts only if it can be
+read to its end. A trigger whose file does not come in time is given up, and its file is waited for (`late_s`) before
+the next trigger. If names end in a counter, as cameras' do, the counter is the frame's number, and a gap or a step back
+is noticed. A file with the same pixels as the one before is the same image under another name: no two exposures have
+the same noise.
 
-A file that comes later than `timeout_s` and `late_s` together after its trigger, from a program without a counter,
-could be taken for the next image's: set them generously.
+Without a counter, a file that comes later than `timeout_s` and `late_s` together after its trigger could be taken for
+the next image's: set both generously.
 """
 
 import hashlib
@@ -26,23 +27,23 @@ from acquisition.models.camera_config import FolderCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 POLL_S = 0.02
-"""Period, s, of looking into the folder and at the stop token."""
+"""Period, s, of checks of the folder and of the stop token."""
 
 STABLE_S = 0.2
-"""A file counts as written when neither its size nor its time has changed for so long, s: some programs reserve the
-whole file first, which reads as black pixels."""
+"""Time, s, without a change of size or modification time after which a file counts as written: some programs reserve
+the whole file first, which reads as black pixels."""
 
 COMMAND_S = 20.0
-"""Time limit, s, of the trigger's command beyond the exposure time."""
+"""Time limit, s, of the trigger command beyond the exposure time."""
 
 
 class FolderCamera:
     """A folder and a trigger; see the Protocol `CameraDriver`."""
 
     def __init__(self, config: FolderCameraConfig, pulse: Callable[[], None] | None = None) -> None:
-        """`pulse` raises and lowers the line that releases the camera; without it the command does.
+        """`pulse` raises and lowers the line that releases the camera; without it, the command does.
 
-        Raises RigError config.invalid without either.
+        Raises RigError config.invalid if there is neither.
         """
         if pulse is None and not config.trigger_command:
             detail = "A camera of kind 'folder' without an arm needs `trigger_command`: nothing else releases it"
@@ -50,13 +51,13 @@ class FolderCamera:
         self._config, self._pulse = config, pulse
         self._folder = Path(config.folder)
         self._seen: set[str] = set()
-        self._owed = False  # a trigger was given up, and its file may come yet
+        self._owed = False  # a trigger was given up, and its file may still come
         self._digest = ""
 
     def connect(self) -> CameraCapabilities:
-        """Looks for the folder; its present files are no images of ours.
+        """Looks for the folder and ignores the files that are already in it.
 
-        Raises RigError camera.unreachable when there is no such folder.
+        Raises RigError camera.unreachable if there is no such folder.
         """
         if not self._folder.is_dir():
             raise RigError(ErrorCode.CAMERA_UNREACHABLE, f"There is no folder {self._folder}")
@@ -76,9 +77,9 @@ class FolderCamera:
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
         """Triggers and returns the file that comes.
 
-        Raises BadFrameError for files that nobody asked for, two at once, one twice, one that is cut short; RigError
-        camera.timeout when none comes, device.disconnected without the folder, config.invalid for files of a wrong
-        kind; Halted as soon as the token is set.
+        Raises BadFrameError for files that nobody requested, two at once, the same one twice, or one that is cut short;
+        RigError camera.timeout if none comes, device.disconnected without the folder, config.invalid for files of a
+        wrong kind; Halted as soon as the token is set.
         """
         if stop.is_set():
             raise Halted
@@ -106,7 +107,7 @@ class FolderCamera:
         return Frame(image.pixels, stated_s, triggered_at + exposure_s / 2, _counter(name), settings)
 
     def restart(self) -> None:
-        """Waits for the file of a trigger that was given up, and refuses whatever has come."""
+        """Waits for the file of a trigger that was given up, and refuses every file that has come."""
         deadline = time.monotonic() + (self._config.late_s if self._owed else 0.0)
         while not self._names() - self._seen and time.monotonic() < deadline:
             time.sleep(POLL_S)
@@ -114,7 +115,7 @@ class FolderCamera:
         self._owed = False
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Does nothing: no resource is held."""
 
     # ---------------------------------------------------------------------------------------------------------- pieces
 
@@ -147,7 +148,7 @@ class FolderCamera:
             if new and time.monotonic() >= since + STABLE_S:
                 try:
                     image = image_file.read(self._folder / new[0], self._config.mosaic)
-                except IncompleteFileError as error:  # it is still being written, or was cut short
+                except IncompleteFileError as error:  # the file is still being written, or was cut short
                     why = str(error)
                 else:
                     self._seen.add(new[0])
@@ -168,7 +169,7 @@ class FolderCamera:
         self._digest = digest
 
     def _state(self, name: str) -> tuple[int, int]:
-        """Size and time of change; (−1, 0) for a file that has been taken away again."""
+        """Returns size and modification time; (−1, 0) for a file that has been removed again."""
         try:
             found = (self._folder / name).stat()
         except FileNotFoundError:
@@ -176,13 +177,13 @@ class FolderCamera:
         return found.st_size, found.st_mtime_ns
 
     def _names(self) -> set[str]:
-        """The files that match; a program's temporary names must not."""
+        """Returns the names of the matching files; a program's temporary names must not match."""
         if not self._folder.is_dir():
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The folder {self._folder} is gone")
         return {path.name for path in self._folder.glob(self._config.pattern) if path.is_file()}
 
 
 def _counter(name: str) -> int | None:
-    """The number at the end of a name, as cameras count; none: there is none."""
+    """Returns the number at the end of a name, as cameras count; None if there is none."""
     found = re.search(r"(\d+)$", Path(name).stem)
     return None if found is None else int(found.group(1))

@@ -1,9 +1,9 @@
-"""A DSLR or mirrorless camera on USB through libgphoto2 (LGPL): RAW files, read without development.
+"""Driver of a DSLR or mirrorless camera on USB through libgphoto2 (LGPL): RAW files, read without development.
 
-Such cameras are set in thirds of a stop and say so in rounded numbers: "1/60" is 1/64 s. So an exposure time is a step,
-2^(k/3) s, and the step that the camera reads back decides. A dial may be bumped between two images; hence everything is
-set and read before each. The camera tells of each file as an event: one that lies there before the trigger is nobody's,
-the JPEG beside a RAW file is discarded, and a trigger without a RAW file is lost.
+Such cameras are set in thirds of a stop and display rounded numbers: "1/60" is 1/64 s. An exposure time is therefore a
+step, 2^(k/3) s, and the step that the camera reads back counts. A dial may be bumped between two images; hence all
+settings are made and read back before each. The camera reports each file as an event: a file reported before the
+trigger is refused, the JPEG beside a RAW file is discarded, and a trigger without a RAW file is lost.
 """
 
 import hashlib
@@ -26,10 +26,10 @@ STEP_TOLERANCE = 0.02
 """Largest relative deviation of an exposure time from a third of a stop."""
 
 NOMINAL_TOLERANCE = 0.1
-"""Largest relative deviation of a rounded number from the step that it stands for ("1/60" is 1/64 s: 7 %)."""
+"""Largest relative deviation of a displayed number from the step that it stands for ("1/60" is 1/64 s: 7 %)."""
 
 POLL_MS, QUIET_MS = 50, 5
-"""Periods, ms, of waiting for an event after a trigger, and for events that are there already."""
+"""Waits, ms, for an event after a trigger, and for events that have come already."""
 
 EXPOSURE_NAMES = ("shutterspeed", "shutterspeed2", "exptime")
 """Names of the exposure time by maker (Canon and Nikon; Nikon's fractions; others)."""
@@ -58,8 +58,8 @@ class GphotoCamera:
     def connect(self) -> CameraCapabilities:
         """Opens the camera and makes all settings but the exposure time.
 
-        Raises RigError camera.unreachable when there is none, or another program holds it; config.invalid for a setting
-        that it does not know.
+        Raises RigError camera.unreachable if there is no camera or another program holds it, config.invalid for a
+        setting that the camera does not know.
         """
         self.close()
         gp = self._gp
@@ -97,9 +97,9 @@ class GphotoCamera:
         )
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
-        """Takes one image; `attempt` says nothing to a real camera.
+        """Takes one image; a real camera ignores `attempt`.
 
-        Raises RigError request.invalid for an exposure time that is no step of the camera's, config.invalid for JPEG,
+        Raises RigError request.invalid for an exposure time that is not a step of the camera, config.invalid for JPEG,
         camera.timeout, device.disconnected; BadFrameError; Halted as soon as the token is set.
         """
         if self._camera is None:
@@ -121,7 +121,7 @@ class GphotoCamera:
                 self._drain()
 
     def close(self) -> None:
-        """Gives the camera back."""
+        """Releases the camera."""
         camera, self._camera = self._camera, None
         if camera is not None:
             with suppress(self._gp.GPhoto2Error):
@@ -130,7 +130,7 @@ class GphotoCamera:
     # ---------------------------------------------------------------------------------------------------------- pieces
 
     def _choose(self, camera: Any) -> None:
-        """Names model and port where the cell file names the model."""
+        """Selects model and port if the cell file names the model."""
         if not self._config.model:
             return
         gp = self._gp
@@ -186,14 +186,14 @@ class GphotoCamera:
         raise Halted
 
     def _has_companion(self, path: Any) -> bool:
-        """Whether a RAW file of the same name lies beside a JPEG, which follows as an event of its own."""
+        """Tells whether a RAW file of the same name lies beside a JPEG; it follows as an event of its own."""
         stem = PurePath(path.name).stem
         files = self._camera.folder_list_files(path.folder)
         names = [files.get_name(number) for number in range(files.count())]
         return any(PurePath(name).stem == stem and name != path.name for name in names)
 
     def _next_file(self, wait_ms: int) -> Any:
-        """The path of the next file that the camera tells of; none: it tells of none within the time."""
+        """Returns the path of the next file that the camera reports; None if it reports none within the time."""
         gp = self._gp
         until = time.monotonic() + wait_ms * 1e-3
         while True:
@@ -206,13 +206,13 @@ class GphotoCamera:
     def _take(self, path: Any) -> bytes:
         """Copies a file and deletes it on the camera."""
         file = self._camera.file_get(path.folder, path.name, self._gp.GP_FILE_TYPE_NORMAL)
-        # The file owns the memory: it has to live until the bytes are copied.
+        # The file owns the memory, so it must live until the bytes are copied.
         content = bytes(memoryview(file.get_data_and_size()))
         self._camera.file_delete(path.folder, path.name)
         return content
 
     def _drain(self) -> list[str]:
-        """Discards what has come without a trigger of ours; the names of all but JPEGs, which follow their RAW file."""
+        """Discards files that no trigger of ours caused; returns the names of all but JPEGs beside a RAW file."""
         names: list[str] = []
         while (path := self._next_file(QUIET_MS)) is not None:
             self._take(path)
@@ -221,7 +221,7 @@ class GphotoCamera:
         return names
 
     def _settings(self, camera: Any) -> CameraSettings:
-        """The settings as the camera reads them back."""
+        """Returns the settings as the camera reads them back."""
         nominal = str(camera.get_single_config(self._exposure_name).get_value())
         step = next((step for step, choice in self._steps.items() if choice == nominal), None)
         other = [(name, str(camera.get_single_config(name).get_value())) for name in self._readable]
@@ -234,8 +234,9 @@ class GphotoCamera:
         )
 
     def _readable_names(self, camera: Any, present: set[str]) -> tuple[str, ...]:
-        """Settings of the fingerprint: the cell file's, and those that make the image, as far as the model gives
-        them; models list some that they do not.
+        """Returns the settings of the fingerprint: the cell file's and those that affect the image, if readable.
+
+        Models list some settings that they cannot read.
         """
         names: list[str] = []
         for name in sorted({*self._config.settings, *_MAKING_THE_IMAGE} & present):
@@ -274,9 +275,9 @@ def _seconds(step: int) -> float:
 
 
 def _steps(choices: list[str]) -> dict[int, str]:
-    """The choices by their step; what is no number ("bulb") or no third of a stop is left out.
+    """Maps each step to the camera's choice; leaves out what is not a number ("bulb") or not a third of a stop.
 
-    Raises RigError config.invalid when none is left.
+    Raises RigError config.invalid if none is left.
     """
     known: dict[int, str] = {}
     for choice in choices:

@@ -1,8 +1,8 @@
-"""A camera through Micro-Manager's core (BSD and LGPL): one of its 300 device adapters, by name.
+"""Driver of a camera through Micro-Manager's core (BSD and LGPL): one of its 300 device adapters, by name.
 
-`snapImage` sets off one exposure and waits for it, so that a frame cannot belong to another trigger; the adapter reads
-its properties back itself. The core's own library is `pymmcore`; the adapters are Micro-Manager's, and have to be of
-the same device interface version, which the core checks when it loads one.
+`snapImage` starts one exposure and waits for it, so that a frame cannot belong to another trigger; the adapter reads
+its properties back itself. The core's library is `pymmcore`. The adapters are Micro-Manager's; the core checks on
+loading that they have the same device interface version.
 """
 
 import importlib
@@ -18,11 +18,11 @@ from acquisition.models.camera_config import MicromanagerCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 LABEL = "camera"
-"""What the core calls the device."""
+"""Name of the device within the core."""
 
 _TEMPERATURE = ("CCDTemperature RO", "CCDTemperature")
 _UNFIXED = frozenset({"Exposure", "Binning", *_TEMPERATURE})
-"""Properties that change by themselves, or stand elsewhere in the settings."""
+"""Properties that change by themselves, or that stand elsewhere in the settings."""
 
 
 class MicromanagerCamera:
@@ -41,8 +41,8 @@ class MicromanagerCamera:
     def connect(self) -> CameraCapabilities:
         """Loads the adapter and sets the cell file's properties.
 
-        Raises RigError camera.unreachable when the device does not answer, config.invalid for an adapter, device or
-        property that there is not.
+        Raises RigError camera.unreachable if the device does not answer, config.invalid for an adapter, device or
+        property that does not exist.
         """
         self.close()
         config = self._config
@@ -87,7 +87,7 @@ class MicromanagerCamera:
         )
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
-        """Takes one frame; `attempt` says nothing to a real camera. A halt is seen before and after it.
+        """Takes one frame; a real camera ignores `attempt`. The stop token is checked before and after the exposure.
 
         Raises BadFrameError for a frame that the adapter gives up, RigError device.disconnected, Halted.
         """
@@ -113,7 +113,7 @@ class MicromanagerCamera:
         return Frame(pixels.astype(np.uint16), settings.exposure_s, taken_at, self._number, settings, temperature)
 
     def restart(self) -> None:
-        """Nothing is under way: a frame is asked for and waited for in one call."""
+        """Does nothing: frames are requested and waited for in one call."""
 
     def close(self) -> None:
         """Unloads the adapter."""
@@ -124,7 +124,7 @@ class MicromanagerCamera:
     # ---------------------------------------------------------------------------------------------------------- pieces
 
     def _set(self, core: Any) -> None:
-        """Sets the cell file's properties. Raises RuntimeError with the name and value of one that is refused."""
+        """Sets the cell file's properties. Raises RuntimeError with name and value of a refused one."""
         for name, value in self._config.properties.items():
             try:
                 core.setProperty(LABEL, name, value)
@@ -132,7 +132,7 @@ class MicromanagerCamera:
                 raise RuntimeError(f"{name} = {value!r}: {error}") from error
 
     def _raise_fault(self, core: Any, error: RuntimeError) -> NoReturn:
-        """Tells a lost frame from a device that is gone: that one does not state its exposure time either."""
+        """Raises BadFrameError for a lost frame, RigError for a device that is gone: it states no exposure time."""
         try:
             core.getProperty(LABEL, "Name")
             core.getExposure()
@@ -142,7 +142,7 @@ class MicromanagerCamera:
         raise BadFrameError("lost", f"The adapter gave no frame: {error}") from error
 
     def _settings(self, core: Any) -> CameraSettings:
-        """The settings as the adapter reads them back."""
+        """Returns the settings as the adapter reads them back."""
         names = [str(name) for name in core.getDevicePropertyNames(LABEL)]
         values = {name: str(core.getProperty(LABEL, name)) for name in names if name not in _UNFIXED}
         return CameraSettings(

@@ -1,10 +1,10 @@
-"""A Basler camera through the maker's own library: one trigger a frame, everything automatic switched off.
+"""Driver of a Basler camera through the maker's own library: one trigger per frame, all automatic functions off.
 
 Each exposure starts and stops the grabbing of exactly one frame. That costs about a millisecond, and a frame that was
-given up on can never be taken for the next one. A frame's number counts the acquisitions, plus its place in its own:
-one that is not the first of its acquisition shows as a gap. Whatever the camera could do to the pixels by itself
-(automatic exposure and gain, gamma, white balance) is switched off where the model has it, because photometric stereo
-needs them linear. The library is loaded only where a cell file asks for it.
+given up can never be taken for the next one. A frame's number is the count of acquisitions plus the frame's place in
+its own acquisition: a frame that is not the first of its acquisition shows as a gap. Whatever the camera could do to
+the pixels by itself (automatic exposure and gain, gamma, white balance) is switched off if the model has it, because
+photometric stereo needs linear pixels. The library is loaded only if a cell file asks for it.
 """
 
 import importlib
@@ -22,10 +22,10 @@ from acquisition.models.camera_config import PylonCameraConfig
 from acquisition.models.colour import mosaic_of
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
-POLL_MS = 50  # a stop token is seen within this
-READY_S = 2.0  # a camera that is not ready for its trigger by then is stuck
+POLL_MS = 50  # within which a stop token is seen
+READY_S = 2.0  # after which a camera that is not ready for its trigger counts as stuck
 _AUTOMATIC = ("ExposureAuto", "GainAuto", "BalanceWhiteAuto")
-_CHUNK = "ExposureTime"  # what each frame carries of itself, where the model has such a chunk
+_CHUNK = "ExposureTime"  # which each frame carries if the model has such a chunk
 _FIXED = (("AcquisitionMode", "Continuous"), ("TriggerSelector", "FrameStart"), ("TriggerMode", "On"))
 
 
@@ -33,7 +33,7 @@ class PylonCamera:
     """One Basler camera; see the Protocol `CameraDriver`. Raises RigError config.invalid without the extra `basler`."""
 
     def __init__(self, config: PylonCameraConfig, pulse: Callable[[], None] | None = None) -> None:
-        """`pulse` raises and lowers the line that is wired to the camera; without it the trigger is by software."""
+        """`pulse` raises and lowers the line that is wired to the camera; without it, the trigger is by software."""
         self._config = config
         self._pulse = pulse if config.trigger == "hardware" else None
         self._has_chunk = False
@@ -44,13 +44,13 @@ class PylonCamera:
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
         self._camera: Any = None
         self._acquisitions = 0
-        self._first_block: int | None = None  # the number that this model gives an acquisition's first frame
+        self._first_block: int | None = None  # number that this model gives to the first frame of an acquisition
 
     def connect(self) -> CameraCapabilities:
-        """Opens the camera and sets all but the exposure time.
+        """Opens the camera and makes all settings but the exposure time.
 
-        Raises RigError camera.unreachable when no camera has this serial number or another program holds it,
-        config.invalid when the camera does not know the pixel format or the gain.
+        Raises RigError camera.unreachable if no camera has this serial number or another program holds it,
+        config.invalid if the camera does not know the pixel format or the gain.
         """
         self.close()
         factory = self._pylon.TlFactory.GetInstance()
@@ -76,7 +76,7 @@ class PylonCamera:
         return known.model_copy(update={"chunk_exposure": self._has_chunk})
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
-        """Takes one frame; `attempt` says nothing to a real camera.
+        """Takes one frame; a real camera ignores `attempt`.
 
         Raises RigError request.invalid for an exposure time beyond the cell file's limits, camera.timeout,
         device.disconnected; Halted as soon as the token is set.
@@ -95,7 +95,7 @@ class PylonCamera:
             raise RigError(ErrorCode.CAMERA_TIMEOUT, f"The camera took no frame: {error}") from error
 
     def restart(self) -> None:
-        """Nothing is under way: each exposure ends its own acquisition."""
+        """Does nothing: each exposure ends its own acquisition, so nothing is under way."""
 
     def close(self) -> None:
         """Releases the camera, so that others can open it."""
@@ -144,7 +144,7 @@ class PylonCamera:
     def _retrieve(
         self, camera: Any, deadline: float, stop: StopToken
     ) -> tuple[npt.NDArray[np.uint16], int, float | None]:
-        """The frame, its place in its acquisition, from 0, and the exposure time, s, that it says it had."""
+        """Returns the frame, its place in its acquisition from 0, and the exposure time, s, that it reports."""
         while not stop.is_set():
             result = camera.RetrieveResult(POLL_MS, self._pylon.TimeoutHandling_Return)
             if result.IsValid():
@@ -182,7 +182,7 @@ def _capabilities(camera: Any, name: str) -> CameraCapabilities:
 
 
 def _enable_chunk(camera: Any) -> bool:
-    """Has each frame carry the exposure time that it had; False where the model has no such chunk."""
+    """Makes each frame carry the exposure time that it had; False if the model has no such chunk."""
     if not (_present(camera, "ChunkModeActive") and _readable(camera, "ChunkSelector")):
         return False
     if _CHUNK not in camera.ChunkSelector.Symbolics:
@@ -194,7 +194,7 @@ def _enable_chunk(camera: Any) -> bool:
 
 
 def _settings(camera: Any, trigger: TriggerKind = "software") -> CameraSettings:
-    """The settings as the camera reads them back."""
+    """Returns the settings as the camera reads them back."""
     gain, black = (_number(camera, names) for names in (("Gain", "GainRaw"), ("BlackLevel", "BlackLevelRaw")))
     other = [(name, str(getattr(camera, name).Value)) for name in (*_AUTOMATIC, "Gamma") if _readable(camera, name)]
     return CameraSettings(
@@ -214,7 +214,7 @@ def _temperature(camera: Any) -> float | None:
 
 
 def _number(camera: Any, names: tuple[str, ...]) -> float | None:
-    """The value of the first node that the model has; none: it has none."""
+    """Returns the value of the first node that the model has; None if it has none."""
     return next((float(getattr(camera, name).Value) for name in names if _readable(camera, name)), None)
 
 
@@ -227,5 +227,5 @@ def _readable(camera: Any, name: str) -> bool:
 
 
 def _present(camera: Any, name: str) -> bool:
-    """Models differ in their nodes; one that is missing reads as a placeholder that cannot be written."""
+    """Tells whether the model has this node; a missing one reads as a placeholder that cannot be written."""
     return bool(getattr(camera, name).IsWritable())

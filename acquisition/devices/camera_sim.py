@@ -1,4 +1,4 @@
-"""The simulated cell's camera, over its port: one TCP connection for each request.
+"""Driver of the simulated cell's camera over its port: one TCP connection for each request.
 
 A connection per request costs a fraction of a millisecond on loopback and leaves no state behind: a frame that was
 given up can never be taken for the next one. Request: one JSON line. Reply: one JSON line, then for a frame width ×
@@ -20,8 +20,8 @@ from acquisition.models.camera_config import SimCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 CONNECT_S = 1.0
-INFO_S = 1.5  # together with CONNECT_S under the 3 s in which an absent camera is reported
-POLL_S = 0.05  # a stop token is seen within this
+INFO_S = 1.5  # with CONNECT_S it stays below the 3 s within which an absent camera is reported
+POLL_S = 0.05  # within which a stop token is seen
 _LONGEST_LINE = 65536
 _LONGEST_SIDE = 16384
 
@@ -43,7 +43,7 @@ class SimCamera:
         self._numbers = itertools.count()
 
     def connect(self) -> CameraCapabilities:
-        """Asks who is there. Raises RigError camera.unreachable within 3 s."""
+        """Asks the camera for its properties. Raises RigError camera.unreachable within 3 s."""
         never = StopToken()
         try:
             with self._request({"info": True}) as connection:
@@ -100,10 +100,10 @@ class SimCamera:
         return Frame(pixels, header.exposure_s, header.taken_at, header.number, settings)
 
     def restart(self) -> None:
-        """Nothing is under way between requests."""
+        """Does nothing: nothing is under way between requests."""
 
     def close(self) -> None:
-        """Nothing is held between requests."""
+        """Does nothing: nothing is held between requests."""
 
     def _request(self, request: dict[str, Any]) -> socket.socket:
         connection = socket.create_connection((self._config.address, self._config.port), CONNECT_S)
@@ -156,7 +156,7 @@ class SimCamera:
 
 
 def _read_line(connection: socket.socket, deadline: float, stop: StopToken) -> tuple[bytes, bytes]:
-    """One line without its end, and what came after it."""
+    """Returns one line without its end, and the bytes that came after it."""
     data = bytearray()
     while b"\n" not in data:
         if len(data) > _LONGEST_LINE:
@@ -176,7 +176,7 @@ def _read_pixels(connection: socket.socket, start: bytes, size: int, deadline: f
 
 
 def _receive(connection: socket.socket, deadline: float, stop: StopToken) -> bytes:
-    """The next bytes; looks at the token every POLL_S. Raises TimeoutError, ConnectionError, Halted."""
+    """Returns the next bytes; checks the token every POLL_S. Raises TimeoutError, ConnectionError, Halted."""
     connection.settimeout(POLL_S)
     while True:
         if stop.is_set():

@@ -1,10 +1,11 @@
-"""The account of a camera's frames: one frame for each trigger, with the settings that were asked for, or none.
+"""Frame accounting: each trigger gives one frame with the requested settings, or none.
 
-A frame under the wrong label is worse than no frame: it is solved with the wrong light, and nothing looks wrong. So
-every driver's frames pass through here, by the same rules for all: size, serial number, settings as read back, exposure
-time. Whatever fails is told (to the log and to the listeners), counted, and taken again; before that the driver throws
-away what is still under way, because a frame that was given up may yet arrive. A camera that is gone is told apart from
-a frame that is lost: it is waited for (`take_up`), and its settings are made and read back anew.
+A frame under the wrong label is worse than no frame: it is solved with the wrong light, and nothing looks wrong. So the
+frames of every driver pass through here and are checked by the same rules: size, serial number, settings as read back,
+exposure time. Every failure is reported (to the log and to the listeners), counted, and the frame is taken again.
+Before that the driver discards what is still under way, because a frame that was given up may still arrive. A camera
+that is gone is distinguished from a lost frame: it is waited for (`take_up`), and its settings are made and read back
+anew.
 """
 
 import logging
@@ -19,18 +20,18 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 _log = logging.getLogger(__name__)
 
 RETAKES = 5
-"""How often a frame is taken again before the session is interrupted: at a loss of one frame in four (a GigE link that
+"""How often a frame is taken again before the session is interrupted. At a loss of one frame in four (a GigE link that
 loses one packet in a thousand) six in a row are lost once in 4,000 frames, and then the link needs a person."""
 
 RECONNECT_EVERY_S = 1.0
 """Period, s, of attempts to connect a camera that is gone."""
 
 EXPOSURE_TOLERANCE, EXPOSURE_STEP_S = 0.02, 1e-6
-"""Largest relative deviation of the exposure time read back from that asked for, beyond a step of a camera's clock, s.
-Cameras round to lines of 5–40 µs; 2 % of intensity is the least of what an image's lamp deviates by."""
+"""Tolerance of the exposure time read back: relative, and in addition one step of a camera's clock, s. Cameras round to
+lines of 5–40 µs; 2 % is the least deviation of the lamp's intensity from image to image."""
 
 GONE = frozenset({ErrorCode.DEVICE_DISCONNECTED, ErrorCode.CAMERA_UNREACHABLE})
-"""What a driver reports when the camera itself is not there."""
+"""Codes by which a driver reports that the camera itself is not there."""
 
 
 class BadFrameError(RigError):
@@ -49,28 +50,28 @@ class AccountedCamera:
         self._config = config
         self._listeners: list[FaultListener] = []
         self._capabilities: CameraCapabilities | None = None
-        self._settings: CameraSettings | None = None  # of the first good frame: later ones have to have the same
-        self._number: int | None = None  # of the last good frame; none: any may be next
+        self._settings: CameraSettings | None = None  # of the first good frame; later frames must have the same
+        self._number: int | None = None  # of the last good frame; None if any number may be next
         self._connected = self._gone = False
-        self._under_way = False  # a trigger whose frame has not come: it may come yet
+        self._under_way = False  # a trigger was sent whose frame may still come
         self.counts: Counter[str] = Counter()
 
     @property
     def capabilities(self) -> CameraCapabilities | None:
-        """What the camera said when it was last connected; none: it never was."""
+        """What the camera reported at the last connection; None if it was never connected."""
         return self._capabilities
 
     @property
     def is_gone(self) -> bool:
-        """Whether the camera did not answer at the last exposure."""
+        """Whether the camera failed to answer at the last exposure."""
         return self._gone
 
     def listen(self, listener: FaultListener) -> None:
-        """Has every fault told to a listener."""
+        """Adds a listener, which is called with every fault."""
         self._listeners.append(listener)
 
     def connect(self) -> None:
-        """Opens the camera; what its frames' settings were before does not bind those that follow.
+        """Opens the camera; the settings of earlier frames no longer bind later ones.
 
         Raises RigError camera.unreachable, config.invalid.
         """
@@ -78,7 +79,7 @@ class AccountedCamera:
         self._open()
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
-        """Takes one frame, again when it is lost or bad; a camera that was gone is tried once.
+        """Takes one frame, again if it is lost or bad; a camera that was gone is tried once.
 
         Raises RigError request.invalid for an exposure time beyond the cell file's limits, camera.timeout,
         device.disconnected, camera.unreachable, config.invalid; Halted as soon as the token is set.
@@ -103,7 +104,7 @@ class AccountedCamera:
     def take_up(self, stop: StopToken) -> None:
         """Tries to connect a camera that is gone until it is back.
 
-        Raises RigError camera.unreachable when it is not within the cell file's `reconnect_s`, Halted.
+        Raises RigError camera.unreachable if it is not back within the cell file's `reconnect_s`, Halted.
         """
         deadline = time.monotonic() + self._config.reconnect_s
         while True:

@@ -1,8 +1,8 @@
-"""Linear pixels of an image file that a camera or a tethering program has written; a file cut short is refused.
+"""Reads linear pixels from an image file of a camera or a tethering program; a truncated file is refused.
 
-TIFF and PNG hold what was saved; whoever sets up the program has to have it save linear values. A RAW file (DNG, NEF,
+TIFF and PNG hold what was saved: whoever sets up the program must make it save linear values. A RAW file (DNG, NEF,
 CR3, …) is read without development: the sensor's own values through LibRaw, black level included, no white balance, no
-demosaicing, no curve. Of a mosaic sensor all sites are kept where the cell file states its mosaic; else the green ones
+demosaicing, no curve. If the cell file states the sensor's mosaic, all its sites are kept. Otherwise the green sites
 are averaged over each 2 × 2 cell: half the size, one channel.
 """
 
@@ -32,7 +32,7 @@ _PNG_START = b"\x89PNG\r\n\x1a\n"
 
 @dataclass(frozen=True)
 class ImageFile:
-    """Pixels (H, W) uint16, linear; the exposure time that the file states, s; none: it states none."""
+    """Linear pixels (H, W) uint16; the exposure time, s, that the file states, or None."""
 
     pixels: npt.NDArray[np.uint16]
     exposure_s: float | None = None
@@ -40,14 +40,14 @@ class ImageFile:
 
 
 class IncompleteFileError(Exception):
-    """A file that is not whole (yet), with what is missing."""
+    """A file that is not complete (yet), with what is missing."""
 
 
 def read(path: Path, mosaic: Mosaic | None = None) -> ImageFile:
-    """Reads a file by its suffix; `mosaic`: that of the sensor whose sites are kept.
+    """Reads a file by its suffix; `mosaic` is that of the sensor whose sites are kept.
 
-    Raises IncompleteFileError for one that is cut short or damaged; RigError config.invalid for a kind that has no
-    linear pixels (JPEG), colour where one channel is needed, and RAW without rawpy.
+    Raises IncompleteFileError for a truncated or damaged file; RigError config.invalid for a kind without linear pixels
+    (JPEG), for colour if one channel is needed, and for RAW without rawpy.
     """
     suffix = path.suffix.lower()
     if suffix in RAW_SUFFIXES:
@@ -93,10 +93,10 @@ def _png(path: Path) -> ImageFile:
 
 
 def read_raw(content: bytes, name: str, mosaic: Mosaic | None = None) -> ImageFile:
-    """The sensor's own values of a RAW file's bytes; all sites of a sensor whose `mosaic` is stated.
+    """Returns the sensor's own values from a RAW file's bytes; all sites of a sensor whose `mosaic` is stated.
 
-    Raises IncompleteFileError for one that is cut short; RigError config.invalid for a JPEG, for another mosaic than
-    the stated one or Bayer's, and without rawpy.
+    Raises IncompleteFileError for a truncated file; RigError config.invalid for a JPEG, for a mosaic other than the
+    stated one or Bayer's, and without rawpy.
     """
     if content.startswith(_JPEG_START):
         raise RigError(
@@ -117,7 +117,7 @@ def read_raw(content: bytes, name: str, mosaic: Mosaic | None = None) -> ImageFi
         raise IncompleteFileError(f"{name}: {error}") from error
     bits = max(white.bit_length(), 1)
     letters = "".join(chr(names[number]) for number in sites[:2, :2].ravel()).lower()
-    monochrome = sites.max(initial=0) == 0  # one kind of site
+    monochrome = sites.max(initial=0) == 0  # only one kind of site
     if mosaic is not None and (monochrome or letters != mosaic):
         found = "monochrome" if monochrome else f"a mosaic of {letters}"
         raise RigError(ErrorCode.CONFIG_INVALID, f"{name}: is {found}, the cell file says {mosaic}: correct `mosaic`")
@@ -128,7 +128,7 @@ def read_raw(content: bytes, name: str, mosaic: Mosaic | None = None) -> ImageFi
 
 
 def _green(name: str, pixels: npt.NDArray[np.uint16], green: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint16]:
-    """Mean of the green sites (two) of each 2 × 2 cell, (H / 2, W / 2)."""
+    """Returns the mean of the two green sites of each 2 × 2 cell, (H / 2, W / 2)."""
     height, width = (side // 2 for side in pixels.shape)
     values = np.where(green, pixels, 0)[: 2 * height, : 2 * width].reshape(height, 2, width, 2).sum((1, 3), np.uint32)
     count = green[: 2 * height, : 2 * width].reshape(height, 2, width, 2).sum((1, 3))
@@ -147,7 +147,7 @@ def _single(path: Path, pixels: npt.NDArray[Any]) -> npt.NDArray[np.uint16]:
 
 
 def _seconds(value: Any) -> float | None:
-    """An EXIF number: itself, or numerator and denominator."""
+    """Converts an EXIF number, which is a number or a pair of numerator and denominator."""
     if value is None:
         return None
     if isinstance(value, tuple):

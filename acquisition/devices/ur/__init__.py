@@ -1,1 +1,1 @@
-"""The UR arm and its lamp output: proxies in the service, a driver process that alone speaks ur-rtde."""
+"""The UR arm and its lamp output: proxies in the service, and a driver process, which alone uses ur-rtde."""

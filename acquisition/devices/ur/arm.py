@@ -1,9 +1,9 @@
 """Proxy of the arm in the service: starts the driver process, sends it requests, and can stop the arm without it.
 
-The driver is started as `python -m`, not forked and not by `multiprocessing`: it must neither inherit a half-made state
-nor import the program that runs the service. The proxy answers `reading` and `halt` from shared memory; all else is one
-request at a time with a deadline, in the runner's thread. A driver that misses a deadline is killed and its program
-ended by the second halt path; only an explicit `connect` starts the next one.
+The driver is started as `python -m`, neither forked nor by `multiprocessing`: it must not inherit a half-made state or
+import the program that runs the service. The proxy answers `reading` and `halt` from shared memory. Everything else is
+one request at a time with a deadline, in the runner's thread. A driver that misses a deadline is killed and its program
+is ended by the second halt path; only an explicit `connect` starts the next one.
 """
 
 import contextlib
@@ -29,7 +29,7 @@ from acquisition.process_priority import Priority, RealTime
 
 _log = logging.getLogger(__name__)
 
-OPEN_DEADLINE_S = 15.0  # starting Python and importing on a busy machine
+OPEN_DEADLINE_S = 15.0  # for starting Python and importing on a busy machine
 CONTROL_DEADLINE_S = 12.0  # ur-rtde waits up to 5 s for its program
 REQUEST_DEADLINE_S = 5.0
 SHUTDOWN_DEADLINE_S = 3.0
@@ -50,10 +50,9 @@ class UrArm:
     ) -> None:
         """`real_time` is the class that this process is in while the arm moves.
 
-        `expected_pose` gives base_from_tool (4, 4) by nominal kinematics at joints in rad, for preflight.
-
-        Each halt path can be switched off, so that the other can be tested alone. Raises RigError config.invalid when a
-        stop from full speed would outlast the controller's watchdog.
+        `expected_pose` gives base_from_tool (4, 4) by nominal kinematics at joints in rad, for preflight. Each halt
+        path can be switched off, so that the other can be tested alone. Raises RigError config.invalid if a stop from
+        full speed would outlast the controller's watchdog.
         """
         if config.max_joint_speed_rad_s / config.stop_deceleration_rad_s2 > protocol.STOP_WITHIN_S:
             raise RigError(
@@ -74,8 +73,8 @@ class UrArm:
         self._halt_requested = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
-        self._taking_control = self._took_control = False  # now; whether this driver ever did
-        self._lost_reason = ""  # why the last driver was
+        self._taking_control = self._took_control = False  # at present; whether this driver has ever taken control
+        self._lost_reason = ""  # why the last driver was lost
         self._pipe_lock = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
         self._program_stop: ProgramStop | None = None
         self.lateness_s: deque[float] = deque(maxlen=LATENESS_KEPT)
@@ -85,7 +84,7 @@ class UrArm:
 
     @property
     def reading(self) -> ArmReading:
-        """The newest reading; not connected when the driver or the link is lost."""
+        """The newest reading; not connected if the driver or the link is lost."""
         sample = self._memory.sample() or self._last_sample
         if sample is None:
             return readings.NO_READING
@@ -94,12 +93,12 @@ class UrArm:
         return readings.reading_of(sample, fresh, self._lost_reason, self._priority, self._taking_control)
 
     def track(self, seconds: float) -> readings.Track:
-        """Where the arm was in the newest `seconds`; see the Protocol `Arm`."""
+        """Returns the arm's positions of the newest `seconds`; see the Protocol `Arm`."""
         return [readings.point_of(values) for values in self._memory.track(seconds)]
 
     @property
     def wakeups(self) -> dict[float, int]:
-        """How often the driver has woken late, by upper bound of the lateness, s; for monitoring."""
+        """How often the driver woke up late, by upper bound of the lateness, s; for monitoring."""
         return dict(zip(protocol.LATENESS_BOUNDS_S, self._memory.wakeups(), strict=True))
 
     @property
@@ -109,7 +108,7 @@ class UrArm:
 
     @property
     def is_open(self) -> bool:
-        """Whether a driver has been started and not been given up."""
+        """Whether a driver has been started and has not been given up."""
         return self._process is not None
 
     @property
@@ -119,7 +118,7 @@ class UrArm:
         return None if process is None else process.pid
 
     def halt(self) -> None:
-        """Stops the arm and puts the lamp out by both paths; any thread, signal handlers, harmless at rest."""
+        """Stops the arm and switches the lamp off by both paths; any thread, signal handlers, harmless at rest."""
         self._halt_requested = time.monotonic_ns()
         if self._halt_by_driver:
             self._memory.write(Field.HALT_REQUESTED, self._halt_requested)
@@ -130,11 +129,11 @@ class UrArm:
     # --------------------------------------------------------------------------------------------- the runner's thread
 
     def connect(self) -> ArmIdentity:
-        """Starts the driver unless it lives, puts the lamp out, and takes control when the arm is ready for it.
+        """Starts the driver unless it lives, switches the lamp off, and takes control if the arm is ready for it.
 
-        An arm that is not ready (power, safety, local control) is connected without control: `preflight` says why, and
-        `prepare` or another `connect` takes control later. Moves nothing. Raises RigError arm.unreachable within 3 s
-        where nobody answers, config.invalid where the controller runs another software than the cell file says,
+        An arm that is not ready (power, safety, local control) is connected without control: `preflight` reports why,
+        and `prepare` or another `connect` takes control later. Moves nothing. Raises RigError arm.unreachable within 3
+        s if nobody answers, config.invalid if the controller runs another software than the cell file states,
         arm.in_use, driver.lost.
         """
         probe.probe(self._config, self._software)
@@ -155,8 +154,8 @@ class UrArm:
     def prepare(self) -> None:
         """Takes control: the control program runs, TCP and payload are set, the controller's watchdog is armed.
 
-        The explicit step that makes moves possible again after the program has ended for whatever reason; harmless when
-        it runs. Raises RigError arm.not_ready, arm.protective_stop, arm.emergency_stop, arm.in_use, driver.lost.
+        This explicit step makes moves possible again after the program has ended for whatever reason; harmless while it
+        runs. Raises RigError arm.not_ready, arm.protective_stop, arm.emergency_stop, arm.in_use, driver.lost.
         """
         tool = self._config.flange_from_tool
         with self._pipe_lock:
@@ -179,7 +178,7 @@ class UrArm:
         self._config = self._config.model_copy(update={"payload_kg": mass_kg, "payload_center_m": center_m})
 
     def _tell_priority(self) -> None:
-        """Logs, once, that this machine does not grant what keeps the arm moving beside other programs."""
+        """Logs, once, that this machine does not grant real time, which keeps the arm moving beside other programs."""
         if self._priority != "real-time" and not self._told_priority:
             self._told_priority = True
             _log.warning(
@@ -201,17 +200,17 @@ class UrArm:
         return preflight.findings(self._config, answers)
 
     def recover(self, step: RecoveryStep) -> None:
-        """One step out of a stop; see the Protocol `Arm`."""
+        """Carries out one step out of a stop; see the Protocol `Arm`."""
         self._software.recover(step)
 
     def limits(self) -> tuple[str, ...]:
-        """What cannot be done, or not be checked, with the controller's software."""
+        """Lists what cannot be done, or cannot be checked, with the controller's software."""
         return self._software.limits()
 
     def move(self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits], stop: StopToken) -> None:
         """Moves through joint configurations (rad), one straight joint segment each; see the Protocol `Arm`.
 
-        Renews the driver's lease while it waits. Raises Halted when the token was set; RigError arm.protective_stop,
+        Renews the driver's lease while it waits. Raises Halted if the token was set; RigError arm.protective_stop,
         arm.emergency_stop, arm.not_ready, arm.move_failed, device.disconnected, driver.lost.
         """
         if stop.is_set():
@@ -237,7 +236,7 @@ class UrArm:
                 self.halt()
             self._real_time.keep_share()
 
-        self._real_time.enter()  # else this process waits for its turn, and the lease runs out, beside other programs
+        self._real_time.enter()  # else other programs may delay this process until the lease runs out
         try:
             reply = self._request(move, deadline_s, renew_lease)
         except RigError:
@@ -250,7 +249,7 @@ class UrArm:
             case Done():
                 return
             case Failed(error):
-                if error.code != ErrorCode.ARM_NOT_READY:  # that one was refused before the move began
+                if error.code != ErrorCode.ARM_NOT_READY:  # which refuses a move before it begins
                     self._stop_program()  # a move that failed is over: nothing at the pendant may continue it
                 if stop.is_set():
                     raise Halted from error
@@ -268,7 +267,7 @@ class UrArm:
         self._switch(protocol.SetLamp(on), halts=on)
 
     def pulse_output(self, output: int) -> None:
-        """Raises and lowers an output, a camera's trigger; returns when both were read back."""
+        """Raises and lowers an output, the trigger of a camera; returns when both levels were read back."""
         self._switch(protocol.PulseOutput(output), halts=True)
 
     def _switch(self, request: protocol.SetLamp | protocol.PulseOutput, *, halts: bool) -> None:
@@ -338,7 +337,7 @@ class UrArm:
     def _exchange(
         self, request: protocol.Request, deadline_s: float, while_waiting: Callable[[], None] | None, watch_loop: bool
     ) -> protocol.Reply:
-        """One request, one reply; `while_waiting` is called every LEASE_RENEWAL_S meanwhile.
+        """Sends one request and returns its reply; calls `while_waiting` every LEASE_RENEWAL_S meanwhile.
 
         `watch_loop` is off where the driver is expected to block in a constructor of ur-rtde.
         """
@@ -366,9 +365,9 @@ class UrArm:
             raise self._declare_lost("The arm's driver ended.") from error
 
     def _declare_lost(self, detail: str) -> RigError:
-        """Ends its program, kills the driver, and says so."""
+        """Ends the driver's program, kills the driver, and returns the error that reports it."""
         self._lost_reason = detail.removesuffix(".")
-        if self._took_control:  # else a moving program is not ours to stop
+        if self._took_control:  # otherwise a program that moves the arm is not ours to stop
             self._stop_program()
         self._kill_driver()
         return RigError(ErrorCode.DRIVER_LOST, detail)
@@ -397,5 +396,5 @@ class UrArm:
     # ------------------------------------------------------------------------------------------------------- questions
 
     def _kinematics(self) -> list[JointGeometry] | None:
-        """The arm as built, asked for only where the cell file has something to compare with it."""
+        """Returns the arm's factory calibration, which is read only if the cell file states kinematics to compare."""
         return None if self._config.kinematics is None else primary.kinematics(self._config.address)

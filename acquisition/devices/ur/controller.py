@@ -1,9 +1,8 @@
-"""The controller in the driver process: one generator method for each request, one `sample`, one `stop`.
+"""The controller as the driver process uses it: one generator method per request, one `sample`, one `stop`.
 
 Requests are generators that yield once per turn of the driver's loop, so that readings, halts, lease and watchdog are
-looked after while a move is under way. Rules that keep a person safe: only asynchronous moves; no command is ever sent
-twice; the control program is uploaded when `take_control` is asked for and never by itself; a program that ended stays
-ended.
+attended to during a move. Rules that keep a person safe: only asynchronous moves; no command is ever sent twice; the
+control program is uploaded when `take_control` is requested and never by itself; a program that ended stays ended.
 """
 
 import logging
@@ -23,24 +22,24 @@ _log = logging.getLogger(__name__)
 
 Task = Generator[None, None, Done]
 
-START_S = 1.0  # an accepted move shows its operation's number within this
-STALL_S = 5.0  # a move that comes no nearer to its goal for this long has failed
+START_S = 1.0  # within which an accepted move shows its operation's number
+STALL_S = 5.0  # after which a move that comes no nearer to its goal has failed
 REST_WITHIN_S = 1.0
 REST_SAMPLES = 5
-CONFIRM_S = 0.5  # an output is read back within this
-PREDECESSOR_S = 1.0  # the program of a driver that died ends by its watchdog within this
+CONFIRM_S = 0.5  # within which an output is read back
+PREDECESSOR_S = 1.0  # within which the watchdog ends the program of a driver that died
 UPLOAD_S = 5.0
-NEWER_S = 0.06  # data this much newer than an event show it on both interfaces
-FRESH_S = 0.01  # data this much newer show what an output is
-SLEPT_S = 0.1  # between two turns: this process had no core, or a call of ur-rtde took its time
-AWAKE_S = 0.1  # ur-rtde's own thread reads within this what came while the process slept
+NEWER_S = 0.06  # data newer than an event by this much show the event on both interfaces
+FRESH_S = 0.01  # data newer by this much show the level of an output
+SLEPT_S = 0.1  # longer between two turns: this process had no core, or a call of ur-rtde was slow
+AWAKE_S = 0.1  # within which ur-rtde's own thread reads what came while the process slept
 
 
 class Controller:
     """The ur-rtde objects, and whether the control program is ours, running and guarded by its watchdog."""
 
     def __init__(self, constructors: Constructors, real_time: RealTime) -> None:
-        """`real_time` is left while a constructor runs, which may hold a core for seconds."""
+        """`real_time` is left during a constructor, which may occupy a core for seconds."""
         self._real_time = real_time
         self._constructors = constructors
         self._open_request: protocol.Open | None = None
@@ -48,7 +47,7 @@ class Controller:
         self._outputs: Outputs | None = None
         self._control: Control | None = None
         self._armed = False  # once lost, only take_control restores it
-        self._lamp_confirmed: bool | None = None  # the level read back since the lamp was last written; none: not yet
+        self._lamp_confirmed: bool | None = None  # level read back since the lamp was last written; None: not yet
         self._kicked_at = 0.0
         self._timestamp = -1.0
         self._received_at = 0.0
@@ -58,7 +57,7 @@ class Controller:
     # ------------------------------------------------------------------------------------------------------- each turn
 
     def sample(self) -> protocol.Sample | None:
-        """The newest values; None before `open`, and where nothing has changed since the last call."""
+        """Returns the newest values; None before `open`, and if nothing has changed since the last call."""
         receive = self._receive
         if receive is None:
             return None
@@ -73,7 +72,7 @@ class Controller:
         self._armed = self._armed and self._control is not None and self._control.isProgramRunning()
         link = self._link(receive, now)
         if not is_new and self._armed == was_armed and link is Link.OK:
-            return None  # half of the turns: reading everything again would double what the process takes
+            return None  # in half of the turns; reading everything again would double the load of the process
         return protocol.Sample(
             joints=tuple(receive.getActualQ()),
             joint_speeds=tuple(receive.getActualQd()),
@@ -90,31 +89,31 @@ class Controller:
         )
 
     def kick(self) -> None:
-        """Tells the controller's watchdog that this process lives; at rest too: it guards the program's whole life."""
+        """Kicks the controller's watchdog; also at rest, because the watchdog guards the program's whole life."""
         now = time.monotonic()
         if self._armed and self._control is not None and now - self._kicked_at > protocol.KICK_S:
             self._kicked_at = now
             self._control.kickWatchdog()
 
     def stop(self) -> None:
-        """Lamp out (sent at once), then a synchronous stop; harmless at rest and without a program."""
+        """Switches the lamp off (sent at once), then stops synchronously; harmless at rest and without a program."""
         if self._open_request is None:
             return
         unwritten: RuntimeError | None = None
         if self._outputs is not None:
             try:
                 self._write_lamp(False)
-            except RuntimeError as error:  # a dead connection; a controller without a program puts the lamp out itself
+            except RuntimeError as error:  # a dead connection; without a program the controller switches the lamp off
                 unwritten = error
         if self._control is not None and self._control.isProgramRunning():
             self._control.stopJ(self._open_request.stop_deceleration_rad_s2)
-        if unwritten is not None:  # not before: a log may block
+        if unwritten is not None:  # logged last, because a log may block
             _log.error("the lamp's output cannot be written: %s", unwritten)
 
     # -------------------------------------------------------------------------------------------------------- requests
 
     def open(self, request: protocol.Open) -> Task:
-        """Connects what reads and what switches; takes no control and stops no program."""
+        """Connects the receive and output interfaces and switches the lamp off; takes no control, stops no program."""
         refuse_foreign(request.address)
         self._open_request = request
         try:
@@ -134,7 +133,7 @@ class Controller:
             yield from self._await_newer_data()  # the program may have ended since the last data
         if not self._armed:
             self._require_power_and_safety(receive)
-            # A program that plays is a stranger's, or that of a driver that died and whose watchdog ends it presently.
+            # A running program is a stranger's, or that of a driver that died: its watchdog is about to end it.
             deadline = time.monotonic() + PREDECESSOR_S
             while receive.getRuntimeState() == states.PROGRAM_PLAYING:
                 if time.monotonic() > deadline:
@@ -157,7 +156,7 @@ class Controller:
         return Done()
 
     def inspect(self) -> Task:
-        """What preflight compares with the cell file."""
+        """Returns what preflight compares with the cell file."""
         yield
         _, receive = self._require_open()
         control = self._require_control()
@@ -184,7 +183,7 @@ class Controller:
                 return Done()
         self._write_lamp(on)
         deadline = time.monotonic() + CONFIRM_S
-        if was_on == on:  # no change to be seen: only newer data prove anything
+        if was_on == on:  # the level does not change, so only newer data are evidence
             yield from self._await_newer_data()
         while is_on() != on:
             if time.monotonic() > deadline:
@@ -199,9 +198,9 @@ class Controller:
         return Done()
 
     def pulse_output(self, output: int) -> Task:
-        """Raises an output until the controller's own data show it, and lowers it; low first, where it was left high.
+        """Lowers the output if it is high, raises it until the controller's own data show it, and lowers it.
 
-        Raises RigError camera.timeout when an edge is not read back.
+        Raises RigError camera.timeout if an edge is not read back.
         """
         _, receive = self._require_open()
 
@@ -219,8 +218,10 @@ class Controller:
         return Done()
 
     def move(self, move: protocol.Move) -> Task:
-        """One asynchronous moveJ after the other, then rest at the last goal; none at all unless the controller finds
-        every goal within its safety limits."""
+        """Sends one asynchronous moveJ after the other, then waits for rest at the last goal.
+
+        Sends none if a goal is outside the controller's safety limits.
+        """
         control = self._require_control()
         for goal in move.path:
             if not control.isJointsWithinSafetyLimits(list(goal)):
@@ -261,8 +262,8 @@ class Controller:
     def _follow(self, control: Control, before: int, goal: tuple[float, ...]) -> Generator[None, None, None]:
         """Waits for the end of an operation.
 
-        "Not yet started", "finished" and "the program died" look alike in the status word: the operation's number must
-        change first, then stop running, with the program running and safety normal throughout.
+        "Not yet started", "finished" and "the program died" look alike in the status word. So the operation's number
+        must first change, then stop running, with the program running and safety normal throughout.
         """
         _, receive = self._require_open()
         started = nearer_at = time.monotonic()
@@ -313,7 +314,7 @@ class Controller:
                 )
 
     def _failure_cause(self, otherwise: str) -> Generator[None, None, RigError]:
-        """The reason of a failure, from data newer than it: the two interfaces' packets are not in step."""
+        """Returns the reason of a failure from newer data: the packets of the two interfaces are not in step."""
         _, receive = self._require_open()
         yield from self._await_newer_data()
         fault = states.safety_fault(receive.getSafetyStatusBits()) or states.power_fault(receive.getRobotMode())
@@ -322,7 +323,7 @@ class Controller:
         return RigError(ErrorCode.ARM_MOVE_FAILED, otherwise)
 
     def _await_newer_data(self, by_s: float = NEWER_S) -> Generator[None, None, None]:
-        """Waits for data newer than the last event; a lost link is detected by the driver's loop."""
+        """Waits for data newer than the last event; the driver's loop detects a lost link."""
         since = self._timestamp
         while self._timestamp < since + by_s:
             yield
@@ -345,7 +346,7 @@ class Controller:
             raise RuntimeError("the output was not sent")
 
     def _link(self, receive: Receive, now: float) -> Link:
-        """Data that are old because this process slept say nothing of the link until they could be read."""
+        """Returns the state of the link and logs a lost one; the limit is longer just after this process slept."""
         awake_s = now - self._awake_since
         link = Link.OK
         if not receive.isConnected():

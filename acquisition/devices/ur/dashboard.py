@@ -1,7 +1,7 @@
-"""PolyScope 5: questions, recovery and the second halt path by the Dashboard Server, over plain TCP (port 29999).
+"""PolyScope 5: queries, recovery and the second halt path by the Dashboard Server, over plain TCP (port 29999).
 
-ur-rtde's dashboard client hides its socket; the second halt path needs one that is open in advance and sends at once.
-So everything goes over sockets of our own, each with a time-out.
+ur-rtde's dashboard client hides its socket. The second halt path needs one that is open in advance and sends at once.
+So all commands go over sockets of our own, each with a time-out.
 """
 
 import time
@@ -21,16 +21,16 @@ _RECOVERY: dict[RecoveryStep, tuple[str, str]] = {
     "power": ("power on", "Powering on"),
     "brakes": ("brake release", "Brake releasing"),
 }
-"""What is asked for each step, and how the answer begins when the controller agrees."""
+"""Command of each step, and the beginning of the answer if the controller agrees."""
 
 
 class Dashboard:
-    """One dashboard connection: a line out, a line back; also a `StopConnection`."""
+    """One dashboard connection: sends a line, receives a line; also a `StopConnection`."""
 
     def __init__(self, address: str, timeout_s: float | None = None) -> None:
         """Connects and reads the greeting, each within `timeout_s`, by default `tcp.PROBE_S`.
 
-        Raises OSError (TimeoutError when silent).
+        Raises OSError (TimeoutError if the server is silent).
         """
         timeout_s = tcp.PROBE_S if timeout_s is None else timeout_s
         self._timeout_s = timeout_s
@@ -54,7 +54,7 @@ class Dashboard:
     def stop(self) -> str:
         """Ends the program, if one runs. Raises OSError, also for a refusal.
 
-        A connection that was opened in local control is refused for as long as it lives: another one may be heard.
+        A connection that was opened in local control is refused for as long as it lives; a new one may be obeyed.
         """
         reply = self.ask("stop")
         if reply != "Stopped":
@@ -62,7 +62,7 @@ class Dashboard:
         return reply
 
     def read_unasked(self) -> None:
-        """Takes what was not asked for. Raises OSError at the end of the connection."""
+        """Reads what was sent unasked. Raises OSError at the end of the connection."""
         tcp.receive(self.socket, time.monotonic())
 
     def close(self) -> None:
@@ -109,7 +109,7 @@ class PolyScope5:
         return ControllerState(ArmIdentity(model, serial, software), "true" in remote)
 
     def recover(self, step: RecoveryStep) -> None:
-        """One step by the dashboard. Raises RigError safety.recovery_refused, arm.unreachable."""
+        """Carries out one step by the dashboard. Raises RigError safety.recovery_refused, arm.unreachable."""
         order, agreement = _RECOVERY[step]
         (reply,) = self._ask(order)
         if not reply.startswith(agreement):
@@ -118,11 +118,11 @@ class PolyScope5:
             )
 
     def open_stop(self, timeout_s: float) -> Dashboard:
-        """A dashboard connection. Raises OSError."""
+        """Opens a dashboard connection. Raises OSError."""
         return Dashboard(self._address, timeout_s)
 
     def limits(self) -> tuple[str, ...]:
-        """Nothing that the service needs is missing."""
+        """Returns nothing: the dashboard has all that the service needs."""
         return ()
 
     def _ask(self, *questions: str) -> list[str]:

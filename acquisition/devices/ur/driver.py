@@ -1,14 +1,14 @@
 """The arm's driver process: the only importer of ur-rtde.
 
 ur-rtde's constructors hold the interpreter lock, its calls can block for minutes, and its destructors can abort the
-process; so it lives here, alone, and is left by `os._exit`. One loop, no threads: publish the newest reading, obey a
-halt, advance the request in progress by one step, look after the lease, kick the controller's watchdog, receive.
-Nothing blocks in it but ur-rtde's own short calls; should one hang, its heartbeat in the shared memory stands still,
-the kicks cease, the controller's watchdog ends the program, and the service halts by its own path.
+process. So it lives alone in this process, which is left by `os._exit`. There is one loop and no thread: publish the
+newest reading, obey a halt, advance the request in progress by one step, check the lease, kick the controller's
+watchdog, receive. Nothing in it blocks but ur-rtde's own short calls. If one hangs, the heartbeat in the shared memory
+stands still, the kicks cease, the controller's watchdog ends the program, and the service halts by its own path.
 
 All threads of the process are in the real-time class where that is permitted: the loop and the library's readers take
-an eighth of a core. Starting Python and the library's constructors, which would keep a core from everybody else for
-seconds, are left outside (decision 53).
+an eighth of a core. Starting Python and the library's constructors stay outside of that class, because they would keep
+a core from all other processes for seconds (decision 53).
 
 A lost link ends the process: ur-rtde would reconnect after a while and might send the move again.
 """
@@ -43,12 +43,13 @@ DATA = (
     "timestamp actual_q actual_qd actual_TCP_pose target_speed_fraction robot_mode safety_status_bits runtime_state "
     "actual_digital_output_bits payload payload_cog"
 )
-"""What is asked for: what `interfaces.Receive` reads. By itself ur-rtde asks PolyScope X for no payload."""
+"""Requested variables: those that `interfaces.Receive` reads. By default ur-rtde requests no payload from PolyScope X.
+"""
 
 LEAVE_S = 2.0
 SHARE = 0.4
 """Share of a core in real time; 0.12 is used at 125 Hz of data, and three drivers leave one of two cores free."""
-LINK_LOST_STOP_S = 0.5  # the link may be lost one way only; 2.5 s after the last data ur-rtde would reconnect
+LINK_LOST_STOP_S = 0.5  # to stop over a link lost in one direction; 2.5 s after the last data ur-rtde would reconnect
 
 
 class LinkLostError(Exception):
@@ -61,7 +62,7 @@ class Driver:
     def __init__(
         self, connection: Connection, memory: SharedMemory, controller: Controller, real_time: RealTime
     ) -> None:
-        """`controller` enters and leaves `real_time` round its constructors."""
+        """`controller` enters and leaves `real_time` around its constructors."""
         self._connection = connection
         self._memory = memory
         self._controller = controller
@@ -72,10 +73,10 @@ class Driver:
         self._task: Task | None = None
 
     def run(self) -> None:
-        """Runs until the service ends, the link is lost, or a signal asks to end."""
+        """Runs until the service ends, the link is lost, or a signal requests the end."""
         self._memory.write(
             Field.HALT_DONE, self._memory.read(Field.HALT_ACCEPTED)
-        )  # the last driver may have died between
+        )  # the last driver may have died between the two
         while not self._leaving:
             self._memory.write(Field.HEARTBEAT, time.monotonic_ns())
             try:
@@ -131,7 +132,7 @@ class Driver:
                 raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
             next(self._task)
         except StopIteration as finished:
-            self._publish()  # a reader after the reply sees the effect of the request
+            self._publish()  # whoever reads after the reply sees the effect of the request
             if self._real_time.granted:
                 self._memory.write(Field.PRIORITY, Priority.REAL_TIME)
             self._reply(cast(Done, finished.value))
@@ -144,7 +145,7 @@ class Driver:
             self._reply(Failed(RigError(ErrorCode.DEVICE_DISCONNECTED, f"The controller's interface failed: {error}")))
 
     def _accept(self) -> None:
-        """Waits one tick for the next request; the end of the pipe is the end of the service."""
+        """Waits one tick for the next request; the end of the pipe means the end of the service."""
         try:
             due = time.monotonic() + protocol.TICK_S
             if not self._connection.poll(protocol.TICK_S):
@@ -155,13 +156,13 @@ class Driver:
             _log.warning("the service has ended: the arm is stopped")
             self._leaving = True
             return
-        if self._task is not None:  # the service has abandoned the last request, which gets no reply
+        if self._task is not None:  # the service has abandoned the last request; it gets no reply
             self._controller.stop()
             self._task.close()
             self._task = None
         self._carry_out_halt()
         self._issued, self._request, self._task = issued, request, self._begin(request)
-        if self._memory.read(Field.HALT_ACCEPTED) > issued:  # asked for after the request, seen before it
+        if self._memory.read(Field.HALT_ACCEPTED) > issued:  # requested later than the request, but seen before it
             self._interrupt()
 
     def _begin(self, request: Request) -> Task | None:
@@ -194,7 +195,7 @@ class Driver:
 
 
 def _control(address: str) -> Control:
-    # The service asks for remote control itself, at every address; the library's own check spares loopback.
+    # The service checks remote control itself, at every address; the library's own check leaves out loopback.
     interface = rtde_control.RTDEControlInterface
     flags = interface.FLAG_UPLOAD_SCRIPT.value | interface.FLAG_DISABLE_REMOTE_CONTROL_CHECK.value
     return cast(Control, interface(address, DATA_HZ, flags))
@@ -209,7 +210,7 @@ def _outputs(address: str) -> Outputs:
 
 
 def main() -> None:
-    """`python -m acquisition.devices.ur.driver PIPE MEMORY`, both inherited file descriptors."""
+    """Runs `python -m acquisition.devices.ur.driver PIPE MEMORY`; both are inherited file descriptors."""
     logging.basicConfig(stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
     pipe, memory = int(sys.argv[1]), int(sys.argv[2])
     may_be_nice, shared = process_priority.set_niceness(process_priority.DRIVER), SharedMemory(memory)

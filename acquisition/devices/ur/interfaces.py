@@ -1,9 +1,9 @@
-"""What the driver uses of ur-rtde 1.6.5, with the types that the library itself does not state.
+"""The part of ur-rtde 1.6.5 that the driver uses, with the types that the library itself does not state.
 
-Short on purpose. Not used although there: synchronous moves (they block for minutes and cannot be stopped), paths in
-one command (they stop and upload the program again), asynchronous stops (they change the kind of every later stop),
-`getForwardKinematics(q)` (the library sends no tool offset with it) and the "realtime" getters (they return whatever
-the registers held before).
+It is short on purpose. These functions exist but are not used: synchronous moves (they block for minutes and cannot be
+stopped), paths in one command (they stop the program and upload it again), asynchronous stops (they change the kind of
+every later stop), `getForwardKinematics(q)` (the library does not send the tool offset) and the "realtime" getters
+(they return whatever the registers held before).
 """
 
 from collections.abc import Callable
@@ -89,7 +89,7 @@ class Outputs(Protocol):
 
 @dataclass(frozen=True)
 class Constructors:
-    """Makes each interface for an address; they hold the interpreter lock and raise RuntimeError."""
+    """Constructors of each interface for an address; they hold the interpreter lock and raise RuntimeError."""
 
     control: Callable[[str], Control]
     receive: Callable[[str], Receive]

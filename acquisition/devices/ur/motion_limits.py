@@ -1,4 +1,4 @@
-"""Limits of a move, checked against the cell's before anything is sent."""
+"""Checks the limits of a move against the cell's before anything is sent."""
 
 import math
 from collections.abc import Sequence
@@ -11,9 +11,9 @@ from acquisition.models.errors import ErrorCode, RigError
 def checked(
     config: ArmConfig, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits]
 ) -> tuple[tuple[float, float], ...]:
-    """Speed (rad/s) and acceleration (rad/s²) of each segment's leading joint.
+    """Returns speed (rad/s) and acceleration (rad/s²) of each segment's leading joint.
 
-    Raises RigError arm.move_failed for what is no path of six finite joints, or beyond the cell's limits.
+    Raises RigError arm.move_failed for a path that is not of six finite joints each, or for limits beyond the cell's.
     """
     if len(path) != len(limits):
         raise RigError(ErrorCode.ARM_MOVE_FAILED, f"{len(path)} segments were given {len(limits)} limits.")

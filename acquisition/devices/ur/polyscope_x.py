@@ -1,6 +1,6 @@
-"""PolyScope X: questions and recovery by the Robot API (REST over HTTP), the second halt path by the primary interface.
+"""PolyScope X: queries and recovery by the Robot API (REST over HTTP), the second halt path by the primary interface.
 
-There is no dashboard. The Robot API is asked with a new connection for each request, as rarely as a person acts.
+There is no dashboard. Each request to the Robot API opens a new connection; requests are as rare as a person's actions.
 Halting does not go through it, because web services stand between it and the controller proper, which the primary
 interface reaches directly. Sources: UR's C++ client library (`dashboard_client_implementation_x.cpp`,
 `primary_client.cpp`) and the manual's page on remote mode. Nothing here has been tried on a real controller.
@@ -21,16 +21,16 @@ from acquisition.models.errors import ErrorCode, RigError
 BASE = "/universal-robots/robot-api"
 
 OLDEST = (10, 12)
-"""The first PolyScope X whose Robot API says whether the arm is in remote control (3.1.4)."""
+"""First PolyScope X whose Robot API reports whether the arm is in remote control (3.1.4)."""
 
 IDENTITY_SINCE = (10, 14)
-"""The first whose Robot API names model and serial number (5.0.107)."""
+"""First PolyScope X whose Robot API reports model and serial number (5.0.107)."""
 
 ANSWER_S = 5.0
-"""Time-out, s, of a question."""
+"""Time-out, s, of a query."""
 
 RECOVERY_S = 60.0
-"""Time-out, s, of a recovery step: the controller may answer when it is done, and powering on takes many seconds."""
+"""Time-out, s, of a recovery step: the controller may answer after it is done, and powering on takes many seconds."""
 
 _MOST_REDIRECTIONS = 3
 _LONGEST_ANSWER = 1 << 16
@@ -87,7 +87,7 @@ class PolyScopeX:
         return ControllerState(identity, mode.get("mode") == "REMOTE")
 
     def recover(self, step: RecoveryStep) -> None:
-        """One step by the Robot API. Raises RigError safety.recovery_refused, arm.unreachable."""
+        """Carries out one step by the Robot API. Raises RigError safety.recovery_refused, arm.unreachable."""
         status, answer = self._ask("PUT", "/robotstate/v1/state", {"action": _RECOVERY[step]}, RECOVERY_S)
         if not HTTPStatus.OK <= status < HTTPStatus.MULTIPLE_CHOICES:
             reply = " ".join(str(answer[name]) for name in ("message", "details") if answer.get(name)) or "nothing more"
@@ -97,11 +97,11 @@ class PolyScopeX:
             raise RigError(ErrorCode.SAFETY_RECOVERY_REFUSED, detail, step=step, reply=reply)
 
     def open_stop(self, timeout_s: float) -> PrimaryStop:
-        """A connection to the primary interface. Raises OSError."""
+        """Opens a connection to the primary interface. Raises OSError."""
         return PrimaryStop(self._address, timeout_s, self._stop_deceleration_rad_s2)
 
     def limits(self) -> tuple[str, ...]:
-        """What no interface of PolyScope X allows from here."""
+        """Lists what no interface of PolyScope X allows from here."""
         limits = [
             "remote control is switched on at the pendant only: safety overview, Automatic, Remote",
             "in local control the primary interface is read-only: no second halt path, stop at the pendant",
@@ -124,7 +124,7 @@ class PolyScopeX:
         return RigError(ErrorCode.ARM_UNREACHABLE, detail, address=self._address, port=self._api_port)
 
     def _exchange(self, method: str, path: str, content: object, timeout_s: float) -> tuple[int, dict[str, Any]]:
-        """One request and its answer; paths that have moved are followed on the same port. Raises OSError."""
+        """Returns the answer to one request; follows redirections on the same port. Raises OSError."""
         tcp.refuse_foreign(self._address)
         body = None if content is None else json.dumps(content)
         headers = {"Accept": "application/json"} | ({} if body is None else {"Content-Type": "application/json"})
@@ -149,7 +149,7 @@ class PolyScopeX:
 
 
 def _content(body: bytes) -> dict[str, Any]:
-    """The JSON object of an answer; empty where it is none."""
+    """Returns the JSON object of an answer; empty if it has none."""
     try:
         content = json.loads(body)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Preflight check: comparison of the controller's configuration with the cell file; a pure function."""
+"""Preflight: compares the controller's configuration with the cell file; a pure function."""
 
 from dataclasses import dataclass
 
@@ -13,8 +13,8 @@ from acquisition.models.cell_config import ArmConfig, JointGeometry
 
 POSE_TOLERANCE = 1e-6  # m and rad; the controller keeps what it was given
 PAYLOAD_TOLERANCE = 1e-3  # kg and m
-FORWARD_TOLERANCE_M = 1e-3  # the controller against itself: joint noise only
-AS_BUILT_TOLERANCE_M = 2e-4  # its pose against the calibrated chain: joint noise only
+FORWARD_TOLERANCE_M = 1e-3  # between the controller's own kinematics and pose: joint noise only
+AS_BUILT_TOLERANCE_M = 2e-4  # between the controller's pose and the calibrated chain: joint noise only
 AS_BUILT_TOLERANCE = 1e-6  # m and rad: numbers copied from the controller
 _REMOTE_CONTROL = {
     "5": "Switch the pendant to remote control.",
@@ -23,36 +23,35 @@ _REMOTE_CONTROL = {
 
 
 _FORMER_NAMES = {"ur7": "ur5", "ur12": "ur10"}
-"""The same arms under the names they had before: software may call them so (`RobotType` of UR's client library, which
-its primary interface reports, has numbers for UR5 and UR10, none for UR7e and UR12e).
-"""
+"""Former names of the same arms, which software may still report: `RobotType` of UR's client library, as the primary
+interface reports it, has numbers for UR5 and UR10, none for UR7e and UR12e."""
 
 
 def _bare(model: str) -> str:
-    """A model as controllers name it, without the e of its series."""
+    """Returns a model as controllers name it, without the e of its series."""
     return model.casefold().removesuffix("e")
 
 
 def _names(model: str) -> set[str]:
-    """What a controller may call the model of a cell file."""
+    """Returns the names that a controller may report for the model of a cell file."""
     name = _bare(model)
     return {name, _FORMER_NAMES.get(name, name)}
 
 
 @dataclass(frozen=True)
 class Answers:
-    """The controller's answers; `inspection` is None when the control program does not run."""
+    """The controller's answers; `inspection` is None if the control program does not run."""
 
     identity: ArmIdentity
     remote_control: bool
     reading: ArmReading
     inspection: Inspection | None
     expected_base_from_tool: FloatArray | None  # the cell file's kinematics at the present joints
-    kinematics: list[JointGeometry] | None = None  # the arm as built, where the controller reports it
+    kinematics: list[JointGeometry] | None = None  # factory calibration, if the controller reports it
 
 
 def findings(config: ArmConfig, answers: Answers) -> list[Finding]:
-    """Everything that differs from the cell file, the gravest first; empty when the arm is ready."""
+    """Returns all differences from the cell file, the gravest first; empty if the arm is ready."""
     differences: list[Finding] = []
     reading, identity = answers.reading, answers.identity
     safety = states.safety_fault(reading.safety_bits)

@@ -1,10 +1,11 @@
 """UR's primary interface: the arm's factory calibration (Denavit–Hartenberg parameters), and a stop without dashboard.
 
-No other interface gives the calibration. The controller sends it unasked, as part "kinematics info" (5) of a
-robot-state message (16), soon after a client has connected: six checksums, then θ, a, d and α of all joints, drawing
-and correction added. Ten times a second it sends the part "robot mode" (0), which says whether a program runs: that
-confirms a stop. Source: Universal Robots' client interface documents, "Primary and secondary interface"; of the line
-`stop program`: UR's C++ client library (`PrimaryClient::commandStop`), which ends programs so without a dashboard.
+No other interface gives the calibration. The controller sends it unasked soon after a client has connected, as the part
+"kinematics info" (5) of a robot-state message (16): six checksums, then θ, a, d and α of all joints, drawing and
+correction added. Ten times a second it sends the part "robot mode" (0), which states whether a program runs; this
+confirms a stop. Sources: Universal Robots' client interface documents, "Primary and secondary interface"; for the line
+`stop program`, UR's C++ client library (`PrimaryClient::commandStop`), which ends programs in this way without a
+dashboard.
 """
 
 import contextlib
@@ -23,8 +24,8 @@ _ROBOT_MODE = 0
 _PROGRAM = struct.Struct(">13x??")  # running, paused
 _LONGEST = 1 << 16
 _ENOUGH_S = 3.0
-"""How long the calibration is waited for, s: the controller sends it within 0.1 s; a busy machine may be kept from
-reading it, and a comparison that is left out for that would not be seen."""
+"""Time limit, s, for the calibration: the controller sends it within 0.1 s, but a busy machine may read it late, and
+nobody would notice that the comparison was left out."""
 
 CONFIRM_S = 0.5
 """Time, s, for the controller to report that no program runs: five of its messages."""
@@ -39,9 +40,10 @@ end
 class PrimaryStop:
     """A connection to the primary interface that can end the controller's program; see `StopConnection`.
 
-    `stop program` ends what runs or is paused; the program after it, which replaces what runs and brakes at the cell's
-    own deceleration, is documented for all versions, and does the same where that line is not understood. A connection
-    opened in local control is read-only for as long as it lives: then nothing is confirmed, and another may be heard.
+    `stop program` ends a program that runs or is paused. The program sent after it replaces the running one and brakes
+    at the cell's own deceleration; it is documented for all versions and does the same where that line is not
+    understood. A connection opened in local control is read-only for as long as it lives: then nothing is confirmed,
+    and a new one may be obeyed.
     """
 
     def __init__(self, address: str, timeout_s: float, deceleration_rad_s2: float) -> None:
@@ -52,7 +54,7 @@ class PrimaryStop:
         self._data = b""
 
     def stop(self) -> str:
-        """Ends the program, at once, and waits for CONFIRM_S. Raises OSError (TimeoutError where one still runs)."""
+        """Ends the program, at once, and waits for CONFIRM_S. Raises OSError (TimeoutError if one still runs)."""
         self.socket.settimeout(self._timeout_s)
         self.socket.sendall(_STOP.format(deceleration=self._deceleration_rad_s2).encode())
         deadline = time.monotonic() + CONFIRM_S
@@ -65,7 +67,7 @@ class PrimaryStop:
         return "no program runs"
 
     def read_unasked(self) -> None:
-        """Takes the controller's reports. Raises OSError at the connection's end."""
+        """Reads the controller's reports. Raises OSError at the connection's end."""
         self._program(tcp.receive(self.socket, time.monotonic()))
 
     def close(self) -> None:
@@ -73,7 +75,7 @@ class PrimaryStop:
         self.socket.close()
 
     def _program(self, data: bytes) -> tuple[bool, bool] | None:
-        """Whether a program runs and whether one is paused, by the newest report in the data; None without one."""
+        """Returns whether a program runs and whether one is paused, by the newest report in the data; else None."""
         self._data += data
         newest = None
         while (message := _cut(self._data)) is not None:
@@ -85,7 +87,7 @@ class PrimaryStop:
 
 
 def kinematics(address: str, within_s: float = _ENOUGH_S) -> list[JointGeometry] | None:
-    """The arm as built; None when the controller does not send it in time. Raises RigError arm.unreachable."""
+    """Returns the factory calibration; None if it does not come in time. Raises RigError arm.unreachable."""
     try:
         return _received(address, within_s)
     except OSError as error:
@@ -119,7 +121,7 @@ def _received(address: str, within_s: float) -> list[JointGeometry] | None:
 
 
 def _cut(data: bytes) -> tuple[int, bytes, bytes] | None:
-    """The first message's type and body, and what follows it; None while it is incomplete."""
+    """Returns the first message's type and body, and what follows it; None while it is incomplete."""
     if len(data) < _HEADER.size:
         return None
     size, kind = _HEADER.unpack_from(data)
@@ -129,7 +131,7 @@ def _cut(data: bytes) -> tuple[int, bytes, bytes] | None:
 
 
 def _part(body: bytes, wanted: int) -> bytes | None:
-    """The content of one part of a robot state; None where it has none."""
+    """Returns the content of one part of a robot state; None if it has no such part."""
     while (part := _cut(body)) is not None:
         kind, content, body = part
         if kind == wanted:

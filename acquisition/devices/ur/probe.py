@@ -1,7 +1,7 @@
-"""Probe of a controller before anything that could hang: do its ports answer, and is it what the cell file says?
+"""Probes a controller before any call that could hang: do its ports answer, and is it what the cell file states?
 
-ur-rtde's constructors never return when a port is open but silent. RTDE is asked first: it exists with every software,
-and names the version, which decides whether the dashboard or the Robot API is to be expected.
+ur-rtde's constructors never return if a port is open but silent. RTDE is asked first: every software has it, and it
+reports the version, which decides whether the dashboard or the Robot API is to be expected.
 """
 
 import struct
@@ -23,7 +23,7 @@ _VERSION_REPLY = struct.Struct(">HB4I")
 
 
 def software_of(config: ArmConfig) -> Software:
-    """The software that the cell file names."""
+    """Returns the software that the cell file names."""
     if config.polyscope == "x":
         return PolyScopeX(config.address, config.robot_api_port, config.stop_deceleration_rad_s2)
     return PolyScope5(config.address)
@@ -32,8 +32,8 @@ def software_of(config: ArmConfig) -> Software:
 def probe(config: ArmConfig, software: Software) -> None:
     """Checks version and ports, each within `tcp.PROBE_S`.
 
-    Raises RigError arm.unreachable unless all ports are open and answer, config.invalid where the controller runs
-    another software than `arm.polyscope` says.
+    Raises RigError arm.unreachable unless all ports are open and answer, config.invalid if the controller runs another
+    software than `arm.polyscope` states.
     """
     address, port = config.address, RTDE_PORT
     try:
@@ -55,7 +55,7 @@ def probe(config: ArmConfig, software: Software) -> None:
 
 
 def _version(address: str) -> Version:
-    """The software's version by RTDE, protocol 2. Raises OSError."""
+    """Returns the software's version by RTDE, protocol 2. Raises OSError."""
     deadline = time.monotonic() + tcp.PROBE_S
     with tcp.connect(address, RTDE_PORT, tcp.PROBE_S) as connection:
         connection.sendall(_PROTOCOL)

@@ -3,11 +3,11 @@
 The connection is to the dashboard (PolyScope 5) or to the primary interface (PolyScope X); neither needs RTDE, ur-rtde
 or the driver.
 
-A thread of its own sleeps on a socket. Waking it is one `send`, which takes no lock and may be done in a signal
-handler (threading.Event takes a lock, which a handler could find held by the very thread it interrupts). Woken by a
-halt, it gives the driver ACKNOWLEDGE_S to accept it and then stops the arm itself; woken by the death of the driver,
-or by a failure, its own included, it stops at once, and logs afterwards. Without its program the arm brakes, and only
-an explicit connect can move it again.
+The thread sleeps on a socket. Waking it is one `send`, which takes no lock and may be done in a signal handler.
+(threading.Event takes a lock, which a handler could find held by the very thread that it interrupts.) Woken by a halt,
+the thread gives the driver ACKNOWLEDGE_S to accept it and then stops the arm itself. Woken by the death of the driver,
+or by a failure, its own included, it stops the arm at once and logs afterwards. Without its program the arm brakes, and
+only an explicit connect can move it again.
 """
 
 import contextlib
@@ -27,14 +27,14 @@ _log = logging.getLogger(__name__)
 _HALT, _STOP, _WATCH, _REOPEN, _QUIT = b"h", b"s", b"w", b"o", b"q"
 _REOPEN_S = 1.0
 _OPEN_TIMEOUT_S = 0.3
-_CARRY_OUT_S = 0.6  # time limit for an accepted halt to be carried out, else this path stops too
+_CARRY_OUT_S = 0.6  # time limit for an accepted halt to be carried out; after it this path stops the arm too
 
 
 class ProgramStop:
     """A thread that holds a connection of the controller's software and watches over the driver."""
 
     def __init__(self, software: Software, halt_state: Callable[[], tuple[bool, bool]], enabled: bool = True) -> None:
-        """`halt_state` says whether the driver has accepted, and carried out, the newest halt."""
+        """`halt_state` returns whether the driver has accepted, and carried out, the newest halt."""
         self._software = software
         self._halt_state = halt_state
         self._enabled = enabled
@@ -66,7 +66,7 @@ class ProgramStop:
         self._wake(_WATCH)
 
     def reopen(self) -> None:
-        """Opens the connection anew: one opened in local control obeys nobody, and remote control has been granted."""
+        """Opens the connection anew: one opened in local control is never obeyed, and remote control is granted now."""
         self._wake(_REOPEN)
 
     def close(self) -> None:
@@ -83,7 +83,7 @@ class ProgramStop:
             try:
                 if not self._serve():
                     break
-            except Exception:  # noqa: BLE001 - nothing else stops an arm whose driver hangs: the thread must live on
+            except Exception:  # noqa: BLE001 - only this thread stops an arm whose driver hangs: it must live on
                 with contextlib.suppress(Exception):  # on a new connection: the old one may be what has failed
                     self._drop()
                     self._stop()
@@ -96,7 +96,7 @@ class ProgramStop:
         self._wake_read.close()
 
     def _serve(self) -> bool:
-        """Waits for one event and answers it; False: the thread is to end."""
+        """Waits for one event and handles it; returns False if the thread is to end."""
         self._keep_open()
         wake = self._wake_read.fileno()
         connection = None if self._connection is None else self._connection.socket.fileno()
@@ -116,7 +116,7 @@ class ProgramStop:
             self._supervise_halt()
         elif connection is not None and connection in ready:
             self._read_unasked()
-        if _REOPEN in reasons:  # after a stop: the old connection is the sooner one
+        if _REOPEN in reasons:  # after any stop, which is faster over the old connection
             self._drop()
             self._try_open_at = 0.0
         return _QUIT not in reasons
@@ -137,18 +137,18 @@ class ProgramStop:
         _log.warning("the driver has not %s", late)
 
     def _await(self, condition: Callable[[], bool], seconds: float) -> bool:
-        """Whether the condition becomes true in time; False as soon as the driver has ended."""
+        """Returns whether the condition becomes true in time; False as soon as the driver has ended."""
         deadline = time.monotonic() + seconds
         watched = [] if self._process is None else [self._process]
         while not condition():
             if _readable(watched, protocol.TICK_S):
                 return False
             if time.monotonic() > deadline:
-                return condition()  # it may be this thread that was late
+                return condition()  # once more, since this thread itself may have been late
         return True
 
     def _stop(self) -> None:
-        """Ends the program; without a confirmation once more on a new connection, for stopping twice is harmless."""
+        """Ends the program; without a confirmation, once more on a new connection: stopping twice is harmless."""
         if not self._enabled:
             return
         unconfirmed = "cannot be reached"
@@ -177,7 +177,7 @@ class ProgramStop:
                 self._connection = None
 
     def _read_unasked(self) -> None:
-        """Takes what the controller sends unasked, or its end of the connection."""
+        """Reads what the controller sends unasked, or notices its end of the connection."""
         if self._connection is None:
             return
         try:
@@ -192,7 +192,7 @@ class ProgramStop:
 
 
 def _readable(descriptors: Iterable[int], within_s: float) -> set[int]:
-    """Which descriptors are readable, or have failed, by `poll`: `select` knows none from 1024 on."""
+    """Returns which descriptors are readable or have failed, by `poll`: `select` takes none from 1024 on."""
     waiting = select.poll()
     for one in descriptors:
         waiting.register(one, select.POLLIN)

@@ -1,9 +1,9 @@
-"""Protocol between the service and the arm's driver process: messages on a socket pair, and one page of shared memory.
+"""Protocol between the service and the arm's driver process: messages on a socket pair, and shared memory.
 
 Requests and replies are pickled values, one at a time, numbered by the time of the request in ns: a halt requested
-later than a move ends it even when the driver sees the halt first. Whatever must not block (the halt, the lease, the
-newest reading) is in shared memory. A halt is one store of one field, so that a signal handler may make it; a reader
-never blocks and never delays a writer. Clocks: time.monotonic, the same in both processes.
+later than a move ends it even if the driver sees the halt first. What must not block (the halt, the lease, the newest
+reading) is in shared memory. A halt is one store of one field, so that a signal handler may make it; a reader never
+blocks and never delays a writer. Clocks: time.monotonic, the same in both processes.
 """
 
 import bisect
@@ -23,24 +23,25 @@ TICK_S = 0.004
 
 LEASE_RENEWAL_S = 0.02
 LEASE_S = 0.2
-"""Period and time-out, s, of the lease that the service renews during a move; an expired one stops the arm."""
+"""Period and time-out, s, of the lease that the service renews during a move; an expired lease stops the arm."""
 
 WATCHDOG_HZ = 4.0
 KICK_S = 0.04
-"""Watchdog of the controller (Hz) and period of kicks (s): it ends the program after 1/4 s without a kick."""
+"""Frequency of the controller's watchdog, Hz, and period of kicks, s: it ends the program after 1/4 s without a kick.
+"""
 
 STOP_WITHIN_S = 0.2
 """Longest synchronous stop from the highest speed, s: it sends no kicks and must end within the watchdog's period."""
 
 ACKNOWLEDGE_S = 0.1
-"""Time limit, s, for the driver to accept a halt; afterwards the second path stops the arm."""
+"""Time limit, s, for the driver to accept a halt; after it the second path stops the arm."""
 
 LINK_S, LINK_AT_MOST_S = 0.8, 1.8
-"""Data older than this mean a lost link, also where the driver has just slept; ur-rtde would reconnect by itself, and
-move again, after 2.5 s."""
+"""Age, s, of data that means a lost link: normally, and if the driver has just slept; ur-rtde would reconnect by
+itself, and move again, after 2.5 s."""
 
 HEARTBEAT_S = 1.0
-"""Age, s, of the heartbeat at which the driver is lost."""
+"""Age, s, of the heartbeat at which the driver counts as lost."""
 
 GOAL_TOLERANCE_RAD = 1e-3
 REST_SPEED_RAD_S = 5e-3
@@ -54,7 +55,7 @@ Vector6 = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True)
 class Open:
-    """Connect the receive and output interfaces and put the lamp out; takes no control, stops no program."""
+    """Connect the receive and output interfaces and switch the lamp off; takes no control, stops no program."""
 
     address: str
     lamp_output: int
@@ -78,7 +79,7 @@ class Move:
     limits: tuple[tuple[float, float], ...]
 
     def seconds(self, start: tuple[float, ...], speed_fraction: float) -> float:
-        """Time of the trapezoids from `start` (rad) at this position of the speed slider, s."""
+        """Returns the time, s, of the trapezoids from `start` (rad) at this position of the speed slider."""
         seconds, here = 0.0, start
         for goal, (speed, acceleration) in zip(self.path, self.limits, strict=True):
             length = max(abs(b - a) for a, b in zip(here, goal, strict=True))
@@ -89,7 +90,7 @@ class Move:
 
 @dataclass(frozen=True)
 class SetLamp:
-    """State the lamp's output and wait until it is read back."""
+    """Set the lamp's output and wait until it is read back."""
 
     on: bool
 
@@ -103,7 +104,7 @@ class PulseOutput:
 
 @dataclass(frozen=True)
 class Inspect:
-    """Ask the controller what preflight compares with the cell file."""
+    """Ask the controller for what preflight compares with the cell file."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ Request = Open | TakeControl | Move | SetLamp | PulseOutput | Inspect | Shutdown
 
 @dataclass(frozen=True)
 class Inspection:
-    """The controller's own idea of tool, payload and kinematics; poses as (x, y, z, rotation vector)."""
+    """Tool, payload and kinematics as the controller holds them; poses as (x, y, z, rotation vector)."""
 
     flange_from_tool: Vector6
     payload_kg: float
@@ -134,7 +135,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Failed:
-    """The request failed; the arm is at rest or braking, the lamp is out."""
+    """The request failed; the arm is at rest or braking, the lamp is off."""
 
     error: RigError
 
@@ -151,7 +152,7 @@ Reply = Done | Failed | Interrupted
 
 
 class Link(IntEnum):
-    """State of the link to the controller; if it is lost, the evidence."""
+    """State of the link to the controller; for a lost link, the evidence."""
 
     OK = 0
     SILENT = 1
@@ -160,7 +161,7 @@ class Link(IntEnum):
 
 
 _LOST = {
-    Link.OK: "the driver has fallen silent",  # which would have said more
+    Link.OK: "the driver has fallen silent",  # a living driver would have reported another state
     Link.SILENT: "the controller sends nothing",
     Link.READING_CLOSED: "the connection that data come by is closed",
     Link.CONTROL_CLOSED: "the connection that commands go by is closed",
@@ -186,7 +187,7 @@ class Sample:
 
     @property
     def lost(self) -> str:
-        """What has shown that the link is lost, or the driver, and how old the newest data are now."""
+        """The evidence that the link, or the driver, is lost, and the age of the newest data now."""
         return f"{_LOST[self.link]}, the newest data are {time.monotonic() - self.received_at:.2f} s old"
 
 
@@ -198,12 +199,12 @@ class Field(IntEnum):
     HALT_DONE = 2  # driver: the newest halt request that it has carried out
     LEASE = 3  # service: time of the last renewal of the lease
     HEARTBEAT = 4  # driver: time of the last iteration of its loop
-    TRACKED = 6  # driver: how many points of the track it has written
-    PRIORITY = 5  # driver: what the machine has granted it, a `process_priority.Priority`; 0 before the first driver
+    TRACKED = 6  # driver: number of points of the track that it has written
+    PRIORITY = 5  # driver: its granted scheduling, a `process_priority.Priority`; 0 before the first driver
 
 
 LATENESS_BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, math.inf)
-"""Upper bounds, s, of the classes in which the driver counts how late it woke; the watchdog's period is 0.25 s."""
+"""Upper bounds, s, of the classes in which the driver counts its late wake-ups; the watchdog's period is 0.25 s."""
 
 _SAMPLE = struct.Struct("<21d6q")
 _SAMPLE_AT = 64
@@ -219,28 +220,27 @@ _LATENESS = 256  # index of the first counter of wake-ups, far behind the sample
 
 
 class SharedMemory:
-    """Shared memory: 64-bit fields with atomic access, the newest sample with a checksum, and a ring of the last points
-    of the arm's track with a checksum each.
+    """Shared memory: 64-bit fields with atomic access, the newest sample, and a ring of the track's last points.
 
-    A sample that is copied while it is being written does not match its checksum and is copied again; this needs no
-    lock and holds on any memory order.
+    Sample and points have a checksum each. A sample that is copied while it is being written does not match its
+    checksum and is copied again; this needs no lock and holds on any memory order.
     """
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
         self._page = mmap.mmap(descriptor, _SIZE)
         self._fields = memoryview(self._page).cast("q")
-        self._tracked_at = -1.0  # controller's time of the last point written
+        self._tracked_at = -1.0  # the controller's time of the last point written
 
     @classmethod
     def create(cls) -> "SharedMemory":
-        """Creates an empty page."""
+        """Creates an empty shared memory."""
         descriptor = os.memfd_create("lightpose-arm")
         os.ftruncate(descriptor, _SIZE)
         return cls(descriptor)
 
     def read(self, field: Field) -> int:
-        """The value of one field."""
+        """Returns the value of one field."""
         return self._fields[field]
 
     def write(self, field: Field, value: int) -> None:
@@ -248,19 +248,19 @@ class SharedMemory:
         self._fields[field] = value
 
     def age_s(self, field: Field) -> float:
-        """Age in s of the time that a field holds."""
+        """Returns the age, s, of the time that a field holds."""
         return (time.monotonic_ns() - self.read(field)) * 1e-9
 
     def count_wakeup(self, late_s: float) -> None:
-        """Counts a wake-up of the driver's loop that came so late."""
+        """Counts a wake-up of the driver's loop that was late by `late_s`."""
         self._fields[_LATENESS + bisect.bisect_left(LATENESS_BOUNDS_S, late_s)] += 1
 
     def wakeups(self) -> tuple[int, ...]:
-        """How many wake-ups were late by at most each of LATENESS_BOUNDS_S and more than the one before."""
+        """Returns how many wake-ups were late by at most each of LATENESS_BOUNDS_S and more than the bound before."""
         return tuple(self._fields[_LATENESS : _LATENESS + len(LATENESS_BOUNDS_S)])
 
     def halt_state(self, requested: int) -> tuple[bool, bool]:
-        """Whether the halt requested at this time (ns) has been accepted, and carried out.
+        """Returns whether the halt requested at this time (ns) has been accepted, and carried out.
 
         While the driver carries out one halt it sees no other: that one also serves later requests.
         """
@@ -296,8 +296,10 @@ class SharedMemory:
         self.write(Field.TRACKED, count + 1)
 
     def track(self, seconds: float) -> list[tuple[float, ...]]:
-        """The points of the newest `seconds`, oldest first: controller's time, time of arrival, joints and pose; one
-        that is being overwritten is left out."""
+        """Returns the points of the newest `seconds`, oldest first; leaves out one that is being overwritten.
+
+        A point is the controller's time, time of arrival, joints and pose.
+        """
         count, points = self.read(Field.TRACKED), list[tuple[float, ...]]()
         for number in range(count - 1, max(count - TRACK_LENGTH, -1), -1):
             at = _TRACK_AT + number % TRACK_LENGTH * _POINT_SIZE
@@ -311,7 +313,7 @@ class SharedMemory:
         return points[::-1]
 
     def sample(self) -> Sample | None:
-        """The newest sample; None before the first one, or when its writer died in mid-write."""
+        """Returns the newest sample; None before the first one, or if its writer died in mid-write."""
         for _ in range(100):
             data = self._page[_SAMPLE_AT : _SAMPLE_AT + _SAMPLE.size + _CHECKSUM.size]
             body, checksum = data[: _SAMPLE.size], _CHECKSUM.unpack_from(data, _SAMPLE.size)[0]

@@ -1,4 +1,4 @@
-"""Readings of the arm as the service knows them, from the driver's samples."""
+"""Converts the driver's samples into readings of the arm for the service."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ PRIORITIES: dict[Priority, DriverPriority] = {
     Priority.NICENESS: "niceness",
     Priority.REAL_TIME: "real-time",
 }
-"""Names of what a driver's process was granted."""
+"""Names of the scheduling that a driver's process was granted."""
 
 NO_READING = ArmReading(
     False, (0.0,) * 6, (0.0,) * 6, geometry.pose((0, 0, 0), (0, 0, 0)), 0.0, -1, 0, -1, False, 0.0, 0, 0.0
@@ -20,13 +20,13 @@ NO_READING = ArmReading(
 """The value before the first connection."""
 
 Track = list[TrackPoint]
-"""Where the arm was, oldest first."""
+"""Positions of the arm, oldest first."""
 
 
 def reading_of(
     sample: Sample, fresh: bool, lost_reason: str, priority: DriverPriority | None, taking_control: bool
 ) -> ArmReading:
-    """The reading that a sample gives; `fresh` while its driver lives, else `lost_reason` says why not, where known."""
+    """Returns the reading of a sample; `fresh` while its driver lives, else `lost_reason` gives the cause if known."""
     connected = sample.link is Link.OK and fresh
     return ArmReading(
         connected=connected,
@@ -48,5 +48,5 @@ def reading_of(
 
 
 def point_of(values: Sequence[float]) -> TrackPoint:
-    """A point of the track from its values in the shared memory."""
+    """Returns a point of the track from its values in the shared memory."""
     return TrackPoint(values[0], values[1], tuple(values[2:8]), geometry.pose(values[8:11], values[11:14]))

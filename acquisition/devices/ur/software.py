@@ -1,10 +1,10 @@
-"""The controller's software, PolyScope 5 or PolyScope X: what the service needs of it beside ur-rtde.
+"""The controller's software, PolyScope 5 or PolyScope X: what the service needs from it besides ur-rtde.
 
-Both move the arm by the same URScript and RTDE. They differ in who says which arm it is and whether it is in remote
-control, how a person's recovery is carried out, and what ends the program when the driver cannot: the dashboard of
-PolyScope 5; the Robot API (REST) and the primary interface of PolyScope X, which has no dashboard. Which it is the
-cell file says (`arm.polyscope`); the version that RTDE names is compared with it at each connection, because guessing
-by open ports would take a dashboard that is switched off for another generation.
+Both move the arm by the same URScript and RTDE. They differ in how identity and remote control are read, how a person's
+recovery is carried out, and what ends the program if the driver cannot: the dashboard of PolyScope 5; the Robot API
+(REST) and the primary interface of PolyScope X, which has no dashboard. The cell file states which it is
+(`arm.polyscope`), and each connection compares that with the version that RTDE reports. Guessing by open ports would
+take a controller whose dashboard is switched off for the other generation.
 """
 
 import socket
@@ -15,7 +15,7 @@ from acquisition.devices import ArmIdentity, RecoveryStep
 
 
 class Version(NamedTuple):
-    """The software's version as RTDE gives it."""
+    """The software's version as RTDE reports it."""
 
     major: int
     minor: int
@@ -27,13 +27,13 @@ class Version(NamedTuple):
 
     @property
     def polyscope(self) -> str:
-        """The value of `arm.polyscope` that it belongs to; CB3 (version 3) is handled as PolyScope 5."""
+        """The value of `arm.polyscope` for this version; CB3 (version 3) is handled as PolyScope 5."""
         return "x" if self.major >= 10 else "5"
 
 
 @dataclass(frozen=True)
 class ControllerState:
-    """Who is there, and whether it may be commanded from outside."""
+    """Identity of the controller, and whether it may be commanded from outside."""
 
     identity: ArmIdentity
     remote_control: bool
@@ -44,7 +44,7 @@ class StopConnection(Protocol):
 
     @property
     def socket(self) -> socket.socket:
-        """To wait for what arrives unasked."""
+        """The socket, to wait for what arrives unasked."""
         ...
 
     def stop(self) -> str:
@@ -52,7 +52,7 @@ class StopConnection(Protocol):
         ...
 
     def read_unasked(self) -> None:
-        """Takes what has arrived. Raises OSError at the connection's end."""
+        """Reads what has arrived. Raises OSError at the connection's end."""
         ...
 
     def close(self) -> None:
@@ -64,14 +64,14 @@ class Software(Protocol):
     """One generation of PolyScope at one address."""
 
     stop_path: str
-    """What the second halt path goes through, for logs."""
+    """Name of the second halt path's connection, for logs."""
 
     def probe(self, version: Version) -> None:
         """Raises RigError arm.unreachable unless its own ports answer in time, config.invalid for a version too old."""
         ...
 
     def state(self) -> ControllerState:
-        """Asks who is there. Raises RigError arm.unreachable."""
+        """Returns identity and remote control. Raises RigError arm.unreachable."""
         ...
 
     def recover(self, step: RecoveryStep) -> None:
@@ -86,5 +86,5 @@ class Software(Protocol):
         ...
 
     def limits(self) -> tuple[str, ...]:
-        """What cannot be done, or not be checked, with this software; for `lightpose check`."""
+        """Lists what cannot be done, or cannot be checked, with this software; for `lightpose check`."""
         ...

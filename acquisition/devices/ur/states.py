@@ -51,7 +51,7 @@ _STOPS: tuple[tuple[int, ErrorCode, str], ...] = (
 
 
 def safety_fault(safety_bits: int) -> Fault | None:
-    """The safety stop that `safety_status_bits` reports, the gravest first; None when normal or reduced."""
+    """Returns the gravest safety stop that `safety_status_bits` reports; None if normal or reduced."""
     for bit, code, detail in _STOPS:
         if safety_bits >> bit & 1:
             return Fault(code, detail)
@@ -61,7 +61,7 @@ def safety_fault(safety_bits: int) -> Fault | None:
 
 
 def power_fault(robot_mode: int) -> Fault | None:
-    """Why an arm in this robot mode cannot move; None when it is running."""
+    """Returns why an arm in this robot mode cannot move; None if it is running."""
     if robot_mode == ROBOT_RUNNING:
         return None
     name = ROBOT_MODES.get(robot_mode, f"mode {robot_mode}")

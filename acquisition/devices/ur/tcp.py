@@ -8,7 +8,7 @@ import time
 from acquisition.models.errors import ErrorCode, RigError
 
 PROBE_S = 0.7
-"""Each port has this long to answer, so that all are refused within 3 s."""
+"""Time, s, for each port to answer, so that a refusal by all of them takes less than 3 s."""
 
 _MOST_BYTES = 4096
 
@@ -33,7 +33,7 @@ def refuse_foreign(address: str) -> None:
 
 
 def connect(address: str, port: int, timeout_s: float) -> socket.socket:
-    """A connection that sends at once. Raises OSError (TimeoutError when silent), RigError as `refuse_foreign`."""
+    """Opens a connection that sends at once. Raises OSError (TimeoutError if silent), RigError as `refuse_foreign`."""
     refuse_foreign(address)
     connection = socket.create_connection((address, port), timeout_s)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -41,7 +41,7 @@ def connect(address: str, port: int, timeout_s: float) -> socket.socket:
 
 
 def receive(connection: socket.socket, deadline: float) -> bytes:
-    """The next bytes, by `deadline` (time.monotonic). Raises TimeoutError, ConnectionError at the end."""
+    """Returns the next bytes, by `deadline` (time.monotonic). Raises TimeoutError, ConnectionError at the end."""
     connection.settimeout(max(deadline - time.monotonic(), 1e-3))
     data = connection.recv(_MOST_BYTES)
     if not data:
@@ -50,6 +50,6 @@ def receive(connection: socket.socket, deadline: float) -> bytes:
 
 
 def unreachable(address: str, port: int, error: OSError) -> RigError:
-    """The RigError arm.unreachable of a port that fails."""
+    """Returns the RigError arm.unreachable for a port that fails."""
     reason = "does not answer in time" if isinstance(error, TimeoutError) else f"fails: {error}"
     return RigError(ErrorCode.ARM_UNREACHABLE, f"Port {port} of {address} {reason}.", address=address, port=port)
