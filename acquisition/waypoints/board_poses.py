@@ -1,9 +1,9 @@
-"""Poses of the arm that show the board on its flange to the camera: sampled, solved, and checked like those of lights.
+"""Samples, solves and checks arm poses that show the board on the flange to the camera.
 
-A view's use for a calibration is judged elsewhere (`calibrate.view_planning`); here are those that the arm can take up:
-the board anywhere in the image, tilted to any side, within the joints' limits, free of collisions, with nothing of the
-arm between lens and board. The board is placed by the calibration in use, which is only near the truth: the plate is
-held clear by the cell's clearances, which are centimetres.
+`calibrate.view_planning` judges how useful a view is for a calibration. This module finds the views that the arm can
+take: the board anywhere in the image, tilted to any side, within the joint limits, free of collisions, with no part of
+the arm between lens and board. The board is placed by the calibration in use, which is only approximate; the cell's
+clearances, which are centimetres, keep the plate free nevertheless.
 """
 
 from dataclasses import dataclass
@@ -22,31 +22,31 @@ from acquisition.waypoints.collision import Scene
 from acquisition.waypoints.ik_solutions import IkSolutions
 
 MIN_TILT_DEG, MAX_TILT_DEG = 5.0, 42.0
-"""Tilt of the board against the view: seen more obliquely than 45° corners blur along one direction."""
+"""Tilt of the board against the view, degrees: beyond 45° corners blur along one direction."""
 NEAREST, FARTHEST = 0.35, 1.1
-"""Side of the board over the image's shorter side: what is smaller wastes pixels, what is larger leaves the image."""
+"""Side of the board relative to the image's shorter side: smaller boards waste pixels, larger ones leave the image."""
 DEPTHS = 0.4, 1.05
-"""Distances of the board from the camera, over that of the object's middle: beyond these it is out of focus."""
+"""Distances of the board from the camera, relative to that of the object's middle: beyond these it is out of focus."""
 BORDER = 0.12
-"""Share of the image at each edge in which the board's middle does not lie."""
+"""Share of the image at each edge in which the middle of the board is not placed."""
 BEFORE_BOARD = 0.97
-"""Share of a line of sight, from the lens, that has to be clear: its end is at the plate, which has the arm behind."""
+"""Share of a line of sight, from the lens, that must be clear: the rest ends at the plate, with the arm behind it."""
 SIGHT_MARGIN_M = 0.005
-"""Distance that the arm keeps from lines of sight, m: half the entrance pupil of the lens."""
+"""Distance, m, of the arm from lines of sight: half the entrance pupil of the lens."""
 
 
 @dataclass(frozen=True)
 class BoardPoses:
-    """For each sampled place of the board its free configurations, and how many places had none, by reason."""
+    """Free configurations of each sampled board pose, and the number of poses without one, by reason."""
 
     solutions: list[IkSolutions]
     refused: dict[str, int]
 
 
 def sample(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> FloatArray:
-    """Flange poses (count, 4, 4) in the base frame that show the board: places, tilts and rolls at random.
+    """Samples flange poses (count, 4, 4), base frame, that show the board, with random place, tilt and roll.
 
-    Raises RigError config.invalid for a board that at no distance has a useful size in the image.
+    Raises RigError config.invalid if the board has a useful size in the image at no distance.
     """
     board = mounted_tool.require_board(cell)
     random = np.random.default_rng(seed)
@@ -70,7 +70,7 @@ def sample(cell: CellConfig, calibration: Calibration, count: int, seed: int) ->
 
 
 def solve(flanges: FloatArray, cell: CellConfig, calibration: Calibration, arm: Scene) -> BoardPoses:
-    """Free configurations of flange poses (N, 4, 4), all branches, with the board in sight; `cell` has the board on."""
+    """Returns the free configurations (all branches) of flange poses (N, 4, 4) that keep the board in sight."""
     solved = kinematics.inverse(arm.model, flanges)
     if cell.arm.kinematics is not None:
         pose, branch = np.nonzero(~np.isnan(solved[..., 0]))
@@ -90,9 +90,9 @@ def solve(flanges: FloatArray, cell: CellConfig, calibration: Calibration, arm: 
 
 
 def in_sight(joints: FloatArray, cell: CellConfig, calibration: Calibration, arm: Scene) -> BoolArray:
-    """Whether the arm at each of (N, 6) leaves the lines of sight from the lens to the plate's corners and edges clear.
+    """Tells whether the arm at each of (N, 6) leaves the lines of sight from the lens to the plate's edges clear.
 
-    The plate itself, which ends them, does not count.
+    The plate itself, at which the lines end, does not count as an obstacle.
     """
     if not len(joints):
         return np.zeros(0, dtype=bool)
@@ -113,12 +113,12 @@ def in_sight(joints: FloatArray, cell: CellConfig, calibration: Calibration, arm
 
 
 def _in_each_frame(frames: FloatArray, points: FloatArray) -> FloatArray:
-    """Points (P, 3) of each of frames (N, 4, 4), in the frames' reference: (N, P, 3)."""
+    """Transforms points (P, 3) by each of frames (N, 4, 4) into the frames' reference: (N, P, 3)."""
     return np.einsum("nij,pj->npi", frames[:, :3, :3], points) + frames[:, None, :3, 3]
 
 
 def _distance_of_segments(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
-    """Distance of segments a–b and c–d (…, 3), broadcast (Ericson 2005, 5.1.9)."""
+    """Returns the distance of segments a–b and c–d (…, 3), broadcast (Ericson 2005, 5.1.9)."""
     u, v, w = b - a, d - c, a - c
     uu, vv, uv = (np.maximum((x * y).sum(-1), 1e-18 if x is y else -np.inf) for x, y in ((u, u), (v, v), (u, v)))
     uw, vw = (u * w).sum(-1), (v * w).sum(-1)
@@ -130,7 +130,7 @@ def _distance_of_segments(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatA
 
 
 def _depths(board: BoardConfig, cell: CellConfig, calibration: Calibration) -> tuple[float, float]:
-    """Nearest and farthest distance of the board's middle along the camera's z, m."""
+    """Returns the nearest and farthest distance of the board's middle along the camera's z, m."""
     side = max(board.columns, board.rows) * board.square_m
     shorter = min(calibration.width, calibration.height)
     focal = calibration.camera_matrix[0][0]

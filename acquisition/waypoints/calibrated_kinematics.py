@@ -1,8 +1,8 @@
 """Kinematics of the factory-calibrated arm: Newton refinement of the closed-form branches.
 
 A real arm's axes are never exactly parallel, so the closed form of `kinematics` is off by millimetres at the lamp. It
-still gives the branches and good initial values: from each a few Newton steps on the calibrated chain converge to the
-pose. Branches that do not converge (near a singularity) are discarded.
+still gives the branches and good initial values: from each of them a few Newton steps on the calibrated chain converge
+to the pose. Branches that do not converge (near a singularity) are discarded.
 """
 
 import numpy as np
@@ -14,18 +14,18 @@ from acquisition.waypoints.kinematics import TURN, arm_model, denavit_hartenberg
 _NEWTON_STEPS = 5
 """Maximum number of Newton steps."""
 _TOLERANCE = 1e-7
-"""Tolerance of the pose in m and rad; reached in three steps except near singularities."""
+"""Tolerance of the pose, m and rad; three steps reach it except near singularities."""
 _MAX_CORRECTION_RAD = 0.3
-"""Largest change of a joint from the closed form; beyond it the iteration has converged to another branch."""
+"""Largest change of a joint from the closed form, rad; beyond it the iteration has converged to another branch."""
 
 
 def chain(joints: list[JointGeometry]) -> FloatArray:
-    """The factory calibration as Denavit–Hartenberg rows (6, 4): θ, a, d, α; rad and m."""
+    """Returns the factory calibration as Denavit–Hartenberg rows (6, 4): θ, a, d, α; rad and m."""
     return np.array([[joint.theta_rad, joint.a_m, joint.d_m, joint.alpha_rad] for joint in joints])
 
 
 def of_arm(arm: ArmConfig) -> FloatArray:
-    """An arm's Denavit–Hartenberg rows (6, 4): the factory's where the cell file states them, else the model's."""
+    """Returns an arm's Denavit–Hartenberg rows (6, 4): the factory's if the cell file states them, else the model's."""
     if arm.kinematics is not None:
         return chain(list(arm.kinematics))
     return np.array(denavit_hartenberg(arm_model(arm.model)))
@@ -33,7 +33,7 @@ def of_arm(arm: ArmConfig) -> FloatArray:
 
 def forward(chain: FloatArray, joints: FloatArray) -> FloatArray:
     """Forward kinematics of the calibrated chain: link frames (N, 7, 4, 4), base from link 0 … 6 (6: the flange), of
-    joints (N, 6) in rad."""
+    joints (N, 6), rad."""
     frames = np.empty((len(joints), 7, 4, 4))
     frames[:, 0] = np.eye(4)
     for number, (offset, a, d, twist) in enumerate(chain):
@@ -50,7 +50,7 @@ def forward(chain: FloatArray, joints: FloatArray) -> FloatArray:
 
 
 def refine(chain: FloatArray, joints: FloatArray, base_from_flange: FloatArray) -> FloatArray:
-    """Damped Newton iteration on the calibrated chain: joints (N, 6) near the given ones for flange poses (N, 4, 4).
+    """Refines joints (N, 6) to flange poses (N, 4, 4) by a damped Newton iteration on the calibrated chain.
 
     NaN where it does not converge.
     """
@@ -71,7 +71,7 @@ def refine(chain: FloatArray, joints: FloatArray, base_from_flange: FloatArray) 
 
 
 def _pose_error(current: FloatArray, target: FloatArray) -> FloatArray:
-    """Pose error to first order: translation in m and rotation in rad (N, 6), base frame, from (N, 4, 4) to targets."""
+    """Returns the pose error from (N, 4, 4) to targets, to first order: m and rad (N, 6), base frame."""
     rotation = target[:, :3, :3] @ current[:, :3, :3].transpose(0, 2, 1)
     vector = np.stack(
         [

@@ -1,8 +1,8 @@
 """Collision model of the cell: capsules against convex obstacles, for configurations, edges and occlusion cones.
 
-Checks whether a configuration is free, whether a straight joint edge is free over its full length, and whether the view
-cone (lens to object) and the light cone (lamp to object) are unobstructed during exposure. The arm is the nominal one:
-a calibrated arm differs by millimetres, while clearances are centimetres. Configurations where the arm stops keep
+It checks whether a configuration is free, whether a straight joint edge is free over its full length, and whether the
+view cone (lens to object) and the light cone (lamp to object) are unobstructed during exposure. The arm is the nominal
+one: a calibrated arm differs by millimetres, while clearances are centimetres. Configurations where the arm stops keep
 slightly more than the clearances (`NODE_SLACK_M`), so that the edges from them can be certified for the clearances
 themselves. The table is not checked against the base link, which stands on it and cannot move.
 """
@@ -28,17 +28,17 @@ from acquisition.waypoints.hull_kernels import hull_distance
 from acquisition.waypoints.kinematics import ArmModel, arm_model
 
 NODE_SLACK_M = 0.002
-"""Distance in m beyond the clearances that stop configurations keep."""
+"""Distance, m, beyond the clearances that stop configurations keep."""
 CONE_MARGIN_M = 0.01
-"""Margin in m around both cones: half the entrance pupil of the lens; the lamp's emitter is extended, too."""
+"""Margin, m, around both cones: half the entrance pupil of the lens. The lamp's emitter is extended, too."""
 
 _PAIR_GRID = 48
-"""Joint angles sampled over one turn to decide whether two capsules can meet."""
+"""Joint angles, sampled over one turn, that decide whether two capsules can meet."""
 _RIM_CORNERS = 24
 """Corners of the polygon circumscribed about a rim of a cylinder or cone."""
 _OBJECT_NUMBER = 1  # the object's number among the obstacles; the table is 0
 _PERMANENT_OVERLAP_M = 0.005
-"""Overlap in m by which capsules of two links that cannot meet may penetrate: capsules are larger than the links."""
+"""Overlap, m, allowed between capsules of two links that cannot meet: capsules are larger than the links."""
 
 CollisionReason = Literal["self-collision", "hits-table", "hits-object", "hits-camera", "hits-obstacle"]
 Indices = npt.NDArray[np.int64]
@@ -49,34 +49,34 @@ class Scene:
     """A cell as arrays for the kernels; base frame, m. `reasons` and `names` identify each obstacle."""
 
     model: ArmModel
-    links: Indices  # (C,) of each capsule; the tool's last, on link 6
+    links: Indices  # (C,) link of each capsule; the tool's capsules are last, on link 6
     capsules: FloatArray  # (C, 7)
     first_tool_capsule: int  # number of the tool's first capsule
     lever_arms: FloatArray  # (C, 6) largest distance of each capsule's centre line from each joint axis
     obstacles: FloatArray  # (O, ROW)
-    vertices: FloatArray  # (V, 3) of all obstacles that are hulls
+    vertices: FloatArray  # (V, 3) of all obstacles given as convex hulls
     reasons: tuple[CollisionReason, ...]
     names: tuple[str, ...]
     pairs: Indices  # (P, 2) capsules of the arm that must not meet
     self_margin: float
     keep_out: FloatArray  # (ROW,) the object's cylinder
-    object_rims: FloatArray  # (48, 3) whose hull holds it
+    object_rims: FloatArray  # (48, 3) points whose convex hull encloses it
     occluders: tuple["Occluder", ...]
     lens: FloatArray  # (3,)
 
     def violations(self, joints: FloatArray) -> Indices:
-        """First violated clearance of each of (N, 6): the obstacle's number, len(reasons): the arm itself, −1: none."""
+        """First violated clearance of each of (N, 6): the obstacle's number; len(reasons): the arm itself; −1: none."""
         return kernels.first_violations(
             _finite(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.vertices,
             self.pairs, self.self_margin, NODE_SLACK_M,
         )  # fmt: skip
 
     def free(self, joints: FloatArray) -> BoolArray:
-        """Whether each of (N, 6) keeps all clearances plus `NODE_SLACK_M`."""
+        """Tells whether each of (N, 6) keeps all clearances plus `NODE_SLACK_M`."""
         return self.violations(joints) < 0
 
     def clearance(self, joints: FloatArray) -> FloatArray:
-        """Minimum distances (N, O + 1) in m from the arm's surface to each obstacle and, last, to itself."""
+        """Returns the minimum distances (N, O + 1), m, of the arm's surface to each obstacle and, last, to itself."""
         return kernels.distances(
             _finite(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.vertices,
             self.pairs,
@@ -97,7 +97,7 @@ class Scene:
         )  # fmt: skip
 
     def light_occluder(self, emitter: FloatArray) -> int:
-        """The obstacle that occludes the object from an emitter (3,), −1 for none; half-spaces are not considered."""
+        """Returns the obstacle that occludes the object from an emitter (3,), or −1; half-spaces are left out."""
         middle = (self.object_rims.min(axis=0) + self.object_rims.max(axis=0)) / 2
         bounding_radius = np.linalg.norm(self.object_rims - middle, axis=1).max() + CONE_MARGIN_M
         axis = middle - emitter
@@ -111,13 +111,13 @@ class Scene:
         return -1
 
     def describe_violation(self, violation: int) -> tuple[CollisionReason, str]:
-        """Refusal reason and obstacle name of a number from `violations`."""
+        """Returns refusal reason and obstacle name of a number from `violations`."""
         if violation == len(self.reasons):
             return "self-collision", "the arm itself"
         return self.reasons[violation], self.names[violation]
 
     def most_common_violation(self, violations: Indices) -> tuple[CollisionReason, str]:
-        """Refusal reason and obstacle name of the most frequent among numbers from `violations`, none of them −1."""
+        """Returns reason and obstacle name of the most frequent of numbers from `violations`, none of them −1."""
         return self.describe_violation(Counter(violations.tolist()).most_common(1)[0][0])
 
 
@@ -185,7 +185,7 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
 
 
 def _finite(joints: FloatArray) -> FloatArray:
-    """Joint angles, contiguous. Raises ValueError for NaN, of which no distance is below any clearance."""
+    """Returns contiguous joint angles. Raises ValueError for NaN, whose distances are below no clearance."""
     if not np.isfinite(joints).all():
         raise ValueError("joint angles must be finite")
     return np.ascontiguousarray(joints)
@@ -198,7 +198,7 @@ def _row(kind: int, margin: float, *shape: float) -> FloatArray:
 
 
 def _obstacle(item: Obstacle, usual_m: float, meshes: list[FloatArray]) -> FloatArray:
-    """An obstacle's row (`shape_kernels.ROW`); the vertices of a convex mesh are appended to `meshes`."""
+    """Returns an obstacle's row (`shape_kernels.ROW`); appends the vertices of a convex mesh to `meshes`."""
     margin = usual_m if item.clearance_m is None else item.clearance_m
     if isinstance(item, HalfSpace):
         normal = np.array(item.normal) / np.linalg.norm(item.normal)
@@ -233,7 +233,7 @@ def _occluders(obstacles: FloatArray, vertices: FloatArray) -> tuple[Occluder, .
 
 
 def _hull(shape: FloatArray, vertices: FloatArray) -> tuple[FloatArray, float]:
-    """Points and a radius whose dilated convex hull encloses an obstacle; no points for an unbounded one."""
+    """Returns points and a radius whose dilated convex hull encloses an obstacle; no points for an unbounded one."""
     match int(shape[0]):
         case shapes.CAPSULE:
             return shape[2:8].reshape(2, 3), float(shape[8])
@@ -249,7 +249,7 @@ def _hull(shape: FloatArray, vertices: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _rims(shape: FloatArray, top_radius: float) -> FloatArray:
-    """Corners (48, 3) of polygons circumscribed about the foot and the top of a cylinder or cone."""
+    """Returns corners (48, 3) of polygons circumscribed about the foot and the top of a cylinder or cone."""
     angles = np.arange(_RIM_CORNERS) * 2 * np.pi / _RIM_CORNERS
     axis = shape[5:8]
     aside = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
@@ -260,7 +260,7 @@ def _rims(shape: FloatArray, top_radius: float) -> FloatArray:
 
 
 def _lever_arms(model: ArmModel, links: Indices, capsules: FloatArray) -> FloatArray:
-    """Upper bound (C, 6) in m of the distance of each capsule's centre line from each joint axis over all poses."""
+    """Bounds the distance (C, 6), m, of each capsule's centre line from each joint axis, over all poses."""
     _, a2, a3, d4, d5, d6 = np.abs(model.dh)
     # From frame i − 1 to frame i; the offset along the axis of the joint that moves frame i adds nothing.
     link_lengths = [0.0, a2, a3, d4, d5, d6]
@@ -274,12 +274,12 @@ def _lever_arms(model: ArmModel, links: Indices, capsules: FloatArray) -> FloatA
 
 
 def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, first_tool_capsule: int, margin: float) -> Indices:
-    """Capsule pairs of the self-collision check, the lower link first.
+    """Returns the capsule pairs of the self-collision check, the lower link first.
 
-    Adjacent links share a joint and are excluded, except for the tool, which may fold back on the last wrist. Of links
-    with one link between them, a pair is excluded when it is nearer than the margin in every pose of the joints between
-    (the shoulder's end of the upper arm and the base) or when it never meets: the manufacturer's own gap, narrower than
-    any margin, is safe.
+    Adjacent links share a joint and are excluded, except for the tool, which may fold back on the last wrist. Of two
+    links with one link between them, a pair is excluded if it is nearer than the margin in every pose of the joints
+    between (such as the base and the shoulder end of the upper arm) or if it never meets: the manufacturer's own gap,
+    narrower than any margin, is safe.
     """
     kept: list[tuple[int, int]] = []
     for a, b in itertools.combinations(range(len(links)), 2):
@@ -293,7 +293,7 @@ def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, first_tool_cap
 
 @lru_cache(maxsize=512)
 def _may_meet(model_name: str, low: int, high: int, capsules: tuple[float, ...], margin: float) -> bool:
-    """Whether two capsules, of links with at most one link between, are separated in some poses and touch in others."""
+    """Tells whether two capsules, with at most one link between theirs, are apart in some poses and touch in others."""
     angles = np.linspace(-np.pi, np.pi, _PAIR_GRID, endpoint=False)
     first, second = (grid.ravel() for grid in np.meshgrid(angles, angles))
     joints = np.zeros((_PAIR_GRID ** (high - low), 6))

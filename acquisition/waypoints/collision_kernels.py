@@ -3,18 +3,18 @@
 # ruff: noqa: PLR0912
 """Compiled inner loops of the collision check; `collision.py` is their public interface.
 
-Numba is used because a plan asks for about 10⁵ configurations and 10⁴ edges: 2–5 µs and 30–100 µs each here, some
-twenty times that in numpy batches. Signatures are explicit and the machine code is cached on disk, so nothing compiles
-after the first import.
+Numba is used because a plan checks about 10⁵ configurations and 10⁴ edges. They take 2–5 µs and 30–100 µs each here,
+and about twenty times as long in numpy batches. Signatures are explicit and the machine code is cached on disk, so that
+nothing compiles after the first import.
 
-An arm is a set of capsules on its links, an obstacle one row of numbers (`shape_kernels`).
+An arm is a set of capsules on its links; an obstacle is one row of numbers (`shape_kernels`).
 
-An edge is certified, not sampled (after Schwarzer, Saha and Latombe, "Exact collision checking of robot paths", 2002):
-where the distance at an interval's middle exceeds the displacement bound of half the interval, the interval is free;
-otherwise it is bisected. An edge still open after 2¹² intervals is refused. The displacement bound of a capsule follows
-from its position at the middle: let the joints turn one after the other, the outermost first. Joint j then moves a
-point by at most |Δq_j| × (its distance from the axis at the middle + its displacement by the joints before), and by no
-more than |Δq_j| × (its largest distance from that axis in any configuration).
+An edge is certified, not sampled (after Schwarzer, Saha and Latombe, "Exact collision checking of robot paths", 2002).
+An interval is free if the distance at its middle exceeds the displacement bound of half the interval; otherwise it is
+bisected. An edge that is still open after 2¹² intervals is refused. The displacement bound of a capsule follows from
+its position at the middle. Let the joints turn one after the other, the outermost first. Joint j then moves a point by
+at most |Δq_j| × (its distance from the axis at the middle + its displacement by the joints before), and by no more than
+|Δq_j| × (its largest distance from that axis in any configuration).
 """
 
 import math
@@ -75,8 +75,8 @@ def _place_capsules(dh, joints, links, capsules, frames, placed):
 
 @njit(_indices(_matrix, _vector, _indices, _matrix, _matrix, _matrix, _index_pairs, float64, float64), cache=True)
 def first_violations(joints, dh, links, capsules, obstacles, vertices, pairs, self_margin, slack):
-    """For each of N configurations the first obstacle nearer than its clearance + slack; the number of obstacles for a
-    self-collision, −1 for none."""
+    """Returns for each of N configurations the first obstacle nearer than its clearance + slack; −1 for none, the
+    number of obstacles for a self-collision."""
     count = joints.shape[0]
     result = np.full(count, FREE, dtype=np.int64)
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
@@ -102,7 +102,7 @@ def first_violations(joints, dh, links, capsules, obstacles, vertices, pairs, se
 
 @njit(_matrix(_matrix, _vector, _indices, _matrix, _matrix, _matrix, _index_pairs), cache=True)
 def distances(joints, dh, links, capsules, obstacles, vertices, pairs):
-    """Minimum distances (N, O + 1) of the arm's surface to each obstacle and to itself."""
+    """Returns the minimum distances (N, O + 1) of the arm's surface to each obstacle and to itself."""
     count = joints.shape[0]
     result = np.full((count, obstacles.shape[0] + 1), np.inf)
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
@@ -123,12 +123,12 @@ def distances(joints, dh, links, capsules, obstacles, vertices, pairs):
 @njit(void(_vector, _frames, _matrix, int64, int64, _matrix, _matrix), cache=True)
 def _travel(turns, frames, placed, c, link, lever_arms, travel):
     """Displacement bound: writes into travel[c, j] how far capsule c can move while joints j … 5 turn by up to `turns`
-    (6,) rad."""
+    (6,), rad."""
     moved = 0.0
     for j in range(link - 1, -1, -1):  # joint j turns about the z axis of frame j
         ax, ay, az = frames[j, 0, 2], frames[j, 1, 2], frames[j, 2, 2]
         away = 0.0
-        for end in range(0, 6, 3):  # the distance from an axis is greatest at an end of the line
+        for end in range(0, 6, 3):  # the distance from an axis is largest at an end of the line
             x = placed[c, end] - frames[j, 0, 3]
             y = placed[c, end + 1] - frames[j, 1, 3]
             z = placed[c, end + 2] - frames[j, 2, 3]
@@ -240,10 +240,10 @@ def edges_free(starts, ends, dh, links, capsules, lever_arms, obstacles, vertice
 
 @njit(_indices(_matrix, _matrix, _vector, _indices, _matrix, int64, _matrix, _matrix, float64), cache=True)
 def blocked_cones(joints, emitters, dh, links, capsules, first_tool_capsule, lens, keep_out, margin):
-    """Occlusion check of N configurations: 1 the arm intersects the view cone, 2 the light cone, −1 neither.
+    """Occlusion check of N configurations: 1 if the arm intersects the view cone, 2 if the light cone, else −1.
 
-    Capsules from number `first_tool_capsule` on are the tool, which moves with the emitter and is no part of the second
-    check.
+    Capsules from number `first_tool_capsule` on are the tool. It moves with the emitter and is left out of the check of
+    the light cone.
     """
     count = joints.shape[0]
     result = np.full(count, FREE, dtype=np.int64)

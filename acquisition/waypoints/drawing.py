@@ -1,8 +1,8 @@
-"""Drawings of a cell, its lights, reach and routes: SVG elements, PNG images, and HTML pages that need no network.
+"""Draws a cell, its lights, reach and routes: SVG elements, PNG images, and HTML pages that need no network.
 
-All are drawn from the same marks, lines and points in the base frame. The SVG views are written as text, because the
-result pages are made at the end of every solve, and matplotlib and plotly take a second to load and make images a
-hundred times as large. Both are imported only where a PNG image or HTML page is made.
+All use the same marks: lines and points in the base frame. The SVG views are written as text, because every solve ends
+with the result pages, and matplotlib and plotly take a second to load and make images a hundred times as large. Both
+are imported only for a PNG image or an HTML page.
 """
 
 import html
@@ -41,18 +41,18 @@ _SAMPLES = 16
 
 @dataclass(frozen=True)
 class Mark:
-    """One item of a drawing: points (N, 3) in m, joined by lines (rows of NaN are gaps) or single and labelled."""
+    """One item of a drawing: points (N, 3), m, joined by lines (rows of NaN are gaps) or single and labelled."""
 
     name: str
     points: FloatArray
     color: str
     joined: bool = True
     labels: list[str] = field(default_factory=list[str])
-    legend_only: bool = False  # hidden until it is selected in the legend
+    legend_only: bool = False  # hidden until selected in the legend
 
 
 def cell_marks(cell: CellConfig, calibration: Calibration) -> list[Mark]:
-    """Marks of the obstacles, camera and object of a cell, and the arm at home."""
+    """Returns marks of a cell's obstacles, camera and object, and of the arm at home."""
     bodies: list[tuple[Obstacle, str]] = [
         (cell.table, TABLE),
         *((body, CAMERA) for body in cell.camera_body),
@@ -73,7 +73,7 @@ def cell_marks(cell: CellConfig, calibration: Calibration) -> list[Mark]:
 
 
 def arm_mark(name: str, joints: FloatArray, cell: CellConfig, *, legend_only: bool = False) -> Mark:
-    """The arm (its nominal links) and its tool as lines."""
+    """Draws the arm (its nominal links) and its tool as lines."""
     model = arm_model(cell.arm.model)
     frames = forward(model, joints[None])[0]
     lines = [np.stack([frames[link, :3, 3], frames[link + 1, :3, 3]]) for link in range(6)]
@@ -83,7 +83,7 @@ def arm_mark(name: str, joints: FloatArray, cell: CellConfig, *, legend_only: bo
 
 
 def reach_marks(reach: ReachMap) -> list[Mark]:
-    """Marks of the dome's positions: the reachable ones, and the others by refusal reason."""
+    """Returns marks of the dome's positions: the reachable ones, and the others by refusal reason."""
     base_from_view = lamp_pose.base_from_view(reach.calibration)
     points = geometry.transform(base_from_view, np.array(reach.points).reshape(-1, 3))
     reasons = sorted({refusal.reason for refusal in reach.refusals if refusal is not None})
@@ -96,13 +96,13 @@ def reach_marks(reach: ReachMap) -> list[Mark]:
 
 
 def color_of(number: int) -> str:
-    """Colour (hex) of a refusal reason by its number."""
+    """Returns the colour (hex) of a refusal reason by its number."""
     colors = ("#c03030", "#7030a0", "#2060c0", "#208080", "#806020", "#e070a0", "#606060", "#a0a020", "#40a040")
     return colors[number % len(colors)]
 
 
 def route_marks(route: Route, cell: CellConfig, calibration: Calibration) -> list[Mark]:
-    """Marks of the lights in the order of travel, the lamp's path, and the arm at each light."""
+    """Returns marks of the lights in the order of travel, of the lamp's path, and of the arm at each light."""
     base_from_view = lamp_pose.base_from_view(calibration)
     lights = np.array([waypoint.light.position for waypoint in route.waypoints]).reshape(-1, 3)
     labels = [
@@ -133,7 +133,7 @@ def _points_mark(name: str, points: FloatArray, chosen: Sequence[bool], color: s
 
 
 def _outline(item: Obstacle, cell: CellConfig) -> FloatArray:
-    """The edges of an obstacle as lines; for a half-space a square of its plane."""
+    """Returns the edges of an obstacle as lines; for a half-space a square of its plane."""
     if isinstance(item, HalfSpace):
         normal = np.array(item.normal) / np.linalg.norm(item.normal)
         middle = np.array(cell.object.keep_out.base_from_object.position_m) / 2
@@ -159,7 +159,7 @@ _SQUARE = ((-1, -1), (-1, 1), (1, 1), (1, -1), (-1, -1))
 
 
 def _capsule(item: Capsule | CapsuleShape) -> FloatArray:
-    """Outline of a capsule: its two rims and four lines between them."""
+    """Returns the outline of a capsule: its two rims and four lines between them."""
     start, end = np.array(item.start_m), np.array(item.end_m)
     axis = end - start
     length = float(np.linalg.norm(axis))
@@ -188,7 +188,7 @@ def _gapped(lines: Sequence[FloatArray]) -> FloatArray:
 
 
 def svg_views(routes: Sequence[Route], cell: CellConfig, calibration: Calibration) -> list[tuple[str, str]]:
-    """SVG views of routes as pairs (caption, SVG element); lights are numbered in the order of the images."""
+    """Returns SVG views of routes as pairs (caption, SVG element); lights are numbered in the order of the images."""
     marks = cell_marks(cell, calibration)
     first = 0
     for route in routes:
@@ -207,7 +207,7 @@ def svg_views(routes: Sequence[Route], cell: CellConfig, calibration: Calibratio
 
 
 def _numbered(mark: Mark, route: Route, first: int) -> Mark:
-    """A route's lights labelled with their image numbers; `first` is that of the pass's first image."""
+    """Labels a route's lights with their image numbers; `first` is that of the pass's first image."""
     if mark.joined:
         return mark
     words = [str(first + number) for number in route.light_numbers]
@@ -215,7 +215,7 @@ def _numbered(mark: Mark, route: Route, first: int) -> Mark:
 
 
 def _svg(label: str, marks: list[Mark], axes: FloatArray) -> str:
-    """Orthographic projection of marks to an SVG element; `axes` (2, 3) are the view's right and up directions."""
+    """Projects marks orthographically to an SVG element; `axes` (2, 3) are the view's right and up directions."""
     flat = [mark.points @ axes.T for mark in marks]
     low, high = np.nanmin(np.vstack(flat), axis=0), np.nanmax(np.vstack(flat), axis=0)
     scale = (WIDTH_PX - 2 * BORDER_PX) / max(float(high[0] - low[0]), 1e-9)
@@ -230,7 +230,7 @@ def _svg(label: str, marks: list[Mark], axes: FloatArray) -> str:
 
 
 def _svg_lines(mark: Mark, places: FloatArray) -> str:
-    """SVG polylines through points (N, 2) in pixels; rows of NaN are gaps."""
+    """Returns SVG polylines through points (N, 2) in pixels; rows of NaN are gaps."""
     gap = np.isnan(places[:, 0])
     steps = [
         "" if empty else f"{'M' if starts else 'L'}{x:.1f} {y:.1f}"

@@ -1,16 +1,16 @@
 """Link shapes of the UR15, UR20 and UR30, estimated by stretching the UR10e's.
 
 The maker's meshes of these arms are under terms of their own ("Graphical Documentation") and are not shipped. All large
-arms are built alike, so the UR10e's meshes (BSD-3-Clause) are stretched to the published lengths instead: along the
-links to a₂ and a₃ with the joint housings kept in shape, across them by the greatest ratio of published lengths, and
-sideways to where `ur_description` puts upper arm, forearm and flange. What is planned by is wider still: the capsules
-enclose the stretched meshes with `MARGIN_M` to spare. Check: they hold nearly all of the link capsules that another
+arms have the same construction, so the UR10e's meshes (BSD-3-Clause) are stretched to the published lengths: along the
+links to a₂ and a₃ with the joint housings kept in shape, across them by the largest ratio of published lengths, and
+sideways to the positions of upper arm, forearm and flange in `ur_description`. Planning uses still wider shapes: the
+capsules enclose the stretched meshes by `MARGIN_M`. Check: they contain nearly all of the link capsules that another
 project publishes for its UR20 (`tests/acquisition/waypoints/test_arm_models.py`).
 
     python -m acquisition.waypoints.estimated_links FOLDER
 
-writes `arm_models.json`, `meshes/*.npz`, and to FOLDER the STL files from which `python -m hardware_sim.link_spheres
-FOLDER` makes what the simulated arm touches with.
+writes `arm_models.json`, `meshes/*.npz`, and STL files to FOLDER. From these, `python -m hardware_sim.link_spheres
+FOLDER` makes the shapes by which the simulated arm detects contact.
 """
 
 import json
@@ -29,17 +29,17 @@ from acquisition.waypoints.link_meshes import LinkMesh, link_meshes
 
 SOURCE = "ur10e"
 MARGIN_M = 0.008
-"""How far the capsules stand out of the stretched meshes: true sizes differ from these."""
-_EXACT_M = 0.001  # the fit of capsules to samples of a surface
-_SAMPLES = 20_000  # of a link's surface
-_TUBES_M = (0.1762, 0.0393)  # of the UR10e: middle lines of upper arm and forearm along z (`ur_description`)
+"""Distance, m, by which the capsules exceed the stretched meshes, because the true sizes differ from these."""
+_EXACT_M = 0.001  # accuracy of the fit of capsules to samples of a surface
+_SAMPLES = 20_000  # points of a link's surface
+_TUBES_M = (0.1762, 0.0393)  # UR10e: middle lines of upper arm and forearm along z (`ur_description`)
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """How one arm's links come from the UR10e's; lengths in m along z of the links' frames.
+    """How one arm's links follow from the UR10e's; lengths, m, along z of the links' frames.
 
-    `across`: factor of all widths, the greatest ratio of published lengths (d₅ or d₆). `interface`: where the upper arm
+    `across`: factor of all widths, the largest ratio of published lengths (d₅ or d₆). `interface`: where the upper arm
     begins. `tubes`: middle lines of upper arm and forearm. `wrist`: where the forearm ends. `flange`: the length of the
     last link.
     """
@@ -52,7 +52,7 @@ class Stretch:
 
 
 # Offsets of the meshes in `ur_description`, config/ur15|ur20|ur30/visual_parameters.yaml and physical_parameters.yaml.
-# The UR15's middle lines are not among them: between the UR10e's and the UR20's in the ratio of the centres of mass.
+# The UR15's middle lines are missing there: interpolated between UR10e and UR20 in the ratio of the centres of mass.
 _LARGE = Stretch(across=1.33, interface=0.109, tubes=(0.260, 0.043), wrist=0.141, flange=0.070)
 STRETCHES = {
     "ur15": Stretch(across=1.231, interface=0.100, tubes=(0.227, 0.045), wrist=0.1322, flange=0.0715),
@@ -62,12 +62,12 @@ STRETCHES = {
 
 
 def stretched(points: FloatArray, link: int, model: ArmModel) -> FloatArray:
-    """Points (N, 3) of a link of the UR10e, in its Denavit–Hartenberg frame, moved to where they are on `model`."""
+    """Moves points (N, 3) of a UR10e link, in its Denavit–Hartenberg frame, to their place on `model`."""
     stretch, source = STRETCHES[model.name], kinematics.arm_model(SOURCE)
     moved = points * stretch.across
     if link in (2, 3):
         before, after = abs(float(source.dh[link - 1])), abs(float(model.dh[link - 1]))
-        far = points[:, 0] > before / 2  # housings at either end keep their shape, what is between gets longer
+        far = points[:, 0] > before / 2  # the housings at both ends keep their shape, the tube between is stretched
         moved[:, 0] = np.where(far, after - stretch.across * (before - points[:, 0]), moved[:, 0])
         tube, new = _TUBES_M[link - 2], stretch.tubes[link - 2]
         low, high = (0.0948, 0.2694) if link == 2 else (-0.0188, 0.106)  # extents of the UR10e's meshes
@@ -80,7 +80,7 @@ def stretched(points: FloatArray, link: int, model: ArmModel) -> FloatArray:
 
 
 def meshes(model: ArmModel) -> list[LinkMesh]:
-    """The seven stretched meshes: convex hulls, as the originals are convex."""
+    """Returns the seven stretched meshes: convex hulls, as the originals are convex."""
     links: list[LinkMesh] = []
     for mesh in link_meshes(SOURCE):
         hull = ConvexHull(stretched(mesh.vertices.astype(float), mesh.link, model))
@@ -96,7 +96,7 @@ def meshes(model: ArmModel) -> list[LinkMesh]:
 
 
 def capsules(model: ArmModel) -> list[tuple[int, FloatArray, FloatArray, float]]:
-    """Link, start, end and radius of capsules: the UR10e's, stretched, and as wide as what each of them encloses."""
+    """Returns link, start, end and radius of the UR10e's capsules, stretched, each as wide as its part of the link."""
     source = kinematics.arm_model(SOURCE)
     rows: list[tuple[int, FloatArray, FloatArray, float]] = []
     for mesh in link_meshes(SOURCE):
@@ -113,7 +113,7 @@ def capsules(model: ArmModel) -> list[tuple[int, FloatArray, FloatArray, float]]
 
 
 def _surface(mesh: LinkMesh) -> FloatArray:
-    """Points (N, 3) all over a mesh, its corners among them."""
+    """Samples points (N, 3) all over a mesh; its corners are among them."""
     corners = mesh.vertices.astype(float)[mesh.faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     random = np.random.default_rng(0)
@@ -155,7 +155,7 @@ def main(folder: Path) -> None:
             stem = f"{mesh.link}_{mesh.name}"
             arrays |= {f"{stem}_vertices": mesh.vertices, f"{stem}_faces": mesh.faces}
             (folder / name / f"{stem}.stl").write_bytes(stl.encoded(mesh.vertices, mesh.faces))
-        (folder / name / "estimated").touch()  # how coarsely `hardware_sim.link_spheres` packs them
+        (folder / name / "estimated").touch()  # tells `hardware_sim.link_spheres` how coarsely to pack the spheres
         np.savez_compressed(here / "meshes" / f"{name}.npz", allow_pickle=False, **arrays)
     table.write_text(text, encoding="utf-8")
 

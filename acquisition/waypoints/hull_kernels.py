@@ -3,7 +3,7 @@
 # ruff: noqa: PLR0912
 """Compiled distance of two convex hulls of points (Gilbert, Johnson and Keerthi, "A fast procedure", 1988).
 
-Returned is the largest separation along the search directions: a *lower* bound of the distance whatever the rounding,
+The result is the largest separation along the search directions: a *lower* bound of the distance whatever the rounding,
 tight to `_SHARP_M` unless the search ends early. So an obstacle given as points is certified like the others.
 """
 
@@ -22,10 +22,10 @@ _matrix = float64[:, ::1]
 
 @njit(int64(_matrix, int64, _vector), cache=True)
 def _reduce(simplex, count, nearest):
-    """Distance subalgorithm of GJK: writes the point of a simplex of 1–4 points nearest to the origin, and reduces the
-    simplex to the vertices of its face.
+    """Distance subalgorithm of GJK: reduces a simplex of 1–4 points to the face nearest to the origin.
 
-    All faces are tried: there are at most 15, and the nearest point is the best of those that lie inside their face.
+    Writes the nearest point to `nearest`. All faces are tried: there are at most 15, and the nearest point is the best
+    of those that lie inside their face.
     """
     best, best_mask = np.inf, 0
     edge, product, away, share = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
@@ -97,9 +97,9 @@ def _support(points, x, y, z):
 
 @njit(float64(_matrix, _matrix, float64, float64), cache=True)
 def hull_distance(first, second, least, need):
-    """GJK: lower bound of the distance in m of the convex hulls of points (N, 3) and (M, 3); at most 0 if they touch.
+    """GJK: lower bound of the distance, m, of the convex hulls of points (N, 3) and (M, 3); at most 0 if they touch.
 
-    Only as tight as needed to decide which of `least` ≤ `need` the distance exceeds; to 1e-6 m if these are NaN.
+    It is only as tight as needed to decide which of `least` ≤ `need` the distance exceeds; to 1e-6 m if these are NaN.
     """
     simplex, nearest = np.empty((4, 3)), np.empty(3)
     for axis in range(3):

@@ -20,17 +20,17 @@ from acquisition.waypoints import calibrated_kinematics, collision_kernels, kine
 from acquisition.waypoints.collision import Scene
 
 ROLLS = 36
-"""Rolls about the lamp's axis, every 10°: one fixed roll solves 42 % of random cells, 24 rolls 92 %."""
+"""Rolls about the lamp's axis, one per 10°. Measured: one fixed roll solves 42 % of random cells, 24 rolls 92 %."""
 FINE_ROLLS = 180
-"""Rolls, every 2°, for lights without a solution at `ROLLS`; these are few, so it costs little."""
+"""Rolls, one per 2°, for lights without a solution at `ROLLS`; such lights are few, so the cost is small."""
 
 _BATCH = 64
-"""Lights that are solved together at `ROLLS`, which limits memory."""
+"""Lights that are solved together at `ROLLS`; limits memory."""
 
 
 @dataclass(frozen=True)
 class IkSolutions:
-    """A light's collision-free configurations (M, 6) with both cones unobstructed, rad; the refusal if none."""
+    """A light's collision-free configurations (M, 6), rad, with both cones unobstructed; the refusal if none."""
 
     joints: FloatArray
     refusal: Refusal | None
@@ -39,7 +39,7 @@ class IkSolutions:
 def solve_lights(
     lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene, rolls: int = ROLLS
 ) -> list[IkSolutions]:
-    """Inverse kinematics of lights (view frame) over `rolls` rolls and all branches, filtered for validity."""
+    """Solves the inverse kinematics of lights (view frame) over `rolls` rolls and all branches, filtered."""
     result: list[IkSolutions] = []
     step = _BATCH * ROLLS // rolls
     for start in range(0, len(lights), step):  # 64 lights × 288 configurations a batch
@@ -65,7 +65,7 @@ def _batch(
     solved = solved.reshape(len(lights), -1, 6)
     within = kinematics.unwrap(solved, np.array(cell.arm.home))
 
-    # Flat lists of the solutions left after each filter, with the number of the light that each belongs to.
+    # Flat lists of the solutions left after each filter, with the number of each solution's light.
     owner, rows = np.nonzero(~np.isnan(within[..., 0]))
     joints = within[owner, rows]
     violations = scene.violations(joints)

@@ -1,7 +1,7 @@
-"""One step of jogging: a short straight joint segment, certified as those of routes are.
+"""One step of jogging: a short straight joint segment, certified like those of routes.
 
 Before: a person who holds a button. After: `runner.operator_moves` sends the step. The whole segment keeps all
-clearances, its end those of a place to stand and all joint limits. Where the full step is not free a half of it is
+clearances; its end keeps those of stop configurations and all joint limits. If the full step is not free, half of it is
 tried, down to `_SHORTEST`, so that the arm goes close to a limit and no further.
 """
 
@@ -18,22 +18,22 @@ from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.motion import legs
 
 JOG_SPEED_RAD_S = 0.25
-"""Highest joint speed, rad/s; the usual reduced speed of teaching."""
+"""Highest joint speed, rad/s: the usual reduced speed of teaching."""
 JOG_TOOL_SPEED_M_S = 0.1
 """Highest speed of the tool and of the elbow, m/s: less than half of the 0.25 m/s that ISO 10218-1 allows with a person
-at hand, since here nobody holds an enabling switch."""
+at hand, since nobody holds an enabling switch here."""
 
 _SHORTEST = 1 / 8
 """Smallest fraction of the step that is tried."""
 _LARGEST_TURN_RAD = 0.5
-"""Largest turn of a joint in a step along an axis; beyond it the arm is near a singularity."""
+"""Largest turn of a joint, rad, in a step along an axis; beyond it the arm is near a singularity."""
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def jog_step(joints: tuple[float, ...], motion: JogMotion, cell: CellConfig, calibration: Calibration) -> JointPath:
-    """Certified segment from `joints` (6, rad) in the direction of a motion.
+    """Returns a certified segment from `joints` (6, rad) in the direction of a motion.
 
-    Raises RigError waypoints.collision naming what is in the way (`reason`), waypoints.unreachable at a joint's limit
+    Raises RigError waypoints.collision, which names the obstacle (`reason`), waypoints.unreachable at a joint's limit
     or where the arm cannot reach further.
     """
     arm, start, slow = scene(cell, calibration), np.array(joints, dtype=float), _slow(cell.arm)
@@ -51,7 +51,7 @@ def jog_step(joints: tuple[float, ...], motion: JogMotion, cell: CellConfig, cal
 
 
 def _end(start: FloatArray, motion: JogMotion, share: float, cell: CellConfig) -> FloatArray:
-    """Joints (6,) at the end of a fraction of the step."""
+    """Returns the joints (6,) at the end of a fraction of the step."""
     if motion.joint is not None:
         end = start.copy()
         end[motion.joint] += motion.direction * motion.step_rad * share
@@ -83,7 +83,7 @@ def _require_free(start: FloatArray, end: FloatArray, config: ArmConfig, arm: Sc
     limit = np.full(6, kinematics.JOINT_LIMIT)
     limit[2] = kinematics.ELBOW_LIMIT
     home = np.array(config.home)
-    # A joint that somebody has moved beyond a limit by hand may come back.
+    # A joint that a person has moved beyond a limit by hand may move back.
     outwards = (np.abs(end) > np.abs(start)) & (np.abs(end) > limit)
     outwards |= (np.abs(end - home) > np.abs(start - home)) & (np.abs(end - home) > np.pi)
     if outwards.any():

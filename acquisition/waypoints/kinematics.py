@@ -1,13 +1,13 @@
-"""Closed-form kinematics of the UR arms in batches (after Hawkins 2013, "Analytic inverse kinematics for the
-Universal Robots UR-5/UR-10 arms").
+"""Closed-form kinematics of the UR arms in batches (Hawkins 2013).
 
-The closed form is chosen over a numerical solver because the route needs *all* branches of many thousand poses (every
-roll of the lamp about its axis), in microseconds each, and because it cannot fail to converge. It is valid for the
-nominal arm only: a real arm's factory calibration differs by millimetres (`calibrated_kinematics` refines each branch),
-and measured lamp positions come from the controller's own tool pose and never from here.
+Source: Hawkins, "Analytic inverse kinematics for the Universal Robots UR-5/UR-10 arms". The closed form is chosen over
+a numerical solver because the route needs *all* branches of many thousand poses (every roll of the lamp about its
+axis), in microseconds each, and because it cannot fail to converge. It is valid for the nominal arm only. A real arm's
+factory calibration differs by millimetres: `calibrated_kinematics` refines each branch, and measured lamp positions
+come from the controller's own tool pose and never from here.
 
-Joint angles are those of the controller; link frame i is the Denavit–Hartenberg frame after joint i (0 the base, 6 the
-flange), the distances and twists those that Universal Robots publishes ("DH parameters for calculations").
+Joint angles are those of the controller. Link frame i is the Denavit–Hartenberg frame after joint i (0 the base, 6 the
+flange), with the distances and twists that Universal Robots publishes ("DH parameters for calculations").
 """
 
 import json
@@ -24,7 +24,7 @@ from acquisition.models.errors import ErrorCode, RigError
 TURN = 2.0 * np.pi
 """One turn, rad."""
 JOINT_LIMIT = TURN - 0.05
-"""Limit of every joint, ± rad: the controller's own is ± one turn, less a margin of 0.05 rad."""
+"""Limit of every joint, ± rad: the controller's own, ± one turn, less a margin of 0.05 rad."""
 ELBOW_LIMIT = np.pi - 0.05
 """Limit of the elbow, ± rad: beyond half a turn the forearm would pass through the upper arm."""
 _SINGULAR = 1e-9
@@ -36,7 +36,7 @@ class ArmModel:
     """Nominal arm model: Denavit–Hartenberg lengths in m, joint speeds in rad/s, link capsules in link frames."""
 
     name: str
-    links_of: str  # the model whose link meshes it has: a UR7e is a UR5e, a UR12e a UR10e
+    links_of: str  # the model with the same link meshes: UR5e for a UR7e, UR10e for a UR12e
     dh: FloatArray  # (6,) d1, a2, a3, d4, d5, d6
     max_joint_speed_rad_s: FloatArray  # (6,)
     capsule_links: tuple[int, ...]
@@ -45,7 +45,7 @@ class ArmModel:
 
 @cache
 def arm_model(name: str) -> ArmModel:
-    """The nominal model of an arm such as `ur5e`. Raises RigError config.invalid for an unknown one."""
+    """Returns the nominal model of an arm such as `ur5e`. Raises RigError config.invalid for an unknown one."""
     models: dict[str, Any] = json.loads(
         resources.files("acquisition.waypoints").joinpath("arm_models.json").read_text()
     )["models"]
@@ -66,7 +66,7 @@ def arm_model(name: str) -> ArmModel:
 
 
 def forward(model: ArmModel, joints: FloatArray) -> FloatArray:
-    """Forward kinematics: link frames (N, 7, 4, 4), base from link 0 … 6 (6: the flange), of joints (N, 6) in rad."""
+    """Forward kinematics: link frames (N, 7, 4, 4), base from link 0 … 6 (6: the flange), for joints (N, 6), rad."""
     frames = np.empty((len(joints), 7, 4, 4))
     frames[:, 0] = np.eye(4)
     for joint, (_, a, d, twist) in enumerate(denavit_hartenberg(model)):
@@ -75,7 +75,7 @@ def forward(model: ArmModel, joints: FloatArray) -> FloatArray:
 
 
 def denavit_hartenberg(model: ArmModel) -> list[tuple[float, float, float, float]]:
-    """The nominal arm's six Denavit–Hartenberg rows θ, a, d, α; rad and m."""
+    """Returns the nominal arm's six Denavit–Hartenberg rows θ, a, d, α; rad and m."""
     d1, a2, a3, d4, d5, d6 = (float(length) for length in model.dh)
     return [
         (0.0, 0.0, d1, np.pi / 2),
@@ -101,12 +101,10 @@ def _link(angle: FloatArray, d: float, a: float, twist: float) -> FloatArray:
 
 
 def inverse(model: ArmModel, base_from_flange: FloatArray) -> FloatArray:
-    """Analytic inverse kinematics (after Hawkins 2013): joints (N, 8, 6) in (−π, π] of flange poses (N, 4, 4).
+    """Analytic inverse kinematics (Hawkins 2013): joints (N, 8, 6) in (−π, π] for flange poses (N, 4, 4).
 
-    NaN where a branch does not exist.
-
-    Branches: shoulder left or right (4) × wrist up or down (2) × elbow up or down (1). Where the wrist is straight
-    (sin q5 = 0) joints 4 and 6 turn about the same axis and joint 6 is set to zero.
+    NaN where a branch does not exist. Branches: shoulder left or right (4) × wrist up or down (2) × elbow up or down
+    (1). If the wrist is straight (sin q5 = 0), joints 4 and 6 turn about the same axis and joint 6 is set to zero.
     """
     d1, a2, a3, d4, d5, d6 = model.dh
     position, rotation = base_from_flange[:, :3, 3], base_from_flange[:, :3, :3]
@@ -119,7 +117,7 @@ def inverse(model: ArmModel, base_from_flange: FloatArray) -> FloatArray:
             q1 = np.arctan2(wrist[:, 1], wrist[:, 0]) + np.pi / 2 + (swing if shoulder == 0 else -swing)
             s1, c1 = np.sin(q1), np.cos(q1)
             cosine5 = (position[:, 0] * s1 - position[:, 1] * c1 - d4) / d6
-            # For a pose computed by forward kinematics the cosine may exceed 1 by rounding.
+            # For a pose from forward kinematics the cosine may exceed 1 by rounding.
             cosine5 = np.where(np.abs(cosine5) < 1 + 1e-9, np.clip(cosine5, -1.0, 1.0), np.nan)
             for fold in (0, 1):
                 q5 = np.arccos(cosine5) * (1 if fold == 0 else -1)

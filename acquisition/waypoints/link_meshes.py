@@ -1,8 +1,8 @@
-"""The maker's meshes of the arm's links, for drawings and audits; what is safe is decided by the capsules alone.
+"""The maker's meshes of the arm's links, for drawings and audits only; the capsules alone decide what is safe.
 
 They are the collision meshes of `ur_description` (BSD-3-Clause, `meshes/LICENSE`), unchanged but for their packing:
-7,500 to 10,300 triangles for an arm, few enough for a browser without thinning. The UR15's, UR20's and UR30's are the
-UR10e's, stretched (`estimated_links`).
+7,500 to 10,300 triangles per arm, few enough for a browser. The UR15's, UR20's and UR30's are the UR10e's, stretched
+(`estimated_links`).
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class LinkMesh:
 
 @cache
 def link_meshes(model: str) -> tuple[LinkMesh, ...]:
-    """The meshes of links 0 (base) to 6 (flange) of an arm such as `ur5e`. Raises RigError config.invalid."""
+    """Returns the meshes of links 0 (base) to 6 (flange) of an arm such as `ur5e`. Raises RigError config.invalid."""
     file = resources.files("acquisition.waypoints").joinpath("meshes", f"{arm_model(model).links_of}.npz")
     with file.open("rb") as opened, np.load(opened) as stored:
         stems = sorted(name.removesuffix("_faces") for name in stored.files if name.endswith("_faces"))

@@ -1,7 +1,7 @@
 """Speed and duration of straight joint segments: trapezoidal velocity profile under joint, tool and elbow limits.
 
 The controller's `moveJ` drives the leading joint (the one with the largest displacement) with a trapezoidal velocity
-profile and the others in proportion, so a segment's time has a closed form, and a limit on the tool's or elbow's speed
+profile and the others in proportion. So a segment's time has a closed form, and a limit on the tool's or elbow's speed
 is a limit on the leading joint's.
 """
 
@@ -27,7 +27,7 @@ class Legs:
 
 
 def legs(starts: FloatArray, ends: FloatArray, arm: ArmConfig, samples: int = 33) -> Legs:
-    """Largest allowed speed and shortest time of each straight joint segment (N, 6) to (N, 6), rad.
+    """Returns the largest allowed speed and the shortest time of each straight joint segment (N, 6) to (N, 6), rad.
 
     Tool and elbow speed are limited at `samples` points of the forward kinematics along each segment.
     """
@@ -52,7 +52,7 @@ def legs(starts: FloatArray, ends: FloatArray, arm: ArmConfig, samples: int = 33
 
 
 def trapezoid_seconds(angle: FloatArray, speed: FloatArray, acceleration: float) -> FloatArray:
-    """Trapezoidal velocity profile: time in s from rest to rest over `angle` (rad) at up to `speed` (rad/s) with
+    """Time, s, from rest to rest over `angle` (rad) with a trapezoidal velocity profile: at up to `speed` (rad/s), with
     `acceleration` (rad/s²)."""
     ramped = angle < speed**2 / acceleration
     return np.where(ramped, 2 * np.sqrt(angle / acceleration), angle / speed + speed / acceleration)

@@ -15,10 +15,10 @@ _matrix = float64[:, ::1]
 
 @njit(_matrix(_matrix, _matrix, _vector, _vector, int64), cache=True)
 def path_lengths_per_share(starts, ends, dh, tool, samples):
-    """Differential kinematics: largest |dp/ds| (N, 2) in m of tool and elbow on N segments q(s), s from 0 to 1.
+    """Differential kinematics: largest |dp/ds| (N, 2), m, of tool and elbow on N segments q(s), s from 0 to 1.
 
     Evaluated at `samples` points. The tool is the faster of the flange and the point `tool` (3,) of the flange frame;
-    the elbow the faster of the two ends of its hinge.
+    the elbow is the faster of the two ends of its hinge.
     """
     result = np.zeros((starts.shape[0], 2))
     frames = np.empty((7, 3, 4))

@@ -1,8 +1,7 @@
-"""What is on the flange: the cell with the lamp or with the calibration board, for collisions and speed limits.
+"""The tool on the flange: the cell with the lamp or with the calibration board, for collisions and speed limits.
 
-A session states its tool, and the cell that its paths are certified in is the cell file's with that tool. The plate of
-a board is covered with capsules, because the arm's other parts are capsules too; it becomes thicker by this, never
-thinner.
+A session states its tool; its paths are certified in the cell file's cell with that tool. The plate of a board is
+covered with capsules, because the arm's other parts are capsules too. This makes the plate thicker, never thinner.
 """
 
 import numpy as np
@@ -13,14 +12,15 @@ from acquisition.models.cell_config import BoardConfig, CapsuleShape, CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 
 PLATE_CAPSULES = 6
-"""Capsules side by side over a plate: their radius is a twelfth of its shorter side, half its thickness more."""
+"""Capsules side by side over a plate, of radius √((a twelfth of its shorter side)² + (half its thickness)²)."""
 
 
 def with_tool(cell: CellConfig, tool: Tool) -> CellConfig:
-    """The cell with a tool on its flange. Raises RigError config.invalid for a board that the cell file has not.
+    """Returns the cell with a tool on its flange. Raises RigError config.invalid if the cell file has no board.
 
-    With a board the tool's speed is limited where the plate is farthest from the flange, whichever tool the cell file
-    names: `flange_from_tool` is then that corner's place, and poses of the lamp follow from the file's cell alone.
+    With a board the tool's speed is limited at the plate's point farthest from the flange, whichever tool the cell file
+    names: `flange_from_tool` is then the place of that corner. Poses of the lamp must therefore be computed with the
+    cell of the file.
     """
     if tool == "lamp":
         return cell.model_copy(update={"arm": cell.arm.model_copy(update={"tool": tool})})
@@ -39,9 +39,9 @@ def with_tool(cell: CellConfig, tool: Tool) -> CellConfig:
 
 
 def payload(cell: CellConfig, tool: Tool) -> tuple[float, Vector3]:
-    """Mass, kg, and centre of gravity (3,) in the flange frame, m, of what is on the flange, as the cell file says.
+    """Returns mass, kg, and centre of gravity (3,), m, in the flange frame, of the stated tool.
 
-    With a board whose payload is not stated it is the lamp's: `payload_warning` says so.
+    A board whose payload is not stated has the lamp's; `payload_warning` reports it.
     """
     board = cell.board if tool == "board" else None
     if board is None or board.payload_kg is None or board.payload_center_m is None:
@@ -50,7 +50,7 @@ def payload(cell: CellConfig, tool: Tool) -> tuple[float, Vector3]:
 
 
 def payload_warning(cell: CellConfig, tool: Tool) -> str:
-    """What a person should know of the payload that the controller is told; empty: nothing."""
+    """Returns a warning about the payload that the controller gets; empty if there is none."""
     if tool == "lamp" or require_board(cell).payload_kg is not None:
         return ""
     return (
@@ -61,7 +61,7 @@ def payload_warning(cell: CellConfig, tool: Tool) -> str:
 
 
 def require_board(cell: CellConfig) -> BoardConfig:
-    """The cell's board. Raises RigError config.invalid where there is none."""
+    """Returns the cell's board. Raises RigError config.invalid if there is none."""
     if cell.board is None:
         raise RigError(ErrorCode.CONFIG_INVALID, "The cell file describes no calibration board: add a section [board]")
     return cell.board
@@ -77,11 +77,11 @@ def capsules(cell: CellConfig) -> list[CapsuleShape]:
 
 
 def plate(board: BoardConfig) -> list[CapsuleShape]:
-    """Capsules in the flange frame whose union holds the plate."""
+    """Returns capsules in the flange frame whose union encloses the plate."""
     low, high = _extent(board)
     long, short = (0, 1) if high[0] - low[0] >= high[1] - low[1] else (1, 0)
     step = (high[short] - low[short]) / PLATE_CAPSULES
-    # Between two axes the plate's edge is half a step away, and half its thickness above.
+    # The plate's face midway between two axes is half a step aside and half its thickness above.
     radius = float(np.hypot(step / 2, board.thickness_m / 2))
     made: list[CapsuleShape] = []
     for number in range(PLATE_CAPSULES):
@@ -95,13 +95,13 @@ def plate(board: BoardConfig) -> list[CapsuleShape]:
 
 
 def plate_corners(board: BoardConfig) -> FloatArray:
-    """Corners (4, 3) of the plate's printed face in the flange frame."""
+    """Returns the corners (4, 3) of the plate's printed face in the flange frame."""
     low, high = _extent(board)
     face = np.array([[x, y, 0.0] for x in (low[0], high[0]) for y in (low[1], high[1])])
     return geometry.transform(board.flange_from_board.matrix, face)
 
 
 def _extent(board: BoardConfig) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper corner (2,) of the plate in the board's frame, m."""
+    """Returns the lower and upper corner (2,) of the plate in the board's frame, m."""
     size = board.square_m * np.array([board.columns, board.rows])
     return np.full(2, -board.margin_m), size + board.margin_m

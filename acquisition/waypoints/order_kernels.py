@@ -4,10 +4,10 @@
 """Compiled solvers of the generalised travelling-salesman path: order of lights and configuration of each, jointly.
 
 Each stop is a set of nodes, of which one is visited; the path leads from start to home. Up to a dozen stops are solved
-exactly by dynamic programming over subsets (Held and Karp); more, by iterated local search: a stop is removed and
-reinserted at its best position (or-opt with one stop), with the configurations of all other stops optimised again for
-each trial, which forward and backward sweeps of dynamic programming make exact. The number of perturbations is fixed,
-not their time, and they come from a generator with a fixed seed, so the same lights always give the same route.
+exactly by dynamic programming over subsets (Held and Karp). More are solved by iterated local search: a stop is removed
+and reinserted at its best position (or-opt with one stop). For each trial, forward and backward sweeps of dynamic
+programming optimise the configurations of all other stops exactly. The number of perturbations is fixed, not their
+time, and they come from a generator with a fixed seed, so the same lights always give the same route.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from numba import float64, int64, njit
 from numba.types import Tuple  # pyright: ignore[reportAttributeAccessIssue]
 
 _UNREACHED_S = 1e9
-"""Time in s of states that are not reached: longer than any tour."""
+"""Time, s, of states that are not reached: longer than any tour."""
 _vector = float64[::1]
 _matrix = float64[:, ::1]
 _indices = int64[::1]
@@ -23,12 +23,12 @@ _indices = int64[::1]
 
 @njit(_indices(_matrix, _indices, int64, int64), cache=True, fastmath={"nnan", "ninf", "nsz"})
 def exact_tour(seconds, first, start, home):
-    """Held–Karp dynamic programming: nodes of the optimal tour from start to home, one of nodes first[i] …
-    first[i + 1] − 1 of each stop i."""
+    """Held–Karp dynamic programming: nodes of the optimal tour from start to home, one of first[i] … first[i + 1] − 1
+    of each stop i."""
     stops = first.shape[0] - 1
     nodes = first[stops]
     subsets = 1 << stops
-    # Shortest time through a subset of the stops that ends at a node of it; single precision is twice as fast.
+    # Shortest time through a subset of stops that ends at one of its nodes; single precision is twice as fast.
     best, single = np.full((subsets, nodes), _UNREACHED_S, dtype=np.float32), seconds.astype(np.float32)
     for stop in range(stops):
         for node in range(first[stop], first[stop + 1]):
@@ -63,9 +63,9 @@ def exact_tour(seconds, first, start, home):
 def path_bound(times, steps):
     """Held–Karp lower bound (1970) of the shortest Hamiltonian path whose ends are the last two stops.
 
-    Such a path is a spanning tree of degree two at each stop and one at each end. Lagrange multipliers on the degrees,
-    raised by subgradient steps where the minimum spanning tree's degree is too large and lowered where it is too small,
-    leave the relative cost of paths unchanged and raise that of other trees.
+    Such a path is a spanning tree with degree two at each stop and one at each end. Lagrange multipliers on the degrees
+    are raised by subgradient steps where the minimum spanning tree's degree is too large and lowered where it is too
+    small. They leave the relative cost of paths unchanged and raise that of other trees.
     """
     count = times.shape[0]
     price, best = np.zeros(count), 0.0
@@ -100,7 +100,7 @@ def path_bound(times, steps):
 
 @njit(float64(_matrix, _indices, int64, int64, _indices, int64, _matrix, _matrix), cache=True)
 def _sweep(seconds, first, start, home, order, count, forward, backward):
-    """Forward and backward dynamic programming over configurations for a fixed order; returns the tour's time in s.
+    """Forward and backward dynamic programming over configurations for a fixed order; returns the tour's time, s.
 
     Fills `forward` and `backward` (stops, configurations): the shortest times from start and to home.
     """
@@ -138,7 +138,7 @@ def _sweep(seconds, first, start, home, order, count, forward, backward):
 
 @njit(Tuple((float64, int64))(_matrix, _indices, int64, int64, _indices, int64, int64, _matrix, _matrix), cache=True)
 def _best_insertion(seconds, first, start, home, order, count, stop, forward, backward):
-    """Cheapest insertion of a stop into an order with filled sweeps: the tour's time in s and the position."""
+    """Cheapest insertion of a stop into an order with filled sweeps: the tour's time, s, and the position."""
     best, best_position = np.inf, 0
     low, high = first[stop], first[stop + 1]
     for position in range(count + 1):
@@ -191,8 +191,8 @@ def _reinsert(seconds, first, start, home, order, forward, backward):
 
 @njit(_indices(_matrix, _indices, int64, int64, _indices, int64), cache=True)
 def searched_tour(seconds, first, start, home, order, rounds):
-    """Iterated local search: nodes of a short tour, as exact_tour; starts from `order` (empty: cheapest insertion) and
-    perturbs it `rounds` times by exchanging two adjacent segments (double bridge)."""
+    """Iterated local search: nodes of a short tour, as `exact_tour`; starts from `order` (empty: cheapest insertion)
+    and perturbs it `rounds` times by exchanging two adjacent segments (double bridge)."""
     stops = first.shape[0] - 1
     widest = 1
     for i in range(stops):

@@ -1,7 +1,7 @@
 """Reachability map of the dome: the light positions that the arm can serve, and the refusal reason of the others.
 
-A light counts as reachable when it has a valid configuration *and* certified straight joint segments connect that to
-home, so a route exists to every light that the planner chooses from this map. Before: the cell file and the
+A light counts as reachable if it has a valid configuration *and* certified straight joint segments connect that to
+home. So a route exists to every light that the planner chooses from this map. Before: the cell file and the
 calibration. After: pilot and plan choose from it, `routing` makes the paths.
 """
 
@@ -43,7 +43,7 @@ class ReachMap(Value):
 
     @property
     def radius_m(self) -> float:
-        """The dome's radius."""
+        """The dome's radius, m."""
         return self.cell.dome.radius_m
 
     @property
@@ -53,14 +53,14 @@ class ReachMap(Value):
         return float(slants.min(initial=np.pi / 2))
 
     def allows(self, position: FloatArray) -> Refusal | None:
-        """None if the lamp can be moved to `position` (3,), facing the centre, and back home; else the refusal."""
+        """Returns None if the lamp can move to `position` (3,), facing the centre, and back home; else the refusal."""
         return refusals(
             [lamp_pose.light_at(np.asarray(position, dtype=float), self.center)], self.cell, self.calibration
         )[0]
 
 
 def reach(cell: CellConfig, calibration: Calibration) -> ReachMap:
-    """Reachability map of the dome's candidates. Raises RigError waypoints.collision when home itself is not free."""
+    """Returns the reachability map of the dome's candidates. Raises RigError waypoints.collision: home not free."""
     lights = dome_lights(cell, calibration, cell.dome.candidates)
     return ReachMap(
         cell=cell,
@@ -72,5 +72,5 @@ def reach(cell: CellConfig, calibration: Calibration) -> ReachMap:
 
 
 def refusals(lights: Sequence[Light], cell: CellConfig, calibration: Calibration) -> list[Refusal | None]:
-    """For each light (view frame) None if it is reachable, else the refusal."""
+    """Returns for each light (view frame) None if it is reachable, else the refusal."""
     return [station.refusal for station in connected_solutions(lights, cell, calibration, first=2).solutions]

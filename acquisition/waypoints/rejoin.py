@@ -1,8 +1,8 @@
-"""Rejoining an interrupted route: the remaining waypoints in the same order, from the arm's present configuration.
+"""Rejoins an interrupted route: the remaining waypoints in the same order, from the arm's present configuration.
 
-So an interrupted session captures each light from the configuration that was planned for it, and its images are those
-of an uninterrupted one. The legs between the waypoints were certified when the route was made and are kept, and so is
-the way home where the route still ends at the same light.
+An interrupted session thus captures each light from the configuration that was planned for it, and its images are those
+of an uninterrupted one. The legs between the waypoints were certified when the route was made and are kept. So is the
+way home if the route still ends at the same light.
 """
 
 from collections.abc import Sequence
@@ -17,10 +17,10 @@ from acquisition.waypoints.routing import path_between, retreat
 def rejoin(
     route: Route, remaining: Sequence[int], start_joints: Sequence[float], cell: CellConfig, calibration: Calibration
 ) -> Route:
-    """Remaining part of a route from the arm's present configuration: the same waypoints in the same order.
+    """Returns the remaining part of a route from the present configuration: the same waypoints in the same order.
 
-    `remaining` are numbers of lights that the route serves, `start_joints` (6) rad. Raises RigError waypoints.collision
-    when no certified path leads to the first of them, or home from the last.
+    `remaining` are numbers of lights that the route serves; `start_joints` (6) in rad. Raises RigError
+    waypoints.collision if no certified path leads to the first of them, or home from the last.
     """
     remaining_legs = [
         (number, waypoint)
@@ -57,5 +57,5 @@ def rejoin(
 
 
 def _follows(route: Route, first: int, second: int) -> bool:
-    """Whether the two lights are consecutive in the route."""
+    """Tells whether the two lights are consecutive in the route."""
     return route.light_numbers.index(second) == route.light_numbers.index(first) + 1

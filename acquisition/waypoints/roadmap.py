@@ -1,10 +1,10 @@
 """Deterministic roadmap (after PRM, Kavraki et al. 1996) of certified paths between home and all parts of the dome.
 
-Its nodes are home and a few well-spread configurations for each of some sixty lights all over the dome, its edges the
-certified straight joint segments between nearest neighbours; components not connected to home are removed. A
-configuration is *connected* when a certified segment joins it to one of these nodes; a path between any two connected
-ones then exists. For a light without a connected configuration RRT-Connect searches a path to the roadmap, which
-becomes a branch of it. The roadmap depends on cell and calibration only, and a branch also on its light, so that
+Its nodes are home and a few well-spread configurations for each of some sixty lights all over the dome. Its edges are
+the certified straight joint segments between nearest neighbours; components not connected to home are removed. A
+configuration is *connected* if a certified segment joins it to one of these nodes; a path between any two connected
+ones then exists. For a light without a connected configuration, RRT-Connect searches a path to the roadmap, which
+becomes a branch of it. The roadmap depends only on cell and calibration, and a branch also on its light, so that
 `routing` has a path to every light that `reach` reports as reachable.
 """
 
@@ -32,21 +32,21 @@ from acquisition.waypoints.motion import legs
 from acquisition.waypoints.tree_kernels import rrt_connect
 
 CONFIGURATIONS = 24
-"""Configurations a light, far from one another, that are checked for connection to home and offered to the route."""
+"""Well-spread configurations of each light that are checked for connection to home and offered to the route."""
 _DOME_LIGHTS = 64
 """Lights on a Fibonacci lattice over the dome whose configurations become nodes."""
 _BOARD_PLACES = 600
-"""Places of the board, at random, of which those that the arm reaches become nodes."""
+"""Random places of the board; those that the arm reaches become nodes."""
 _PER_LIGHT = 4
-"""Nodes for each of these lights, at most."""
+"""Largest number of nodes for each of these lights."""
 _NEIGHBOURS = 10
 """Nearest nodes (by the largest joint difference) to which each node's edges are certified."""
 _ATTACHMENTS = 8
 """Nearest nodes that are tried to connect a configuration, besides home."""
 _TREES, _TRIALS = 3, 4000
-"""For a light not connected to home: configurations from which RRT-Connect starts, and its samples each."""
+"""For a light not connected to home: configurations from which RRT-Connect starts, and samples of each search."""
 _MAX_TREE_FAILURES = 12
-"""Lights without a path after which RRT-Connect is not tried for further ones: a side of the cell is cut off."""
+"""Lights without a path after which RRT-Connect is not tried again: one side of the cell is then cut off."""
 GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
 """Azimuth step of the Fibonacci lattice, rad."""
 
@@ -55,7 +55,7 @@ Indices = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Roadmap:
-    """Nodes (H, 6), home first, all connected; times (H, H) in s and predecessors (H, H) of all shortest paths."""
+    """Nodes (H, 6), home first, all connected; times (H, H), s, and predecessors (H, H) of all shortest paths."""
 
     nodes: FloatArray
     seconds: FloatArray
@@ -63,16 +63,16 @@ class Roadmap:
     edges: Indices  # (E, 2) the certified segments
 
     def connected(self, joints: FloatArray, scene: Scene) -> BoolArray:
-        """Whether each of (N, 6) reaches home or one of the nearest nodes by a certified segment."""
+        """Tells whether each of (N, 6) reaches home or one of the nearest nodes by a certified segment."""
         result = np.zeros(len(joints), dtype=bool)
-        for near in self._candidates(joints).T:  # nearest first: it is free most often, and the first success suffices
+        for near in self._candidates(joints).T:  # nearest first: it is free most often, and one success suffices
             waiting = np.flatnonzero(~result)
             result[waiting] = scene.edges_free(joints[waiting], self.nodes[near[waiting]])
         return result
 
     def attachments(self, joints: FloatArray, scene: Scene) -> Indices:
-        """Nodes that a certified segment joins to a configuration (6,): among those that `connected` tries, and where
-        none of these is free, among all others."""
+        """Nodes that a certified segment joins to a configuration (6,): of those that `connected` tries or, if none of
+        these is free, of all others."""
         near = self._candidates(joints[None])[0]
         for nodes in (near, np.setdiff1d(np.arange(len(self.nodes)), near)):
             attached = nodes[scene.edges_free(np.repeat(joints[None], len(nodes), axis=0), self.nodes[nodes])]
@@ -81,7 +81,7 @@ class Roadmap:
         return near[:0]
 
     def _candidates(self, joints: FloatArray) -> Indices:
-        """Nodes to try from each of (N, 6): the nearest neighbours, then home; (N, ≤ 9)."""
+        """Returns the nodes to try from each of (N, 6): the nearest neighbours, then home; (N, ≤ 9)."""
         turn = np.abs(joints[:, None] - self.nodes[None, 1:]).max(axis=2)
         nearest = 1 + np.argsort(turn, axis=1, kind="stable")[:, :_ATTACHMENTS]
         return np.hstack([nearest, np.zeros((len(joints), 1), dtype=np.int64)])
@@ -96,7 +96,7 @@ class Roadmap:
         )  # fmt: skip
 
     def with_branches(self, branches: Sequence[FloatArray], arm: ArmConfig) -> "Roadmap":
-        """The roadmap extended by branches (K, 6), each of which ends at a node."""
+        """Returns the roadmap extended by branches (K, 6), each of which ends at a node."""
         nodes, edges = [self.nodes], [self.edges]
         count = len(self.nodes)
         for branch in branches:
@@ -108,7 +108,7 @@ class Roadmap:
         return _shortest_paths(np.concatenate(nodes), np.concatenate(edges), arm)
 
     def path(self, start: int, end: int) -> list[int]:
-        """Shortest path between two nodes, both ends included."""
+        """Returns the shortest path between two nodes, both ends included."""
         nodes = [end]
         while nodes[-1] != start:
             nodes.append(int(self.predecessors[start, nodes[-1]]))
@@ -116,14 +116,14 @@ class Roadmap:
 
 
 def dome_center(cell: CellConfig, calibration: Calibration) -> FloatArray:
-    """The dome's centre (3,) in the view frame."""
+    """Returns the dome's centre (3,) in the view frame."""
     base_from_object = cell.object.keep_out.base_from_object.matrix
     view_from_base = geometry.inverse(lamp_pose.base_from_view(calibration))
     return geometry.transform(view_from_base @ base_from_object, cell.dome.center_m)
 
 
 def dome_lights(cell: CellConfig, calibration: Calibration, count: int) -> list[Light]:
-    """Lights evenly over the dome's cap (a Fibonacci lattice), looking at its centre; view frame."""
+    """Returns lights evenly over the dome's cap (a Fibonacci lattice), facing its centre; view frame."""
     center = dome_center(cell, calibration)
     top, rim = np.cos(np.radians([cell.dome.min_slant_deg, cell.dome.max_slant_deg]))
     number = np.arange(count)
@@ -135,7 +135,7 @@ def dome_lights(cell: CellConfig, calibration: Calibration, count: int) -> list[
 
 
 def spread(joints: FloatArray, count: int, home: FloatArray) -> FloatArray:
-    """Farthest-point selection of at most `count` of (M, 6), starting with the nearest to home."""
+    """Selects at most `count` of (M, 6) by farthest-point selection, starting with the nearest to home."""
     if not len(joints):
         return joints
     chosen = [int(np.argmin(np.abs(joints - home).max(axis=1)))]
@@ -148,7 +148,7 @@ def spread(joints: FloatArray, count: int, home: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class ConnectedSolutions:
-    """For each light its configurations that are connected to home; the roadmap with the branches they need."""
+    """Configurations of each light that are connected to home; the roadmap with the branches that they need."""
 
     solutions: list[IkSolutions]
     roadmap: Roadmap
@@ -157,11 +157,11 @@ class ConnectedSolutions:
 def connected_solutions(
     lights: Sequence[Light], cell: CellConfig, calibration: Calibration, first: int = CONFIGURATIONS
 ) -> ConnectedSolutions:
-    """For each light (view frame) well-spread configurations connected to home, or the reason of its refusal.
+    """Returns for each light (view frame) well-spread configurations connected to home, or the refusal.
 
-    The `first` configurations of each light are checked; the others in growing batches, finer rolls and RRT-Connect
-    only for lights not connected so far, so that whether a light is connected does not depend on `first`. Raises
-    RigError waypoints.collision when home is not free.
+    The `first` configurations of each light are checked. The others follow in growing batches, and finer rolls and
+    RRT-Connect only for lights not connected so far, so that whether a light is connected does not depend on `first`.
+    Raises RigError waypoints.collision if home is not free.
     """
     arm = scene(cell, calibration)
     solutions = solve_lights(lights, cell, calibration, arm)
@@ -221,9 +221,9 @@ def _unconnected(joints: FloatArray) -> Refusal:
 
 
 def roadmap(cell: CellConfig, calibration: Calibration) -> Roadmap:
-    """Probabilistic-roadmap construction for a cell; cached for each cell and calibration.
+    """Constructs the probabilistic roadmap of a cell; cached for each cell and calibration.
 
-    Raises RigError waypoints.collision when home itself is not free.
+    Raises RigError waypoints.collision if home itself is not free.
     """
     return _roadmap(cell.model_dump_json(), calibration.model_dump_json())
 
@@ -260,7 +260,7 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
 
 
 def _node_solutions(cell: CellConfig, calibration: Calibration, arm: Scene) -> list[IkSolutions]:
-    """Configurations at which the tool is used, all over its range: lights of the dome, or views of the board."""
+    """Returns configurations over the tool's whole range: lights of the dome, or views of the board."""
     if cell.arm.tool == "board":
         flanges = board_poses.sample(cell, calibration, _BOARD_PLACES, seed=0)
         return board_poses.solve(flanges, cell, calibration, arm).solutions[:_DOME_LIGHTS]
@@ -268,10 +268,10 @@ def _node_solutions(cell: CellConfig, calibration: Calibration, arm: Scene) -> l
 
 
 def connected_lights(lights: Sequence[Light], cell: CellConfig, calibration: Calibration) -> FloatArray:
-    """Joints (N, 6) that bring the lamp to lights (view frame) and are connected to home, one for each that has some.
+    """Returns one configuration (N, 6) connected to home for each light (view frame) that has any.
 
-    Of a light's configurations the one that is taken is any: rolls about the lamp's axis come out evenly. Raises
-    RigError waypoints.collision as `roadmap`.
+    Which of a light's configurations is taken varies with its number, so that rolls about the lamp's axis are evenly
+    distributed. Raises RigError waypoints.collision as `roadmap`.
     """
     arm, hubs, home = scene(cell, calibration), roadmap(cell, calibration), np.array(cell.arm.home)
     kept: list[FloatArray] = []
@@ -284,11 +284,12 @@ def connected_lights(lights: Sequence[Light], cell: CellConfig, calibration: Cal
 
 
 def connected_views(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> FloatArray:
-    """Joints (N, 6), at most `count`, that show the board and are connected to home; `cell` has the board on.
+    """Returns joints (N, 6), at most `count`, that show the board and are connected to home; `cell` has the board on.
 
-    Of a place's configurations the nearest to home stands for it: other branches tell no more of camera and joints, and
-    moves between branches take half as long again (greedy designs of 16–32 of 160 views: loss 3 % less, time 26 %).
-    Raises RigError waypoints.unreachable with the reasons where there are none, waypoints.collision as `roadmap`.
+    Each board place is represented by its configuration nearest to home: other branches add little information about
+    camera and joints, and moves between branches take half as long again. Measured: greedy designs of 16–32 of 160
+    views, loss 3 % less, time 26 %. Raises RigError waypoints.unreachable with the reasons if there are none,
+    waypoints.collision as `roadmap`.
     """
     arm = scene(cell, calibration)
     hubs = roadmap(cell, calibration)

@@ -1,15 +1,15 @@
 """Generalised travelling salesman with lazy collision checking: order, IK branch and roll for the shortest time.
 
 Every leg is a straight joint segment that is certified collision-free, because that is what the controller's `moveJ`
-drives; where the straight segment is blocked, the leg is a path over nodes of the roadmap, with a stop at each.
-Certifying all pairs of configurations would cost a thousand times what the answer needs, so edges are evaluated lazily:
-the shortest tour is computed as if all legs were free, the legs it uses are checked, blocked ones get the time of their
-detour (and the legs to the alternative configurations are checked, too, because an obstacle that blocks one leg usually
-blocks similar ones), and the search is repeated until all legs of a tour are certified, or for a fixed number of
-rounds; the shortest certified tour is returned. The time of the first tour, with all legs straight, is a lower bound
-for up to `_MAX_EXACT_STOPS` lights; for more, the Held–Karp bound is.
+drives. If the straight segment is blocked, the leg is a path over nodes of the roadmap, with a stop at each. Certifying
+all pairs of configurations would cost a thousand times what is needed, so edges are evaluated lazily. The shortest tour
+is computed as if all legs were free, and the legs it uses are checked. Blocked legs get the time of their detour; the
+legs to the alternative configurations are checked, too, because an obstacle that blocks one leg usually blocks similar
+ones. This is repeated until all legs of a tour are certified, or for a fixed number of rounds, and the shortest
+certified tour is returned. The time of the first tour, with all legs straight, is a lower bound for up to
+`_MAX_EXACT_STOPS` lights; for more, the Held–Karp bound is.
 
-Before: `plan` or `pilot` (lights in the view frame), and the arm where it stands. After: `capture` follows the path.
+Before: `plan` or `pilot` (lights in the view frame), and the arm's present joints. After: `capture` follows the path.
 """
 
 from collections.abc import Sequence
@@ -37,23 +37,23 @@ from acquisition.waypoints.roadmap import (
 )  # fmt: skip
 
 _MAX_EXACT_STOPS = 12
-"""Lights up to which dynamic programming finds the optimal tour; more lights: iterated local search."""
+"""Largest number of lights for dynamic programming, which finds the optimal tour; above it: iterated local search."""
 _MAX_TOURS = 12
 """Maximum rounds of lazy certification; each computes one tour."""
 _BLOCKED_FACTOR = 1.2
 """Assumed ratio of detour time to straight time for a blocked leg whose detour has not been computed."""
 NODES = 400
-"""Approximate number of configurations over all lights: 24 a light for few lights, fewer for many."""
+"""Approximate number of configurations over all lights: 24 per light for few lights, fewer for many."""
 DENSE_NODES = 1600
-"""The same where travel is most of the session's time: for 32 lights 3 s more of a processor make it 15 % shorter."""
+"""The same if travel is most of the session's time: for 32 lights, 3 s more of processor time shorten it by 15 %."""
 _MIN_PER_LIGHT = 6
-"""Minimum number of configurations a light."""
+"""Minimum number of configurations per light."""
 _ROUNDS, _WARM_ROUNDS = 40, 2
 """Perturbations of the iterated local search: for the first tour, and for those that start from the previous one."""
 _BOUND_STEPS = 100
 """Subgradient steps of the Held–Karp bound."""
 _SAMPLES = 5
-"""Samples along a leg for the speed limits while the tour is searched; the legs that are driven get 33."""
+"""Samples along a leg for the speed limits during the search of the tour; the driven legs get 33."""
 
 
 def route(
@@ -62,11 +62,9 @@ def route(
 ) -> Route:  # fmt: skip
     """Generalised travelling-salesman tour from `start_joints` (6, rad) through all lights (view frame) and home.
 
-    `nodes` is about the number of configurations over all lights that are considered.
-
-    Raises RigError waypoints.unreachable when lights have no valid configuration, and waypoints.collision when no
-    collision-free path exists to them or from the start; `lights` in the context lists {number, reason, detail} of
-    each. Nothing moves.
+    `nodes` is the approximate number of configurations considered over all lights. Raises RigError
+    waypoints.unreachable if lights have no valid configuration, and waypoints.collision if no collision-free path
+    exists to them or from the start; `lights` in the context lists {number, reason, detail} of each. Nothing moves.
     """
     first = max(CONFIGURATIONS, nodes // max(len(lights), 1))
     connected = connected_solutions(lights, cell, calibration, first)
@@ -78,7 +76,7 @@ def route_of_views(
     lights: Sequence[Light], joints: Sequence[Joints], start_joints: Sequence[float], cell: CellConfig,
     calibration: Calibration,
 ) -> Route:  # fmt: skip
-    """The same through given configurations, one for each of `lights`, which says where the lamp is there.
+    """Returns the tour through given configurations, one for each of `lights`, which give the lamp's place there.
 
     They are those of `roadmap.connected_views`. Raises RigError waypoints.collision for one that is not connected.
     """
@@ -115,7 +113,7 @@ def _tour(
 
 
 def retreat(start_joints: Sequence[float], cell: CellConfig, calibration: Calibration) -> JointPath:
-    """Certified path home from `start_joints` (6, rad). Raises RigError waypoints.collision when there is none."""
+    """Certified path home from `start_joints` (6, rad). Raises RigError waypoints.collision if there is none."""
     arm, hubs = scene(cell, calibration), roadmap(cell, calibration)
     network = _Network([], _start(start_joints, arm, hubs), cell, arm, hubs)
     return network.path(network.start, network.home)
@@ -124,9 +122,9 @@ def retreat(start_joints: Sequence[float], cell: CellConfig, calibration: Calibr
 def path_between(
     start_joints: Sequence[float], end_joints: Sequence[float], cell: CellConfig, calibration: Calibration
 ) -> JointPath:
-    """Certified path from `start_joints` to a configuration (6, rad) where the arm has stood before.
+    """Returns a certified path from `start_joints` to a configuration (6, rad) where the arm has stood before.
 
-    Raises RigError waypoints.collision when there is none.
+    Raises RigError waypoints.collision if there is none.
     """
     arm, hubs = scene(cell, calibration), roadmap(cell, calibration)
     start, end = (_start(joints, arm, hubs) for joints in (start_joints, end_joints))
@@ -147,7 +145,7 @@ def _require_solutions(solutions: Sequence[IkSolutions]) -> None:
 
 
 def _start(start_joints: Sequence[float], arm: Scene, hubs: Roadmap) -> FloatArray:
-    """Validates the start configuration (6,): finite, collision-free and connected to home; returns it as an array."""
+    """Returns the start configuration (6,) as an array; it must be finite, collision-free and connected to home."""
     joints = np.array(start_joints, dtype=float).reshape(6)
     if not np.isfinite(joints).all():
         raise RigError(ErrorCode.WAYPOINTS_COLLISION, "the arm's joint angles are unknown", lights=[])
@@ -182,10 +180,10 @@ class _Network:
         self._checked: set[tuple[int, int]] = set()
 
     def tour(self) -> tuple[list[int], float]:
-        """Shortest tour by lazy edge evaluation: nodes in the order of travel, and a lower bound of the time in s.
+        """Shortest tour by lazy edge evaluation: nodes in the order of travel, and a lower bound of the time, s.
 
         All legs of the tour are certified. The bound is valid for the configurations considered and for speed limits
-        evaluated at `_SAMPLES` samples a leg.
+        evaluated at `_SAMPLES` samples per leg.
         """
         seconds = self._straight_seconds()
         stops = (seconds, self.first, self.start, self.home)
@@ -210,7 +208,7 @@ class _Network:
         return best.tolist(), min(lower_bound_s, best_s)
 
     def path(self, start: int, end: int) -> JointPath:
-        """Certified path from one node to another, certified on first use."""
+        """Returns the certified path from one node to another, certified on first use."""
         if (start, end) not in self._legs:
             free = self._arm.edges_free(self.nodes[[start]], self.nodes[[end]])[0]
             self._add_leg(start, end, straight=bool(free))
@@ -226,7 +224,7 @@ class _Network:
         return seconds + seconds.T
 
     def _lower_bound(self, seconds: FloatArray) -> float:
-        """Held–Karp lower bound on the shortest times between any configurations of two stops, s."""
+        """Held–Karp lower bound, s, from the shortest times between any configurations of two stops."""
         edges = np.concatenate([self.first, [self.start + 1]])
         shortest = np.minimum.reduceat(np.minimum.reduceat(seconds, edges, axis=0), edges, axis=1)
         return order_kernels.path_bound(np.ascontiguousarray(shortest), _BOUND_STEPS)
@@ -258,7 +256,7 @@ class _Network:
         seconds[ends, starts] *= _BLOCKED_FACTOR
 
     def _alternatives(self, node: int) -> range:
-        """All configurations of the node's light; none for start and home."""
+        """Returns all configurations of the node's light; none for start and home."""
         if node >= self.start:
             return range(0)
         return range(int(self.first[self.owner[node]]), int(self.first[self.owner[node] + 1]))

@@ -3,11 +3,11 @@
 """Compiled distances of line segments to each other, to obstacles, and to the cones of view and light.
 
 An obstacle is one row of numbers: kind, clearance, and its shape. All shapes are convex, so the distance of a point on
-a segment is a convex function of one variable, minimised by golden-section search; what is returned is a *lower* bound
-(the function's slope is at most the segment's length), so rounding errors can only refuse, never accept. The search
-ends as soon as the bounds decide on which side of the given thresholds the distance lies.
+a segment is a convex function of one variable, minimised by golden-section search. The result is a *lower* bound (the
+function's slope is at most the segment's length), so rounding errors can only refuse, never accept. The search ends as
+soon as the bounds decide on which side of the given thresholds the distance lies.
 
-Rows are passed as matrix and number: creating a view of each row would cost as much as the computation on it.
+Rows are passed as matrix and number: a view of each row would cost as much as the computation on it.
 """
 
 import math
@@ -22,11 +22,11 @@ HALF_SPACE, CAPSULE, CYLINDER, BOX, CONE, HULL = 0, 1, 2, 3, 4, 5
 ROW = 17
 """Length of an obstacle's row: kind, clearance in m, then by kind: normal, offset · start, end, radius · base point,
 axis, radius, height · centre, rotation by rows, half extents · base point, axis, radius, height, radius at the top ·
-centre (twice) and radius of the bounding sphere, and the rows of `vertices` (first, count) it is the convex hull of."""
+centre (twice) and radius of the bounding sphere, and the rows of `vertices` (first, count) whose convex hull it is."""
 _GOLDEN = 0.6180339887498949
 """(√5 − 1)/2, the reduction of the interval by one step of the golden-section search."""
 _STEPS = 26
-"""Golden-section steps, at most: 0.618^26 = 4e-6 of the segment's length."""
+"""Maximum number of golden-section steps: 0.618^26 = 4e-6 of the segment's length."""
 
 _matrix = float64[:, ::1]
 
@@ -62,8 +62,7 @@ def between_lines(first, i, at, second, j):
 
 @njit(float64(float64, float64, float64, float64), cache=True)
 def _point_to_cylinder(along, square, radius, height):
-    """Distance of a point to a cylinder, from its coordinate along the axis and its squared distance from the foot's
-    centre."""
+    """Distance of a point to a cylinder, from its axial coordinate and squared distance from the foot's centre."""
     across = math.sqrt(max(square - along * along, 0.0))
     over = max(-along, along - height, 0.0)
     out = max(across - radius, 0.0)
@@ -101,9 +100,9 @@ def _point_to_shape(shapes, o, x, y, z):
 
 @njit(float64(_matrix, int64, _matrix, _matrix, int64, float64, float64), cache=True)
 def line_to_obstacle(shapes, o, vertices, lines, c, least, need):
-    """Golden-section search: lower bound of the distance in m of line segment c to obstacle o.
+    """Golden-section search: lower bound of the distance, m, of line segment c to obstacle o.
 
-    Only as tight as needed to decide which of `least` ≤ `need` the distance exceeds; to 1e-5 m if these are NaN.
+    It is only as tight as needed to decide which of `least` ≤ `need` the distance exceeds; to 1e-5 m if these are NaN.
     """
     kind = int(shapes[o, 0])
     if kind == HALF_SPACE:
@@ -121,7 +120,7 @@ def line_to_obstacle(shapes, o, vertices, lines, c, least, need):
     x, y, z = lines[c, 0], lines[c, 1], lines[c, 2]
     dx, dy, dz = lines[c, 3] - x, lines[c, 4] - y, lines[c, 5] - z
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
-    # First a bound from one evaluation: the distance of the middle minus half the length.
+    # First a bound by one evaluation: the distance of the middle minus half the length.
     bound = _point_to_shape(shapes, o, x + 0.5 * dx, y + 0.5 * dy, z + 0.5 * dz) - 0.5 * length
     if bound >= need:
         return bound
@@ -178,7 +177,7 @@ def _point_to_cone(keep_out, ax, ay, az, x, y, z):
 
 @njit(boolean(_matrix, _matrix, int64, _matrix, int64, float64), cache=True)
 def line_clears_cone(keep_out, apexes, n, lines, c, need):
-    """Whether line segment c keeps the distance `need` in m from the convex hull of apex n and a cylinder (row 0)."""
+    """Whether line segment c keeps the distance `need`, m, from the convex hull of apex n and a cylinder (row 0)."""
     ax, ay, az = apexes[n, 0], apexes[n, 1], apexes[n, 2]
     radius, height = keep_out[0, 8], keep_out[0, 9]
     axis = np.empty((1, 6))

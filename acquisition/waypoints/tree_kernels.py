@@ -43,7 +43,7 @@ def rrt_connect(
     start, goals, low, high, trials, dh, links, capsules, lever_arms, obstacles, vertices, pairs, self_margin
 ):
     """RRT-Connect (Kuffner and LaValle 2000): corners (K, 6) of certified straight segments from a configuration (6,)
-    to one of `goals` (G, 6), within `low` and `high` (6,) in rad; no corner when `trials` samples give no path."""
+    to one of `goals` (G, 6), within `low` and `high` (6,), rad; none if `trials` samples give no path."""
     items = links.shape[0] * obstacles.shape[0] + pairs.shape[0]
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
     open_items, travel = np.empty((DEPTH + 2, items), dtype=np.int64), np.empty((links.shape[0], 6))
@@ -64,7 +64,7 @@ def rrt_connect(
             sample[j] = low[j] + (high[j] - low[j]) * (float(state >> np.uint64(11)) / 9007199254740992.0)
         near = _nearest(points[active], count[active], sample)
         furthest = np.abs(sample - points[active, near]).max()
-        if furthest == 0.0:  # the sample is a node of a branch that was grown from the same sequence
+        if furthest == 0.0:  # the sample is a node of a branch that was grown with the same random sequence
             continue
         new = points[active, near] + min(1.0, _STEP_RAD / furthest) * (sample - points[active, near])
         if not edge_free(
