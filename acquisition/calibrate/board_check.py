@@ -1,8 +1,9 @@
-"""Whether views of the board on the flange still agree with the calibration in use, and what has moved if not.
+"""Calibration check with views of the board on the flange: does the calibration hold, and what has moved if not?
 
-The calibration's own adjustment (`basis.json`) predicts where each corner is, with a covariance: camera, its place,
-the board's, the joints, all with their correlations, so that a place that is known to 0.2 mm still predicts corners at
-the poses of its calibration to hundredths. A view's corners have their noise and the arm's deviation besides.
+The adjustment of the calibration in use (`basis.json`) predicts each corner, with a covariance over camera, its place,
+the board's place and the joints, correlations included. So a camera whose place is known to 0.2 mm still predicts
+corners at the poses of its calibration to hundredths of a pixel. A view's corners have their own noise and the arm's
+deviation besides.
 """
 
 import math
@@ -36,25 +37,25 @@ GROUPS = (
     Group(JOINTS, tuple(range(JOINT_OFFSETS.start, JOINT_OFFSETS.stop))),
     Group(LENS, tuple(range(CAMERA.start, CAMERA.start + 4))),
 )
-"""What can move: the camera against the arm's base, the board on the flange, the joints' offsets, the focal length and
-principal point (a lens that was touched)."""
+"""What can change: the camera's place in the base frame, the board on the flange, the joint offsets, and the lens
+(focal length and principal point)."""
 
 LEAST_VIEWS = 4
-"""Views from which on camera, board and joints are told apart."""
+"""Number of views from which camera, board and joints can be distinguished."""
 
 
 @dataclass(frozen=True)
 class BoardCheck:
-    """The tests, and per view, in its order, the root mean square of its corners' distances from the prediction, px."""
+    """The tests and, in the order of the views, the rms distance of each view's corners from the prediction, px."""
 
     found: ChangeTest
     residuals_px: tuple[float, ...]
 
 
 def stated(known: Path | None, calibration: Calibration) -> Adjusted:
-    """The adjustment that the calibration in use rests on, from the folder of its set.
+    """Reads the adjustment on which the calibration in use rests, from the folder of its set.
 
-    Raises RigError calibration.infeasible where there is none, or where it is not that of these values, store.corrupt.
+    Raises RigError calibration.infeasible if there is none or if it does not belong to these values, store.corrupt.
     """
     file = None if known is None else known / "basis.json"
     if file is None or not file.exists():
@@ -70,7 +71,7 @@ def stated(known: Path | None, calibration: Calibration) -> Adjusted:
 
 
 def check(model: Model, views: Sequence[View], known: Adjusted) -> BoardCheck:
-    """Tests new views against what is `known`. Raises RigError calibration.infeasible with too few views."""
+    """Tests new views against the adjustment `known`. Raises RigError calibration.infeasible with too few views."""
     if len(views) < LEAST_VIEWS:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
@@ -88,7 +89,7 @@ def check(model: Model, views: Sequence[View], known: Adjusted) -> BoardCheck:
 
 
 def sentence(test: GroupTest) -> str:
-    """What a group's change is, for people."""
+    """Describes a group's change, for people."""
     name, change = test.group.name, test.change
     if name == JOINTS:
         return f"the joints' zeros are off by up to {math.degrees(float(np.abs(change).max())):.3f}°"

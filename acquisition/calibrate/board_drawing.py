@@ -1,6 +1,6 @@
-"""Drawings of ChArUco boards to scale, for printing.
+"""Draws ChArUco boards to scale, for printing.
 
-Apart from the detection, which the service does in its own process, where no plotting library is loaded.
+It is separate from the detection, which the service does in its own process, where no plotting library is loaded.
 """
 
 from pathlib import Path
@@ -16,7 +16,7 @@ from acquisition.calibrate.charuco import CharucoBoard
 from acquisition.models.errors import ErrorCode, RigError
 
 PAGE_MARGIN_M = 0.01
-"""White margin of a drawn board, m: a marker needs one around it."""
+"""White margin around a drawn board, m, which markers need."""
 
 MM_PER_INCH = 25.4
 
@@ -24,7 +24,7 @@ MM_PER_INCH = 25.4
 def draw(board: CharucoBoard, path: Path) -> None:
     """Draws a board to scale as vectors (PDF or SVG), with its description at the lower edge.
 
-    Raises RigError config.invalid for another ending.
+    Raises RigError config.invalid for another file extension.
     """
     if path.suffix.lower() not in (".pdf", ".svg"):
         raise RigError(ErrorCode.CONFIG_INVALID, f"{path.name}: a board is drawn as .pdf or .svg, which keep its scale")
@@ -41,7 +41,7 @@ def draw(board: CharucoBoard, path: Path) -> None:
 
 
 def _outline(squares: list[tuple[float, float, float]]) -> Outline:
-    """Squares, by upper left corner and side, as one path: a thousand patches would take seconds."""
+    """Returns squares, given by upper left corner and side, as one path: a thousand patches would take seconds."""
     placed = np.array(squares)
     around = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)])
     vertices = placed[:, None, :2] + placed[:, 2, None, None] * around
@@ -50,7 +50,7 @@ def _outline(squares: list[tuple[float, float, float]]) -> Outline:
 
 
 def _black_squares_m(board: CharucoBoard) -> list[tuple[float, float, float]]:
-    """Upper left corner and side, m, of each black square of the chessboard and each black bit of the markers."""
+    """Returns upper left corner and side, m, of each black square of the board and each black bit of its markers."""
     made = board.opencv()
     markers = np.asarray(made.getObjPoints())[:, 0, :2]  # their upper left corners
     white = {tuple(square) for square in np.floor(markers / board.square_m).astype(int)}

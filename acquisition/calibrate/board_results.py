@@ -1,4 +1,4 @@
-"""Results of calibrations with a board as their files hold them, and the picture of how well the camera is known.
+"""Results of board calibrations as their files hold them, and pictures of projection uncertainty and residuals.
 
 Sessions and the commands on folders write the same files, so that either can be read in place of the other.
 """
@@ -30,12 +30,12 @@ from acquisition.models.calibration_result import CameraResult, HandEyeResult, R
 
 
 def now() -> str:
-    """The present time, ISO 8601 in UTC."""
+    """Returns the present time, ISO 8601 in UTC."""
     return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 class AdjustmentRecord(Value):
-    """What an adjustment found of all parameters, without its views: what further views are planned from."""
+    """All parameters that an adjustment found, without its views: the basis for planning further views."""
 
     camera: Annotated[tuple[float, ...], Field(strict=False)]
     warp_m: Annotated[tuple[float, ...], Field(strict=False)]
@@ -49,7 +49,7 @@ class AdjustmentRecord(Value):
 
     @classmethod
     def of(cls, found: Adjusted) -> "AdjustmentRecord":
-        """The record of an adjustment."""
+        """Makes the record of an adjustment."""
         known = found.parameters
         return cls.model_validate(
             {
@@ -73,14 +73,14 @@ class AdjustmentRecord(Value):
 
 @dataclass(frozen=True)
 class BoardResults:
-    """Results of one estimate as their files hold them, and the map that the camera's picture shows."""
+    """Results of one estimate as their files hold them, and the map in the camera's picture."""
 
     camera: CameraResult
     hand_eye: HandEyeResult | None
     projection_sigma_px: FloatArray
 
     def merged(self, calibration: Calibration) -> Calibration:
-        """A calibration with what was found in place of its own values."""
+        """Returns a calibration with the results in place of its own values."""
         made = with_camera(calibration, self.camera)
         if self.hand_eye is None:
             return made
@@ -88,7 +88,7 @@ class BoardResults:
 
 
 def results(camera: CameraFit, hand_eye: HandEyeFit | None, hashes: Mapping[str, str]) -> BoardResults:
-    """What an estimate found; `hashes` of all images by name."""
+    """Collects the results of an estimate; `hashes` of all images by name."""
     sigma = intrinsics.projection_sigma(camera)
     return BoardResults(
         camera_result(camera, hashes, sigma), None if hand_eye is None else hand_eye_result(hand_eye, hashes), sigma
@@ -96,20 +96,20 @@ def results(camera: CameraFit, hand_eye: HandEyeFit | None, hashes: Mapping[str,
 
 
 def with_camera(calibration: Calibration, camera: CameraResult) -> Calibration:
-    """A calibration with another camera."""
+    """Returns a calibration with another camera."""
     changed = camera.model_dump(include={"width", "height", "camera_matrix", "distortion", "made_at"})
     return calibration.model_copy(update=changed)
 
 
 def with_hand_eye(calibration: Calibration, found: HandEyeResult) -> Calibration:
-    """A calibration with another place of the camera, and the offsets of the joints that belong to it."""
+    """Returns a calibration with another place of the camera and the joint offsets that belong to it."""
     changed = found.model_dump(include={"base_from_camera", "joint_offsets_rad", "made_at"})
     changed["base_from_camera_covariance"] = found.covariance
     return calibration.model_copy(update=changed)
 
 
 def camera_result(found: CameraFit, hashes: Mapping[str, str], sigma: FloatArray) -> CameraResult:
-    """A calibrated camera; `hashes` of all images by name, `sigma` of `intrinsics.projection_sigma`."""
+    """Result of a calibrated camera; `hashes` of all images by name, `sigma` of `intrinsics.projection_sigma`."""
     adjusted = found.adjusted
     matrix = adjusted.parameters.matrix
     return CameraResult.model_validate(
@@ -125,7 +125,7 @@ def camera_result(found: CameraFit, hashes: Mapping[str, str], sigma: FloatArray
 
 
 def hand_eye_result(found: HandEyeFit, hashes: Mapping[str, str]) -> HandEyeResult:
-    """Base from camera with what else was found; `hashes` of all images by name."""
+    """Result of a hand–eye calibration, all its estimates included; `hashes` of all images by name."""
     adjusted, parameters = found.adjusted, found.adjusted.parameters
     position, rotation = found.sigma
     offset_sigmas = np.zeros(6)
@@ -161,7 +161,7 @@ def residuals(adjusted: Adjusted, hashes: Mapping[str, str]) -> list[ViewResidua
 
 
 def draw_projection_sigma(found: CameraFit, sigma: FloatArray, path: Path) -> None:
-    """Draws 1 σ of a direction's place over the image with the corners that were seen."""
+    """Draws 1 σ of a direction's place over the image, with the detected corners."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load and seldom needed
 
     width, height = found.size
@@ -176,13 +176,13 @@ def draw_projection_sigma(found: CameraFit, sigma: FloatArray, path: Path) -> No
 
 
 def draw_residuals(found: CameraFit, path: Path) -> None:
-    """Draws each corner's residual as an arrow over the image, a hundred times as long and more."""
+    """Draws each corner's residual as an enlarged arrow over the image."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load and seldom needed
 
     width, height = found.size
     at = np.concatenate([view.pixels for view in found.adjusted.views])
     rest = np.concatenate(found.adjusted.residuals_px)
-    # A typical arrow is a fortieth of the image's width long, a large one several times that.
+    # A typical arrow is a fortieth of the image's width long, a large one several times as long.
     larger = width / 40 / max(found.adjusted.corner_sigma_px, 1e-6)
     figure = Figure(figsize=(6, 6 * height / width), layout="constrained")
     axes = figure.subplots()

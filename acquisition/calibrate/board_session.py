@@ -1,8 +1,8 @@
-"""What a calibration session does with the board on the flange: reads its images, estimates, and plans further views.
+"""Steps of a calibration session with the board on the flange: reads images, estimates, and plans further views.
 
-Every pass estimates anew from all images, because the planning of further views asks for the covariance of what is
-known. Before enough views are there the calibration in use stands in for an estimate, with a covariance as wide as a
-cell is wrong that was set up with a ruler.
+Every pass estimates anew from all images, because planning further views needs the covariance of the present estimate.
+Until there are enough views, the calibration in use stands in for an estimate, with the covariance of a cell that was
+set up with a ruler.
 """
 
 import math
@@ -43,11 +43,11 @@ from acquisition.models.shot import Observations
 from acquisition.waypoints import calibrated_kinematics, mounted_tool
 
 FOCAL_SIGMA, CENTER_SIGMA_PX = 0.03, 30.0
-"""1 σ before any view: of the focal length (a lens's nominal one), and of the principal point, pixels."""
+"""Prior 1 σ of the focal length, as a fraction (a lens's nominal one), and of the principal point, pixels."""
 DISTORTION_SIGMAS = (0.2, 0.5, 2e-3, 2e-3, 0.5)
-"""1 σ before any view of k1, k2, p1, p2, k3: of the lenses that a lab uses."""
+"""Prior 1 σ of k1, k2, p1, p2, k3, for the lenses that a lab uses."""
 POSE_SIGMA = (0.01, math.radians(1.0))
-"""1 σ before any view of camera and board, m and rad: placed with ruler and protractor."""
+"""Prior 1 σ of the poses of camera and board, m and rad: placed with ruler and protractor."""
 MAX_ARM_SIGMA_M = 0.001
 """Deviation of the arm from its chain, m, above which something moved that should not: the board on the flange, the
 camera, or the arm's own mount. An arm with nominal kinematics stays below half a millimetre."""
@@ -64,7 +64,7 @@ class BoardImages:
 
 @dataclass(frozen=True)
 class BoardEstimate:
-    """A calibrated camera and, of kind `hand-eye`, its place."""
+    """A calibrated camera and, for the kind `hand-eye`, its place."""
 
     camera: CameraFit
     hand_eye: HandEyeFit | None
@@ -101,14 +101,14 @@ def estimate(images: BoardImages, recipe: BoardRecipe, cell: CellConfig) -> Boar
             f"Between the views board, camera and arm moved by {1e3 * arm_sigma_m:.1f} mm beside what the joints tell: "
             "tighten the board on the flange and the camera's mount, and begin a new session",
         )
-    # The camera by all corners and the arm's motions together, which hold the scale of the views.
+    # The camera is that of the joint adjustment: all corners, and the arm's motions, which fix the scale of the views.
     return BoardEstimate(CameraFit(images.size, found.adjusted), found)
 
 
 def summary(found: BoardEstimate, images: BoardImages, recipe: BoardRecipe, projection_px: float) -> CalibrationSummary:
-    """The figures of an estimate, whether they meet the recipe, and what to do next.
+    """Returns the figures of an estimate, whether they meet the recipe, and what to do next.
 
-    `projection_px` is the median over the image of 1 σ of where the camera model puts a direction, pixels.
+    `projection_px` is the median over the image of 1 σ of a direction's place by the camera model, pixels.
     """
     adjusted, hand = found.camera.adjusted, found.hand_eye
     position_mm = None if hand is None else 1e3 * hand.sigma[0]
@@ -135,9 +135,9 @@ def further_views(
     basis: Adjusted, candidates: Sequence[FloatArray], count: int, recipe: BoardRecipe, cell: CellConfig,
     calibration: Calibration,
 ) -> list[tuple[int, str]]:  # fmt: skip
-    """Numbers of the candidate joints (6,) to take next, at most `count`, and for each the reason, a sentence.
+    """Chooses the next views: numbers of at most `count` candidate joints (6,), each with its reason, a sentence.
 
-    `basis` is what is known so far: `prior` or `basis`. Raises RigError calibration.infeasible where no candidate shows
+    `basis` is the present estimate: `prior` or `basis`. Raises RigError calibration.infeasible if no candidate shows
     the board.
     """
     model, size = model_of(cell), (calibration.width, calibration.height)
@@ -151,7 +151,7 @@ def further_views(
 def _criterion(
     recipe: BoardRecipe, parameters: Parameters, size: tuple[int, int]
 ) -> tuple[Callable[[FloatArray], float], str]:
-    """The design criterion, a mean square, and the unit of its root."""
+    """Returns the design criterion, a mean square, and the unit of its root."""
     if recipe.kind == "hand-eye":
         return (lambda covariance: 1e6 * view_planning.pose_loss(covariance)), "mm"
     derivatives, _ = intrinsics.projection_derivatives(parameters, size)
@@ -163,13 +163,13 @@ def _criterion(
 
 
 def basis(found: BoardEstimate | None, images: BoardImages, cell: CellConfig, calibration: Calibration) -> Adjusted:
-    """What the images tell of all parameters; while they determine no estimate, the calibration in use and what the
-    views add to that."""
+    """Returns the present estimate of all parameters; while the images determine none, that is the calibration in use
+    with the information of the views added."""
     if found is not None and found.hand_eye is not None:
         return found.hand_eye.adjusted
     model, before = model_of(cell), prior(cell, calibration)
     if found is not None and model.chain is not None:
-        try:  # a calibration of the camera alone has not asked where it is, but its next views depend on that
+        try:  # a calibration of the camera alone has not estimated its place, on which the next views depend
             return hand_eye.fit(model.board, model.chain, images.views, found.camera).adjusted
         except RigError as error:
             if error.code is not ErrorCode.CALIBRATION_INFEASIBLE:
@@ -184,7 +184,7 @@ def basis(found: BoardEstimate | None, images: BoardImages, cell: CellConfig, ca
 
 
 def prior(cell: CellConfig, calibration: Calibration) -> Adjusted:
-    """The calibration in use as an estimate, with the covariance of a cell that was set up by hand."""
+    """Returns the calibration in use as an estimate, with the covariance of a cell that was set up by hand."""
     matrix = calibration.camera_matrix
     camera = np.array([matrix[0][0], matrix[1][1], matrix[0][2], matrix[1][2], *calibration.distortion])
     sigma = np.zeros(UNKNOWNS)
@@ -201,7 +201,7 @@ def prior(cell: CellConfig, calibration: Calibration) -> Adjusted:
 
 
 def model_of(cell: CellConfig) -> Model:
-    """The board on the cell's flange, with the arm's chain."""
+    """Returns the board on the cell's flange, with the arm's chain."""
     board: CharucoBoard = charuco.of_cell(mounted_tool.require_board(cell))
     return Model(board, calibrated_kinematics.of_arm(cell.arm))
 

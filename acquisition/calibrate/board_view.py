@@ -1,7 +1,7 @@
-"""The board in one image: whether it is seen and, if not, why; and where a planned pose of the arm will show it.
+"""The board in one image: whether it is detected and, if not, why; where a planned pose of the arm will show it.
 
-What the camera sees now is judged by the detection that the session's images are judged by, so that whoever places
-board and light by the live image has placed them for the session.
+Live images are judged by the same detection as the session's images. Whoever places board and light by the live image
+has thus placed them for the session.
 """
 
 import math
@@ -19,11 +19,11 @@ from acquisition.models.cell_config import BoardConfig, CellConfig
 from acquisition.waypoints import calibrated_kinematics, mounted_tool
 
 Pixel = tuple[float, float]
-"""Column and row, from the middle of the image's first pixel."""
+"""Column and row; the origin is the middle of the image's first pixel."""
 
 
 class ExpectedView(Value):
-    """Where a view of the board will be in the image, by a calibration."""
+    """Position of the board in the image that a calibration predicts for a view."""
 
     outline_px: list[Pixel] = Field(
         description="The four corners of the squares' area, from the board's origin along its columns: column and row, "
@@ -38,7 +38,7 @@ class ExpectedView(Value):
 
 
 def seen(pixels: np.ndarray, board: BoardConfig) -> tuple[View | None, str]:
-    """The board in a frame (H, W), none where it is not seen, and then why, for people."""
+    """Detects the board in a frame (H, W); if it is not seen, returns None and the reason, for people."""
     wanted = charuco.of_cell(board)
     view = charuco.detect(pixels, wanted, "frame")
     if view is not None:
@@ -53,7 +53,7 @@ def seen(pixels: np.ndarray, board: BoardConfig) -> tuple[View | None, str]:
 
 
 def expected(joints: Joints, cell: CellConfig, calibration: Calibration) -> ExpectedView | None:
-    """Projects the cell's board at joints (rad) by a calibration; none where it is not wholly before the camera.
+    """Projects the cell's board at joints (rad) by a calibration; None unless all of it is in front of the camera.
 
     Raises RigError config.invalid for a cell without a board.
     """
@@ -81,7 +81,7 @@ def expected(joints: Joints, cell: CellConfig, calibration: Calibration) -> Expe
 
 
 def _project(points: FloatArray, camera_from_board: FloatArray, calibration: Calibration) -> FloatArray:
-    """Pixels (N, 2) of points (N, 3) in the board's frame, m."""
+    """Projects points (N, 3) in the board's frame, m, to pixels (N, 2)."""
     rotation = cv2.Rodrigues(camera_from_board[:3, :3])[0]
     matrix, distortion = np.array(calibration.camera_matrix), np.array(calibration.distortion)
     projected = cv2.projectPoints(points, rotation, camera_from_board[:3, 3], matrix, distortion)[0]

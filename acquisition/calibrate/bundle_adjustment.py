@@ -1,14 +1,14 @@
-"""Bundle adjustment of camera, board and arm over all corners of all views, with the covariance of what views share.
+"""Bundle adjustment of camera, board and arm over all corners of all views, with the covariance of shared unknowns.
 
-Unknown are what all views share (θ: the camera's intrinsics, the board's warp and, with an arm, base from camera,
-flange from board, the board's scale and the offsets of joints) and what each has of its own: without an arm its pose,
-with one the deviation of the arm from its kinematic model, of which a prior is known. In Gauss–Newton's normal
-equations the views' own unknowns are eliminated one view at a time (Schur complement), so that the inverse of what is
-left is the covariance of θ with all else unknown.
+All views share the unknowns θ: the camera's intrinsics, the board's warp and, with an arm, base from camera, flange
+from board, the board's scale and the joint offsets. Each view has its own unknowns: without an arm its pose; with one,
+the arm's deviation from its kinematic model, with a prior. The views' own unknowns are eliminated from Gauss–Newton's
+normal equations one view at a time (Schur complement), so that the inverse of the rest is the covariance of θ with all
+else unknown.
 
-The arm's deviation is what makes that covariance true. It moves all corners of a view together: taken for noise of the
-corners it would be averaged over thousands of them. Its variances, of translation and of rotation, and the corners' own
-are estimated along with θ by expectation–maximisation on the same equations.
+The arm's deviation makes that covariance realistic. It moves all corners of a view together; treated as noise of the
+corners it would be averaged over thousands of them. Its variances, of translation and of rotation, and that of the
+corners are estimated along with θ by expectation–maximisation on the same equations.
 """
 
 import math
@@ -26,21 +26,21 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.waypoints import calibrated_kinematics
 
 CAMERA = slice(0, 9)
-"""Of θ: f_x, f_y, c_x, c_y in pixels and OpenCV's distortion k1, k2, p1, p2, k3."""
+"""Part of θ: f_x, f_y, c_x, c_y in pixels and OpenCV's distortion k1, k2, p1, p2, k3."""
 
 WARP = slice(9, 12)
-"""Of θ: sag of the board's middle along x and along y, and its twist, by which opposite corners stand out, m. Left out,
-35 µm of twist turned a camera of narrow field by 0.09°, by way of its principal point."""
+"""Part of θ: sag of the board's middle along x and along y, and its twist, by which opposite corners stand out, m.
+Measured: 35 µm of twist, if left out, turned a camera of narrow field by 0.09°, via its principal point."""
 
 BASE_FROM_CAMERA, FLANGE_FROM_BOARD = slice(12, 18), slice(18, 24)
-"""Of θ: translation, m, and rotation vector, rad, by which the pose is changed on its right."""
+"""Parts of θ: translation, m, and rotation vector, rad, of a change that multiplies the pose on the right."""
 
 SCALE = 24
-"""Of θ: relative deviation of the board's squares from their stated side."""
+"""Part of θ: relative deviation of the board's squares from their stated side."""
 
 JOINT_OFFSETS = slice(25, 29)
-"""Of θ: offsets of the second to the fifth joint, rad. The first turns the base and the last the board: offsets of
-these are part of the two poses."""
+"""Part of θ: offsets of the second to the fifth joint, rad. Offsets of the first, which turns the base, and of the
+last, which turns the board, are part of the two poses."""
 UNKNOWNS = 29
 
 WARP_SIGMA_M, SCALE_SIGMA, JOINT_OFFSET_SIGMA_RAD = 1e-3, 1e-3, math.radians(0.2)
@@ -48,29 +48,29 @@ WARP_SIGMA_M, SCALE_SIGMA, JOINT_OFFSET_SIGMA_RAD = 1e-3, 1e-3, math.radians(0.2
 read over 200 mm), and of joint offsets (a UR's are below 0.1° even without factory kinematics)."""
 
 ARM_SIGMA_START = (1e-4, 2e-4)
-"""Deviation of the arm, m and rad, that the estimate starts from."""
+"""Initial deviation of the arm, m and rad."""
 
 ARM_SIGMA_FLOOR, CORNER_SIGMA_FLOOR_PX = (5e-6, 5e-6), 2e-3
 """Least deviation of the arm, m and rad, and least noise of a corner, pixels: weights of perfect data stay finite."""
 
 CORNER_SIGMA_START_PX = 0.1
-"""Noise of a corner's coordinates, pixels, that the estimate starts from."""
+"""Initial noise of a corner's coordinates, pixels."""
 
 MAX_STEPS, CONVERGED, MAX_DAMPING = 60, 1e-3, 1e6
-"""Gauss–Newton steps at most; length of a step in standard deviations below which they end; damping, relative to the
-equations' diagonal, above which no step lowers the cost."""
+"""Largest number of Gauss–Newton steps; length of a step, in standard deviations, below which they end; damping,
+relative to the equations' diagonal, above which no step lowers the cost."""
 
 MAX_CONDITION = 1e12
-"""Condition of the normal equations, scaled to a unit diagonal, above which their inverse means nothing."""
+"""Condition of the normal equations, scaled to a unit diagonal, above which their inverse is meaningless."""
 
 OUTLIER_SIGMA = 6.0
-"""Residual in standard deviations from which a corner is taken for misread and left out."""
+"""Residual, in standard deviations, from which a corner counts as misread and is left out."""
 
 
 @dataclass(frozen=True)
 class Parameters:
     """An estimate: camera (9,) as in CAMERA; warp (3,); poses of camera and board; scale; joint offsets (6,), rad; the
-    views' own poses (V, 4, 4), `camera_from_board` without an arm, `board_from_board` deviations with one."""
+    views' own poses (V, 4, 4): `camera_from_board` without an arm, `board_from_board` deviations with one."""
 
     camera: FloatArray
     own: FloatArray
@@ -88,13 +88,13 @@ class Parameters:
 
     @property
     def prior_part(self) -> FloatArray:
-        """Those of θ (29,) that have a prior, of mean zero; the others are zero."""
+        """θ (29,) with zeros for all parameters that have no prior; the priors have mean zero."""
         part = np.zeros(UNKNOWNS)
         part[WARP], part[SCALE], part[JOINT_OFFSETS] = self.warp, self.scale, self.joint_offsets[1:5]
         return part
 
     def stepped(self, shared: FloatArray, own: Sequence[FloatArray]) -> "Parameters":
-        """The estimate after a step of θ (29,) and of the views' own poses, V of (6,)."""
+        """Returns the estimate after a step of θ (29,) and of the views' own poses, V of (6,)."""
         offsets = self.joint_offsets.copy()
         offsets[1:5] += shared[JOINT_OFFSETS]
         return Parameters(
@@ -110,11 +110,11 @@ class Parameters:
 
 @dataclass(frozen=True)
 class Adjusted:
-    """What an adjustment found.
+    """Result of an adjustment.
 
     `covariance` (29, 29) of θ, zero where a parameter was held; `corner_sigma_px` of a coordinate; `arm_sigma` of the
     arm's deviation, m and rad; `residuals_px`: per view (K, 2), observed minus predicted; `left_out`: name and number
-    of corners taken for misread.
+    of misread corners.
     """
 
     parameters: Parameters
@@ -126,20 +126,20 @@ class Adjusted:
     left_out: tuple[tuple[str, int], ...]
 
     def sigma(self, part: slice | int) -> FloatArray:
-        """1 σ of a part of θ."""
+        """Returns 1 σ of a part of θ."""
         return np.sqrt(np.diag(self.covariance)[part])
 
 
 @dataclass(frozen=True)
 class Model:
-    """A board and, where it is on the flange, the arm's chain (6, 4) as in `calibrated_kinematics`."""
+    """A board and, if it is on the flange, the arm's chain (6, 4) as in `calibrated_kinematics`."""
 
     board: CharucoBoard
     chain: FloatArray | None = None
 
     @property
     def free(self) -> np.ndarray:
-        """Which of θ (29,) are estimated."""
+        """Mask of the parameters θ (29,) that are estimated."""
         free = np.ones(UNKNOWNS, bool)
         if self.chain is None:
             free[BASE_FROM_CAMERA.start :] = False
@@ -156,7 +156,7 @@ class Model:
 
 @dataclass(frozen=True)
 class _Equations:
-    """One view's residuals (2K,), pixels, and their derivatives by θ (2K, 29) and by its own pose (2K, 6)."""
+    """One view's residuals (2K,), pixels, and their derivatives with respect to θ (2K, 29) and its own pose (2K, 6)."""
 
     residual: FloatArray
     shared: FloatArray
@@ -176,7 +176,7 @@ class _Variances:
         return np.repeat([1 / self.arm[0] ** 2, 1 / self.arm[1] ** 2], 3)
 
     def near(self, other: "_Variances") -> bool:
-        """Whether two estimates are alike to one per cent."""
+        """Tells whether two estimates agree to one per cent."""
         pairs = zip((self.corner_px, *self.arm), (other.corner_px, *other.arm), strict=True)
         return all(one == two or abs(one / two - 1) < 0.01 for one, two in pairs)
 
@@ -192,7 +192,7 @@ class _View:
 
 @dataclass(frozen=True)
 class _Reduced:
-    """Normal equations of θ (29, 29) and (29,) with the views' own poses eliminated, and the views' shares."""
+    """Normal equations of θ, (29, 29) and (29,), with the views' own poses eliminated, and the views' shares."""
 
     normal: FloatArray
     gradient: FloatArray
@@ -200,9 +200,9 @@ class _Reduced:
 
 
 def adjust(model: Model, views: Sequence[View], start: Parameters) -> Adjusted:
-    """Bundle adjustment by Gauss–Newton with Levenberg's damping, misread corners left out and the fit repeated.
+    """Bundle adjustment by Gauss–Newton with Levenberg's damping; leaves out misread corners and repeats the fit.
 
-    Raises RigError calibration.infeasible where the views do not determine the parameters.
+    Raises RigError calibration.infeasible if the views do not determine the parameters.
     """
     kept, left_out, parameters = list(views), list[tuple[str, int]](), start
     while True:
@@ -220,8 +220,8 @@ def adjust(model: Model, views: Sequence[View], start: Parameters) -> Adjusted:
 
 @dataclass(frozen=True)
 class Seen:
-    """What a view says of θ at an estimate, its own pose eliminated: residuals (2K,), pixels, Fisher information
-    (29, 29) and gradient (29,) of the log likelihood."""
+    """A view's contribution to θ at an estimate, its own pose eliminated: residuals (2K,), pixels, Fisher information
+    (29, 29) and gradient (29,) of the log-likelihood."""
 
     residual: FloatArray
     information: FloatArray
@@ -229,7 +229,7 @@ class Seen:
 
 
 def seen_by(model: Model, view: View, found: Adjusted) -> Seen:
-    """What a view says of θ at the estimate `found`, with its variances."""
+    """Returns a view's contribution to θ at the estimate `found`, with its variances."""
     equations = _equations(model, view, found.parameters, np.eye(4))
     share = _share(equations, _Variances(found.corner_sigma_px, found.arm_sigma), np.zeros(6))
     weight = 1 / found.corner_sigma_px**2
@@ -244,13 +244,13 @@ def seen_by(model: Model, view: View, found: Adjusted) -> Seen:
 def information(model: Model, view: View, found: Adjusted) -> FloatArray:
     """Fisher information (29, 29) that a further view would add on θ, its own pose eliminated.
 
-    The view's pixels do not matter, only which corners it sees and the joints.
+    It does not depend on the view's pixels, only on its joints and on the corners in it.
     """
     return seen_by(model, view, found).information
 
 
 def camera_from_board(model: Model, parameters: Parameters, view: View) -> FloatArray:
-    """Pose (4, 4) of the board on the flange in the camera's frame, by an estimate, at the view's joints."""
+    """Returns the pose (4, 4) of the board in the camera's frame, by an estimate, at the view's joints."""
     flange = _arm_links(model, parameters, view)[6]
     return geometry.inverse(parameters.base_from_camera) @ flange @ parameters.flange_from_board
 
@@ -289,7 +289,7 @@ def _descend(model: Model, views: Sequence[View], start: Parameters) -> Adjusted
 
 
 def _require_determined(normal: FloatArray) -> None:
-    """Refuses normal equations, scaled to a unit diagonal, that hold less than single precision."""
+    """Refuses normal equations, scaled to a unit diagonal, whose condition is above MAX_CONDITION."""
     if not np.isfinite(normal).all() or np.linalg.cond(normal) > MAX_CONDITION:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
@@ -325,7 +325,7 @@ def _cost(model: Model, equations: Sequence[_Equations], present: Parameters, va
 def _estimated_variances(
     model: Model, equations: Sequence[_Equations], present: Parameters, reduced: _Reduced, before: _Variances
 ) -> _Variances:
-    """One step of expectation–maximisation: mean squares of residuals and deviations and of what they leave unknown."""
+    """Expectation–maximisation step: mean squares of residuals and deviations, plus the variances that they leave."""
     free = model.free
     covariance = np.linalg.inv(reduced.normal[np.ix_(free, free)])
     squares, count, unknowns = 0.0, 0, float(np.count_nonzero(free))
@@ -358,8 +358,8 @@ def _equations(model: Model, view: View, present: Parameters, own: FloatArray) -
     vector = cv2.Rodrigues(pose[:3, :3])[0]
     predicted, derivatives = cv2.projectPoints(points, vector, pose[:3, 3], present.matrix, present.camera[4:])
     by_all = np.asarray(derivatives, dtype=float).reshape(len(points), 2, -1)
-    by_point = by_all[:, :, 3:6]  # of the point in the camera's frame
-    by_own = by_point @ pose[:3, :3]  # of the point in the board's frame
+    by_point = by_all[:, :, 3:6]  # by the point in the camera's frame
+    by_own = by_point @ pose[:3, :3]  # by the point in the board's frame
     shared = np.zeros((len(points), 2, UNKNOWNS))
     shared[..., CAMERA] = by_all[:, :, 6:15]
     shared[..., WARP] = by_own[..., 2:3] * shapes[:, None, :]
@@ -379,14 +379,14 @@ def _equations(model: Model, view: View, present: Parameters, own: FloatArray) -
 
 
 def _arm_links(model: Model, parameters: Parameters, view: View) -> FloatArray:
-    """Link frames (7, 4, 4) in the base at the view's joints."""
+    """Returns the link frames (7, 4, 4) in the base frame at the view's joints."""
     if model.chain is None or view.joints is None:
         raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, f"{view.name}: the arm's chain and its joints are needed")
     return calibrated_kinematics.forward(model.chain, (view.joints + parameters.joint_offsets)[None])[0]
 
 
 def _by_twist(by_point: FloatArray, points: FloatArray) -> FloatArray:
-    """Derivatives (K, 2, 6) by translation and rotation of a frame, of those by points (K, 2, 3) in that frame."""
+    """Converts derivatives by points (K, 2, 3) of a frame into those by its translation and rotation, (K, 2, 6)."""
     turned = np.stack([np.cross(axis, points) for axis in np.eye(3)], axis=-1)  # (K, 3, axis)
     return np.concatenate([by_point, by_point @ turned], axis=-1)
 
@@ -396,5 +396,5 @@ def _exponential(twist: FloatArray) -> FloatArray:
 
 
 def _logarithm(pose: FloatArray) -> FloatArray:
-    """Translation and rotation vector (6,) of a pose: its logarithm to first order of the rotation."""
+    """Returns translation and rotation vector (6,) of a pose: its logarithm to first order of the rotation."""
     return np.concatenate([pose[:3, 3], Rotation.from_matrix(pose[:3, :3]).as_rotvec()])

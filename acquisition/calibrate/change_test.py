@@ -1,12 +1,12 @@
-"""Which part of a calibration new images contradict: score tests of groups of parameters (Rao), named one at a time.
+"""Score tests (Rao) of groups of parameters: find the part of a calibration that new images contradict.
 
-A calibration states parameters with a covariance; new images say more of them. Both follow from the information matrix
-and the gradient of the new images at the stated values: without a change the gradient has covariance N + N C N. A group
-of parameters that has changed (the camera's place, the lamp's intensity) is one more unknown without a prior; how far
-it lowers the sum of squares is χ² with as many degrees of freedom as it has parameters. The group that explains most,
-each parameter's worth by Akaike's criterion, is named and set free, and the others are tested again, until nothing is
-left to explain. The probabilities are corrected for the number of groups (Bonferroni), so that a sound calibration is
-taken for a changed one as rarely as `FALSE_ALARM` says.
+A calibration states parameters with a covariance C. New images add information N about them and a gradient at the
+stated values: without a change the gradient has covariance N + N C N. A group of parameters that has changed (the
+camera's place, the lamp's intensity) is one more unknown without a prior. It reduces the sum of squares by a χ² with as
+many degrees of freedom as the group has parameters. The group with the largest reduction, after Akaike's penalty for
+each parameter, is named and set free; the others are tested again, until no significant change is left. The
+probabilities are corrected for the number of groups (Bonferroni), so that a sound calibration counts as changed with
+probability `FALSE_ALARM`.
 """
 
 from collections.abc import Sequence
@@ -18,15 +18,15 @@ from scipy.special import chdtrc
 from acquisition.models.base import FloatArray
 
 FALSE_ALARM = 0.005
-"""Probability with which a check contradicts a calibration that is true: daily for half a year, about one in a lab."""
+"""Probability that a check contradicts a true calibration: with daily checks about one false alarm in half a year."""
 
 LEAST_INFORMATION = 1e-9
-"""Eigenvalue of a group's information, scaled to a unit diagonal, below which a direction is not seen at all."""
+"""Eigenvalue of a group's information, scaled to a unit diagonal, below which a direction counts as not observed."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Parameters that change together, by their numbers."""
+    """Parameters that change together, given by their numbers."""
 
     name: str
     parameters: tuple[int, ...]
@@ -34,7 +34,7 @@ class Group:
 
 @dataclass(frozen=True)
 class GroupTest:
-    """A group's most likely change since the calibration, its covariance, and how improbable chance makes it."""
+    """Most likely change of a group since the calibration, with its covariance and χ²."""
 
     group: Group
     change: FloatArray
@@ -44,14 +44,14 @@ class GroupTest:
 
     @property
     def probability(self) -> float:
-        """With which a sound calibration shows as much, of this group alone."""
+        """Probability that a sound calibration shows at least this change, for this group alone."""
         return float(chdtrc(self.freedom, self.chi_square)) if self.freedom else 1.0
 
 
 @dataclass(frozen=True)
 class ChangeTest:
-    """The tests of all groups against the calibration as stated, those that have changed in the order of what they
-    explain, each with its change when the ones before it are free, and the least probability, corrected."""
+    """The tests of all groups against the stated calibration; those that have changed, the most explanatory first, each
+    with its change while the ones before it are free; the least probability, corrected."""
 
     tests: tuple[GroupTest, ...]
     changed: tuple[GroupTest, ...]
@@ -61,8 +61,8 @@ class ChangeTest:
 def find_changes(
     information: FloatArray, gradient: FloatArray, covariance: FloatArray, groups: Sequence[Group]
 ) -> ChangeTest:
-    """Tests groups of parameters by the `information` (P, P) and `gradient` (P,) of new images at the stated values,
-    whose covariance (P, P) is stated."""
+    """Tests groups of parameters by `information` (P, P) and `gradient` (P,) of new images at the stated values, whose
+    covariance (P, P) is stated."""
     tests = _tests(information, gradient, covariance, groups)
     least = min(1.0, len(groups) * min(test.probability for test in tests))
     changed: list[GroupTest] = []
@@ -98,7 +98,7 @@ def _test(score: FloatArray, seen: FloatArray, group: Group) -> GroupTest:
 
 
 def _freed(covariance: FloatArray, information: FloatArray, group: Group) -> FloatArray:
-    """The covariance with a group about which nothing is known: a thousand times what the images tell of it."""
+    """Returns the covariance with a group set free: its 1 σ becomes a thousand times that by the images."""
     freed = covariance.copy()
     for number in group.parameters:
         freed[number, number] += 1e6 / max(float(information[number, number]), 1e-300)

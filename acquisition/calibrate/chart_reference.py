@@ -1,4 +1,4 @@
-"""Reference values of 24-patch colour charts: the usual chart's published ones, or a file's.
+"""Reference values of 24-patch colour charts: the published values of the usual chart, or those of a file.
 
 The layout is McCamy's (1976): six columns and four rows, dark skin upper left, six neutral patches from white to black
 in the last row.
@@ -47,7 +47,7 @@ black 2,20.64,0.07,-0.46
 
 @dataclass(frozen=True)
 class ChartReference:
-    """Names and CIELAB under D50 (24, 3) of a chart's patches, row by row, and where they are from."""
+    """Names and CIELAB under D50 (24, 3) of a chart's patches, row by row, and their source."""
 
     names: tuple[str, ...]
     lab: FloatArray
@@ -55,13 +55,13 @@ class ChartReference:
 
 
 def published() -> ChartReference:
-    """The maker's values for the usual chart."""
+    """Returns the maker's values for the usual chart."""
     return _parsed(PUBLISHED, "24 patches, the maker's values from November 2014")
 
 
 def read(path: Path) -> ChartReference:
-    """Values of a chart of one's own: 24 lines `name,L,a,b`, row by row from dark skin. Raises RigError config.invalid
-    naming the line."""
+    """Reads the values of another chart: 24 lines `name,L,a,b`, row by row from dark skin. Raises RigError
+    config.invalid naming the line."""
     try:
         content = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

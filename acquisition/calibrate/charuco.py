@@ -1,8 +1,8 @@
 """ChArUco boards: description, and sub-pixel detection of the corners (OpenCV `aruco`).
 
-A chessboard's corners are found to some hundredths of a pixel, and the markers in its white squares say which corner is
-which, so that a board which is partly hidden or leaves the image still counts. The board's frame has its origin at a
-corner of the board, x along its columns, y along its rows, z into it.
+A chessboard's corners are located to some hundredths of a pixel. The markers in its white squares number the corners,
+so that a board that is partly hidden or leaves the image still counts. The board's frame has its origin at a corner of
+the board, x along its columns, y along its rows, z into it.
 """
 
 from dataclasses import dataclass
@@ -15,16 +15,16 @@ from acquisition.models.base import FloatArray, Value
 from acquisition.models.cell_config import BoardConfig
 
 DICTIONARY = "DICT_5X5_250"
-"""Markers of the board: 25 bits are read down to 1.5 pixels a bit, and 250 of them fill boards of 500 squares."""
+"""Markers of the board: their 25 bits are read down to 1.5 pixels a bit, and 250 markers fill boards of 500 squares."""
 
 MARKER_BITS = 7
 """Bits along the side of a marker, its black border included."""
 
 MIN_CORNERS = 8
-"""Corners of a view, fewer than which hardly tell its pose."""
+"""Least number of corners of a view: fewer hardly determine its pose."""
 
 MIN_SPREAD = 0.1
-"""Least share of the longer extent of a view's corners that the shorter one has: corners on a line tell no tilt."""
+"""Least ratio of the shorter to the longer extent of a view's corners: corners on a line do not determine the tilt."""
 
 
 class CharucoBoard(Value):
@@ -50,23 +50,23 @@ class CharucoBoard(Value):
 
     @property
     def corners_m(self) -> FloatArray:
-        """Inner corners (N, 3) in the board's frame, m, as if it were flat."""
+        """Inner corners (N, 3) in the board's frame, m, as if the board were flat."""
         return np.asarray(self.opencv().getChessboardCorners(), dtype=float)
 
     @property
     def blank_m(self) -> tuple[float, float, float, float] | None:
-        """The blank middle's left, upper, right and lower edge in the board's frame, m; none where squares fill it."""
+        """Left, upper, right and lower edge of the blank middle in the board's frame, m; None if squares fill it."""
         n, side = self.border_squares, self.square_m
         right, lower = self.columns - n, self.rows - n
         return (n * side, n * side, right * side, lower * side) if 0 < n < min(right, lower) else None
 
     def is_blank(self, column: int, row: int) -> bool:
-        """Whether a square belongs to the blank middle."""
+        """Tells whether a square belongs to the blank middle."""
         n = self.border_squares
         return n > 0 and n <= column < self.columns - n and n <= row < self.rows - n
 
     def opencv(self) -> cv2.aruco.CharucoBoard:
-        """The board of OpenCV."""
+        """Returns OpenCV's object for the board."""
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
         marker_m = self.marker_share * self.square_m
         board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_m, marker_m, dictionary)
@@ -75,14 +75,14 @@ class CharucoBoard(Value):
 
 
 def of_cell(board: BoardConfig) -> CharucoBoard:
-    """The squares of a cell's board."""
+    """Returns the squares of a cell's board."""
     return CharucoBoard.model_validate(board.model_dump(include=set(CharucoBoard.model_fields)))
 
 
 @dataclass(frozen=True)
 class View:
     """Corners of a board in one image: numbers (K,) in `CharucoBoard.corners_m`, and pixels (K, 2), column and row; the
-    arm's joints (6,), rad, where the board is on its flange."""
+    arm's joints (6,), rad, if the board is on its flange."""
 
     name: str
     corners: np.ndarray
@@ -91,13 +91,13 @@ class View:
 
 
 def detect(image: np.ndarray, board: CharucoBoard, name: str, joints: FloatArray | None = None) -> View | None:
-    """Detects a board's corners by its markers and refines them (OpenCV `CharucoDetector`); none where it is not seen.
+    """Detects a board's corners by its markers and refines them (OpenCV `CharucoDetector`); None if it is not seen.
 
     `image` (H, W), 8 or 16 bits, brightness linear or not.
     """
     detector = cv2.aruco.CharucoDetector(board.opencv())
     pixels, numbers, _, _ = detector.detectBoard(_as_8_bit(image))
-    if np.size(numbers) < MIN_CORNERS:  # None where there are no markers
+    if np.size(numbers) < MIN_CORNERS:  # `numbers` is None if there are no markers
         return None
     seen = np.asarray(pixels, dtype=float).reshape(-1, 2)
     extent = np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)
@@ -107,7 +107,7 @@ def detect(image: np.ndarray, board: CharucoBoard, name: str, joints: FloatArray
 
 
 def shift_px(first: View, second: View) -> float:
-    """Median distance of the corners that both views show, pixels; infinite where they share too few."""
+    """Median distance of the corners that both views show, pixels; infinite if they share too few."""
     _, one, other = np.intersect1d(first.corners, second.corners, return_indices=True)
     if len(one) < MIN_CORNERS:
         return float("inf")

@@ -1,10 +1,10 @@
 """White balance and colour matrix from images of a 24-patch chart under the lamp.
 
-A matrix takes the values of a mosaic's (or an RGB camera's) channels to linear sRGB. A lamp near the chart lights it
-unevenly, by a factor that is smooth over it and common to the channels: the logarithm is a second-order polynomial for
-each image, found together with the matrix. Least squares in linear values start, and the sum of the cubes of CIEDE2000
-is minimised from there: squares alone leave single patches further off, and linear values count the dark ones for
-nothing.
+The matrix maps the values of a mosaic's (or an RGB camera's) channels to linear sRGB. A lamp near the chart lights it
+unevenly, by a factor that is smooth over the chart and common to the channels. Its logarithm is a second-order
+polynomial for each image, estimated together with the matrix. Least squares in linear values give the start, from which
+the sum of the cubes of CIEDE2000 is minimised: squares alone leave larger errors at single patches, and linear values
+give the dark patches no weight.
 """
 
 from collections.abc import Sequence
@@ -28,28 +28,28 @@ CORNER_PATCHES = ((0.0, 0.0), (5.0, 0.0), (5.0, 3.0), (0.0, 3.0))
 """Centres of the corner patches: dark skin, bluish green, black, white."""
 
 SAMPLED_SHARE = 0.5
-"""Side of the middle of a patch that is read, of the patches' distance: gaps and blurred edges stay out."""
+"""Side of the part of a patch that is read, relative to the distance of patches: excludes gaps and blurred edges."""
 
 MIN_PATCH_PX = 6
-"""Least side of that middle, pixels: nine sites of red and of blue."""
+"""Least side of that part, pixels: nine sites of red and of blue."""
 
 SHADING_SIGMA = 0.5
 """1 σ of each term of the shading's logarithm at the chart's edge."""
 
 MIN_SIGNAL = 1e-5
-"""Least value of a patch, fraction of full scale, and least linear value in a logarithm."""
+"""Least value of a patch, as a fraction of full scale, and least linear value in a logarithm."""
 
 MAX_NEUTRAL_DELTA_E = 6.0
-"""CIEDE2000 of the neutral patches, mean, from which the chart counts as not found in its place or not in order."""
+"""Mean CIEDE2000 of the neutral patches above which the chart counts as misplaced or its corners as out of order."""
 
 POWER = 1.5
-"""Residuals are CIEDE2000 to this power; least squares sum the cubes then."""
+"""Power of CIEDE2000 in the residuals; least squares then sum the cubes."""
 
 
 @dataclass(frozen=True)
 class ChartFit:
-    """Colour calibration, CIELAB of the patches (I, 24, 3) in each image, their CIEDE2000 (24,) from the mean over the
-    images, and logarithms of the shading (I, 24)."""
+    """Colour calibration; CIELAB of the patches (I, 24, 3) in each image; CIEDE2000 (24,) of their mean over the
+    images; logarithms of the shading (I, 24)."""
 
     calibration: ColourCalibration
     lab: FloatArray
@@ -58,19 +58,19 @@ class ChartFit:
 
 
 def locate(picture: np.ndarray) -> FloatArray:
-    """Homography (3, 3) from patches to pixels by the four markers round the chart, in a picture (H, W) of any depth.
+    """Returns the homography (3, 3) from patches to pixels by the four markers round the chart.
 
-    Raises RigError calibration.target_not_seen naming the markers that are missing.
+    `picture` (H, W) has any depth. Raises RigError calibration.target_not_seen naming the markers that are missing.
     """
     bright = max(float(np.percentile(picture, 99.5)), 1e-9)
     grey = np.clip(255 * picture / bright, 0, 255).astype(np.uint8)
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
     parameters = cv2.aruco.DetectorParameters()
-    # Small markers' edges are blurred over a mosaic's cells: only the middles of their bits count.
+    # A mosaic blurs the edges of small markers: only the middles of their bits count.
     parameters.perspectiveRemoveIgnoredMarginPerCell, parameters.maxErroneousBitsInBorderRate = 0.3, 0.5
     parameters.adaptiveThreshWinSizeMax, parameters.minMarkerPerimeterRate = 43, 0.02
     found, numbers, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(grey)
-    # OpenCV answers none where nothing is seen, which its types do not say.
+    # OpenCV returns None if nothing is seen, which its types do not state.
     known = np.ravel(np.asarray(numbers)).tolist() if len(found) else []
     seen = dict(zip(known, found, strict=True))
     missing = [str(number) for number in range(4) if number not in seen]
@@ -86,7 +86,7 @@ def locate(picture: np.ndarray) -> FloatArray:
 
 def homography(pixels: FloatArray, places: Sequence[tuple[float, float]] = CORNER_PATCHES) -> FloatArray:
     """Homography (3, 3) from patches to pixels by four points (4, 2), column and row, of `places`. Raises RigError
-    calibration.infeasible where they are no quadrilateral in this order."""
+    calibration.infeasible if they are no quadrilateral in this order."""
     corners = np.asarray(pixels, dtype=np.float32).reshape(-1, 1, 2)
     if len(corners) != 4 or not cv2.isContourConvex(corners.astype(np.int32)):
         raise RigError(
@@ -102,8 +102,8 @@ def values(
 ) -> FloatArray:
     """Mean values (24, 3) of R, G, B over the patches' middles, of an image (H, W) of a mosaic or (H, W, 3).
 
-    `matrix` as of `locate`. Raises RigError calibration.infeasible naming a patch that is clipped, too small or outside
-    of the image.
+    `matrix` is that of `locate`. Raises RigError calibration.infeasible naming a patch that is clipped, too small or
+    outside the image.
     """
     height, width = image.shape[:2]
     whole = slice(0, height), slice(0, width)
@@ -135,7 +135,7 @@ def values(
 def fit(signals: FloatArray, reference: ChartReference) -> ChartFit:
     """Fits white balance, matrix and each image's shading to `signals` (I, 24, 3), values above black.
 
-    Raises RigError calibration.infeasible where patches are black, or the neutral ones come out as none.
+    Raises RigError calibration.infeasible if patches are black or the neutral ones do not come out neutral.
     """
     wanted = colour.srgb_from_lab(reference.lab)
     if signals[:, list(NEUTRALS)[:5]].min() <= MIN_SIGNAL:
@@ -148,7 +148,7 @@ def fit(signals: FloatArray, reference: ChartReference) -> ChartFit:
     first = np.linalg.lstsq(relative.reshape(-1, 3), np.tile(wanted, (count, 1)), rcond=None)[0].T
     terms = _shading_terms()
     start = np.concatenate([first.ravel(), np.zeros(count * terms.shape[1])])
-    # The first image's exposure is the matrix's; the others have factors of their own.
+    # The matrix contains the first image's exposure; the others have factors of their own.
     gains = np.zeros(count - 1)
 
     def lab_of(state: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -188,7 +188,7 @@ def fit(signals: FloatArray, reference: ChartReference) -> ChartFit:
 
 
 def held_out_delta_e(signals: FloatArray, reference: ChartReference) -> float | None:
-    """Mean CIEDE2000 of each image by the matrix of the others, its own shading alone fitted to it; none of one."""
+    """Mean CIEDE2000 of each image with the matrix of the others, only its own shading fitted; None for one image."""
     if len(signals) < 2:
         return None
     found: list[float] = []
@@ -200,7 +200,7 @@ def held_out_delta_e(signals: FloatArray, reference: ChartReference) -> float | 
 
 
 def _shaded_delta_e(signal: FloatArray, matrix: FloatArray, reference: ChartReference) -> FloatArray:
-    """CIEDE2000 (24,) of an image by a known matrix, with the shading and exposure that fit best."""
+    """CIEDE2000 (24,) of an image with a known matrix and the best-fitting shading and exposure."""
     terms = np.concatenate([_shading_terms(), np.ones((COLUMNS * ROWS, 1))], axis=1)
     linear = signal @ matrix.T
     luminance = np.maximum(linear @ colour.XYZ_D50_FROM_SRGB[1], MIN_SIGNAL)
@@ -216,7 +216,7 @@ def _shaded_delta_e(signal: FloatArray, matrix: FloatArray, reference: ChartRefe
 
 def _shading_terms() -> FloatArray:
     """Terms (24, 5) of the shading's logarithm at the patches: u, v, u², u v, v², ±1 at the edges of the longer side,
-    less their means."""
+    with their means subtracted."""
     row, column = np.divmod(np.arange(COLUMNS * ROWS), COLUMNS)
     half = (COLUMNS - 1) / 2
     u, v = (column - half) / half, (row - (ROWS - 1) / 2) / half

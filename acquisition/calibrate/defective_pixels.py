@@ -1,7 +1,7 @@
 """Defective pixels of a camera: hot in the dark, or unlike all their neighbours in the light (EMVA 1288 4.0).
 
-A pixel is compared with its eight neighbours only, because the scene is no uniform field: an edge never makes a pixel
-unlike all of them, only a detail of its own size.
+A pixel is compared with its eight neighbours only, because the scene is not a uniform field: an edge never makes a
+pixel unlike all of them, only a detail of one pixel's size does.
 """
 
 import cv2
@@ -11,20 +11,20 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array
 
 HOT_SIGMA, HOT_SHARE = 8.0, 0.01
-"""A hot pixel is brighter in the dark than its neighbours by so many σ and by this share of the range."""
+"""Excess of a hot pixel in the dark over its neighbours: at least so many σ and this share of the range."""
 
 DEAD_FACTOR, DEAD_LEAST = 0.5, 0.08
-"""A pixel whose response is this far below the darkest, or above the brightest, of its eight neighbours is defective;
-judged where they have this share of the range."""
+"""Factor by which the response of a defective pixel is below the darkest, or above the brightest, of its eight
+neighbours; share of the range that these must have for the comparison."""
 
 MAX_DEFECTS = 2000
-"""Defective pixels that are listed."""
+"""Largest number of defective pixels that are listed."""
 
 
 def find(dark: Float32Array, signal: Float32Array) -> tuple[tuple[int, int, str], ...]:
-    """Column, row and kind (`hot`, `response`) of defective pixels.
+    """Returns column, row and kind (`hot`, `response`) of defective pixels.
 
-    From images (H, W) as shares of the range: the mean with the lamp off, and the lit one less its lamp-off mean.
+    The images (H, W) are shares of the range: the mean with the lamp off, and the lit one less its lamp-off mean.
     """
     away = dark - cv2.medianBlur(dark, 3)
     sigma = float(np.median(np.abs(away))) / photometry.GAUSSIAN_MEDIAN_DEVIATION

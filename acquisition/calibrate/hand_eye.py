@@ -1,9 +1,9 @@
 """Hand–eye calibration: base from camera, with the board on the flange and the camera fixed in the cell.
 
 The closed form of Park and Martin (1994) on the views' poses starts a bundle adjustment of all corners, in which
-intrinsics, the board's pose and scale and the offsets of the joints are unknown as well. The arm's deviations from its
-kinematic model are estimated from the views, so that the covariance tells what is known of base from camera, not what
-would be known of it with a perfect arm.
+intrinsics, the board's pose and scale and the joint offsets are unknown as well. The arm's deviations from its
+kinematic model are estimated from the views, so that the covariance of base from camera is that with the real arm, not
+with a perfect one.
 """
 
 from collections.abc import Sequence
@@ -28,14 +28,14 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.waypoints import calibrated_kinematics
 
 MIN_VIEWS = 6
-"""Views for two poses, four joint offsets and the deviations of the arm."""
+"""Least number of views, for two poses, four joint offsets and the deviations of the arm."""
 
 MIN_TURN_DEG = 20.0
-"""Least rotation of the flange about a second axis between views: about one axis alone the camera's place along it is
-not determined."""
+"""Least rotation of the flange about a second axis between views, degrees: rotations about one axis alone do not
+determine the camera's place along it."""
 
 MAX_SCALE = 0.005
-"""Deviation of the board's squares from their stated side from which they count as wrongly measured, not printed."""
+"""Relative deviation of the squares from their stated side above which the side counts as wrongly measured."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,9 @@ class HandEyeFit:
 def fit(board: CharucoBoard, chain: FloatArray, views: Sequence[View], camera: CameraFit) -> HandEyeFit:
     """Calibrates base from camera: start by Park and Martin's closed form, then bundle adjustment of all corners.
 
-    `chain` (6, 4) is the arm's, nominal or of the factory (`calibrated_kinematics.chain`); `camera` a calibration in
-    which the views take part by name. Raises RigError calibration.infeasible: too few views, flange turned about one
-    axis only, wrong side of the squares.
+    `chain` (6, 4) is the arm's, nominal or factory (`calibrated_kinematics.chain`); `camera` is a calibration that
+    contains the views, matched by name. Raises RigError calibration.infeasible for too few views or a flange that turns
+    about one axis only, calibration.board_wrong for a wrong side of the squares.
     """
     if len(views) < MIN_VIEWS:
         raise RigError(
@@ -94,9 +94,9 @@ def fit(board: CharucoBoard, chain: FloatArray, views: Sequence[View], camera: C
 
 
 def park(base_from_flange: FloatArray, camera_from_board: FloatArray) -> FloatArray:
-    """Closed form of AX = XB (Park and Martin 1994): base from camera (4, 4) of poses (V, 4, 4).
+    """Closed form of AX = XB (Park and Martin 1994): base from camera (4, 4) from poses (V, 4, 4).
 
-    Motions of all pairs of views take part. Raises RigError calibration.infeasible where the flange turns about one
+    Uses the motions between all pairs of views. Raises RigError calibration.infeasible if the flange turns about one
     axis only.
     """
     pairs = [(i, j) for i in range(len(base_from_flange)) for j in range(i)]
@@ -127,9 +127,9 @@ def _mean(poses: Sequence[FloatArray]) -> FloatArray:
 
 
 def _require_scale(found: Adjusted) -> None:
-    """Refuses a board whose squares are not what is stated, as the arm's motions tell."""
+    """Refuses a board whose squares, by the arm's motions, do not have the stated side."""
     scale, sigma = found.parameters.scale, float(found.sigma(SCALE))
-    # The prior pulls the estimate to zero by the share of the variance that it leaves; undone, it is the arm's word.
+    # The prior shrinks the estimate by the share of its variance that is left; undone, the arm's motions alone decide.
     told = scale / max(1 - (sigma / SCALE_SIGMA) ** 2, 0.05)
     if abs(told) > MAX_SCALE:
         raise RigError(

@@ -1,13 +1,13 @@
 """The highlight on a mirror sphere: the brightest spot of an image, and whether it can be the lamp's mirror image.
 
-Something is brightest in any image: the table under an exposure that is long enough, a window's mirror image while the
-lamp is off. A sphere of radius R images the lamp's window at R/2 whatever its size, so that the light of the spot
-depends on the sphere and on the illuminance E alone:
+Every image has a brightest spot: the table in a long exposure, or a window's mirror image while the lamp is off. A
+sphere of radius R images the lamp's window at R/2 whatever its size, so that the light of the spot depends on the
+sphere and on the illuminance E alone:
 
     sum of values = π p (R f / 2z)²,   p the value of white paper in the sphere's place,   f/z pixels per metre,
 
-times the mirror's reflectance; under oblique incidence the two focal lengths' product is R²/4 as well. By this, by its
-extent and by its place a spot is told from what only shines.
+times the mirror's reflectance; under oblique incidence the two focal lengths' product is R²/4 as well. The lamp's
+mirror image is distinguished from other spots by its light, extent and place.
 """
 
 from dataclasses import dataclass
@@ -22,27 +22,27 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 
 HIGHLIGHT_SHARE = 0.15
-"""Share of the brightest value above the background from which a pixel belongs to the highlight: the rim's values tell
-where between pixels its middle is."""
+"""Share of the brightest value above the background from which a pixel belongs to the highlight: the values at the rim
+determine its middle to fractions of a pixel."""
 
 MIN_CONTRAST = 0.05
-"""Share of full scale by which a highlight stands out of the background at the least."""
+"""Least height of a highlight above the background, as a share of full scale."""
 
 NO_HIGHLIGHT = "no highlight: the lamp is off, or the sphere is not in the image"
 
 MIN_HIGHLIGHT_PX, CLIPPED_FROM, MAX_CLIPPED = 4, 0.98, 0.5
-"""Pixels of a highlight below which it is a hot pixel; share of full scale from which a value counts as clipped; share
-of clipped pixels from which the highlight's middle is a guess."""
+"""Least number of pixels of a highlight (fewer are a hot pixel); share of full scale from which a value counts as
+clipped; share of clipped pixels above which the highlight's middle is a guess."""
 
 MAX_RIVAL = 0.5
-"""Brightness sum of the second brightest spot over that of the first, from which the image is ambiguous."""
+"""Ratio of the brightness sums of the second brightest and the brightest spot above which the image is ambiguous."""
 
 LEAST_LIGHT = 0.1
-"""Share of the light that a perfect mirror would show of the lamp below which a spot is something else: steel reflects
-half, a lobe off its axis may be a third of the nominal one."""
+"""Least light of the spot, as a share of that with a perfect mirror; below it the spot is something else. Steel
+reflects half, and a lobe off its axis may be a third of the nominal one."""
 
 PLACE_M = 0.05
-"""Distance of the spot from the stated place of the sphere, m, in whose surroundings it may lie: laid down by hand."""
+"""Largest distance of the spot from the outline of the sphere at its stated place, m: the sphere is placed by hand."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Spot:
 
 
 def find(image: np.ndarray, full_scale: float) -> Spot | str:
-    """Finds the brightest spot, its middle weighted by brightness; or why there is none, in words.
+    """Finds the brightest spot, its middle weighted by brightness; returns the reason in words if there is none.
 
     `image` (H, W), linear; `full_scale` is the value at which the sensor clips.
     """
@@ -87,7 +87,7 @@ def find(image: np.ndarray, full_scale: float) -> Spot | str:
 def find_of_lamp(
     image: np.ndarray, base_from_tool: FloatArray, exposure_s: float, cell: CellConfig, calibration: Calibration
 ) -> FloatArray | str:
-    """Middle (2,), column and row, of the lamp's mirror image in a frame (H, W); or why what shines is not that."""
+    """Returns the middle (2,), column and row, of the lamp's mirror image in a frame (H, W), or why there is none."""
     spot = find(image, float(2**calibration.sensor.bits - 1))
     if isinstance(spot, str):
         return spot
@@ -96,8 +96,8 @@ def find_of_lamp(
 
 
 def expected_spot(base_from_tool: FloatArray, exposure_s: float, cell: CellConfig, calibration: Calibration) -> Spot:
-    """What a perfect mirror sphere shows of the lamp by the calibration in use: the sphere's middle in the image, the
-    light of the lamp's mirror image, and the sphere's radius as the longest side that it may have."""
+    """Predicts what a perfect mirror sphere shows of the lamp by the calibration in use: the sphere's middle in the
+    image, the light of the lamp's mirror image, and the sphere's radius as the largest side of the spot."""
     center = lamp_targets.sphere_center(cell)
     view = geometry.transform(geometry.inverse(lamp_pose.base_from_view(calibration)), center[None])
     lamp = photometry.lamps([lamp_pose.light_from_tool(base_from_tool, calibration)])
@@ -108,7 +108,7 @@ def expected_spot(base_from_tool: FloatArray, exposure_s: float, cell: CellConfi
 
 
 def why_another(spot: Spot, expected: Spot, pixels_per_metre: float) -> str:
-    """Why a spot is not the lamp's mirror image, for people; empty where it can be."""
+    """Returns why a spot is not the lamp's mirror image, for people; empty if it can be."""
     if spot.side_px > expected.side_px:
         return f"{NO_HIGHLIGHT} (what shines is {spot.side_px:.0f} pixels wide)"
     if spot.light < LEAST_LIGHT * expected.light:
@@ -120,7 +120,7 @@ def why_another(spot: Spot, expected: Spot, pixels_per_metre: float) -> str:
 
 
 def _pixels_per_metre(cell: CellConfig, calibration: Calibration) -> float:
-    """Pixels of a metre across the line of sight at the sphere's place."""
+    """Returns the pixels per metre across the line of sight at the sphere's place."""
     base_from_camera = np.array(calibration.base_from_camera)
     away = float((lamp_targets.sphere_center(cell) - base_from_camera[:3, 3]) @ base_from_camera[:3, 2])
     return calibration.camera_matrix[0][0] / away

@@ -1,8 +1,8 @@
 """Camera calibration: matrix, distortion and board warp by bundle adjustment from Zhang's start (OpenCV).
 
-What a user of a camera model asks is how far it may be off at a place of the image, not how large each coefficient's
-error is: focal length and distortion, or principal point and tilt, err together and largely cancel. `projection_sigma`
-answers that, with the rotation of the camera that a later hand–eye calibration absorbs taken out.
+A user of a camera model needs its error at a place of the image, not the error of each coefficient: errors of focal
+length and distortion, or of principal point and tilt, are correlated and largely cancel. `projection_sigma` gives that
+error, without the rotation of the camera that a later hand–eye calibration absorbs.
 """
 
 from collections.abc import Sequence
@@ -17,15 +17,15 @@ from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
 MIN_VIEWS = 5
-"""Views for matrix, five coefficients of distortion and the board's warp: fewer leave these to luck."""
+"""Least number of views for matrix, five coefficients of distortion and the board's warp."""
 
 MIN_TILT_DEG = 15.0
-"""Least spread of the boards' normals: boards that face the camera all alike do not tell focal length from distance."""
+"""Least spread of the boards' normals, degrees: boards tilted alike do not separate focal length from distance."""
 
 
 @dataclass(frozen=True)
 class CameraFit:
-    """A calibrated camera of images of `size` (width, height); the adjustment's own poses are camera from board."""
+    """A camera calibrated from images of `size` (width, height); the adjustment's own poses are camera from board."""
 
     size: tuple[int, int]
     adjusted: Adjusted
@@ -34,8 +34,8 @@ class CameraFit:
 def fit(board: CharucoBoard, views: Sequence[View], size: tuple[int, int]) -> CameraFit:
     """Calibrates a camera: start by Zhang's method (`cv2.calibrateCamera`), then bundle adjustment of all corners.
 
-    `size`: width and height of the images, pixels. Raises RigError calibration.infeasible: too few views, or all tilted
-    alike.
+    `size`: width and height of the images, pixels. Raises RigError calibration.infeasible for too few views, or views
+    all tilted alike.
     """
     if len(views) < MIN_VIEWS:
         raise RigError(
@@ -47,7 +47,7 @@ def fit(board: CharucoBoard, views: Sequence[View], size: tuple[int, int]) -> Ca
 def _start(board: CharucoBoard, views: Sequence[View], size: tuple[int, int]) -> Parameters:
     points = [board.corners_m[view.corners].astype(np.float32) for view in views]
     pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in views]
-    # Without a guess of the matrix OpenCV asks for planar points, and finds one from the homographies.
+    # Without an initial matrix OpenCV needs planar points, and computes one from the homographies.
     _, matrix, distortion, rotations, translations = cv2.calibrateCamera(
         points, pixels, size, np.eye(3), np.zeros(5), flags=cv2.CALIB_FIX_K3
     )
@@ -66,10 +66,10 @@ def _start(board: CharucoBoard, views: Sequence[View], size: tuple[int, int]) ->
 
 
 def projection_sigma(found: CameraFit, grid: int = 24) -> FloatArray:
-    """1 σ of where the camera model puts a direction (rows, columns), pixels, over a grid of the image.
+    """1 σ of a direction's place in the image by the camera model (rows, columns), pixels, over a grid.
 
-    The longer side has `grid` samples. The direction's error by a rotation of the camera is taken out by least squares
-    over the grid (after the projection uncertainty of mrcal, Kogan 2021).
+    The longer side has `grid` samples. The part of the error that a rotation of the camera explains is removed by least
+    squares over the grid (after the projection uncertainty of mrcal, Kogan 2021).
     """
     remaining, shape = projection_derivatives(found.adjusted.parameters, found.size, grid)
     return projection_sigma_by(remaining, found.adjusted.covariance[CAMERA, CAMERA]).reshape(shape)
@@ -78,7 +78,7 @@ def projection_sigma(found: CameraFit, grid: int = 24) -> FloatArray:
 def projection_derivatives(
     parameters: Parameters, size: tuple[int, int], grid: int = 24
 ) -> tuple[FloatArray, tuple[int, int]]:
-    """Derivatives (2K, 9) of K directions' pixels by the camera, rotations taken out, and the grid's rows and columns.
+    """Derivatives (2K, 9) of K directions' pixels by the camera, rotations removed, and the grid's rows and columns.
 
     `size`: width and height of the image, pixels.
     """
@@ -95,6 +95,6 @@ def projection_derivatives(
 
 
 def projection_sigma_by(derivatives: FloatArray, covariance: FloatArray) -> FloatArray:
-    """1 σ (K,) of directions' places, pixels, by the covariance (9, 9) of the camera."""
+    """1 σ (K,) of directions' places, pixels, from the covariance (9, 9) of the camera."""
     variance = np.einsum("ij,jk,ik->i", derivatives, covariance, derivatives).reshape(-1, 2).sum(axis=1)
     return np.sqrt(variance / 2)

@@ -1,9 +1,9 @@
-"""Whether images of the matt plane still agree with the lamp that the calibration in use states, and what is otherwise.
+"""Calibration check with images of the matt plane: does the lamp agree with the calibration, and what has changed?
 
-The plane is the one that the lamp was calibrated on, so that its albedo's uncertainty cancels. Of intensity, lobe, flat
-field, lamp's and camera's place the covariances are those that the set in use states; the plane's pose is found anew.
-Taken together they count the geometry twice, once by itself and once in the lobe's, so that the check alarms rather too
-seldom than too often.
+The plane is the one that the lamp was calibrated on, so that its albedo's uncertainty cancels. The covariances of
+intensity, lobe, flat field, lamp's and camera's place are those that the set in use states; the plane's pose is
+estimated anew. Together they count the geometry twice, once by itself and once in the lobe's covariance, so that the
+check raises alarms too seldom rather than too often.
 """
 
 import math
@@ -28,20 +28,20 @@ from acquisition.models.errors import ErrorCode, RigError
 INTENSITY, LOBE, LAMP_PLACE = "intensity", "lobe", "lamp"
 
 LEAST_IMAGES = 4
-"""Images of the plane from which on intensity and lobe are told apart."""
+"""Number of images of the plane from which intensity and lobe can be distinguished."""
 
 ROUNDS = 3
-"""Rounds in which the model is linearised about the most likely geometry: a plane's sag counts to second order."""
+"""Rounds that linearise the model about the most likely geometry: the effect of the plane's sag is of second order."""
 
 ALBEDO_STAYS = 1e-3
-"""1 σ by which the plane's albedo may have changed, as a fraction: paper yellows by less in a year indoors."""
+"""1 σ of a change of the plane's albedo, as a fraction: paper yellows by less in a year indoors."""
 
 _V = TypeVar("_V", bound=Value)
 
 
 @dataclass(frozen=True)
 class StatedLamp:
-    """Lamp and camera's place as the files of the set in use state them."""
+    """The lamp and the camera's place as the files of the set in use state them."""
 
     hand_eye: HandEyeResult
     lamp: LampResult
@@ -50,20 +50,20 @@ class StatedLamp:
 
 @dataclass(frozen=True)
 class LampCheck:
-    """The tests, and of each image, in its order, the mean of ln brightness over that predicted, a fraction."""
+    """The tests and, in the order of the images, each image's mean of ln measured over predicted brightness."""
 
     found: ChangeTest
     offsets: tuple[float, ...]
 
 
 def stated(known: Path | None, calibration: Calibration) -> StatedLamp:
-    """What the calibration in use states of its lamp, from the folder of its set.
+    """Reads what the calibration in use states about its lamp, from the folder of its set.
 
-    Raises RigError calibration.infeasible where it states nothing, or not of these values; store.corrupt.
+    Raises RigError calibration.infeasible if it states nothing or states other values, store.corrupt.
     """
     lobe = _read(known, "lobe.json", LobeResult)
-    # A calibration of the response in between leaves the digital values: the intensity, a fraction of full scale,
-    # follows the black level.
+    # A later calibration of the response does not change digital values, but the intensity is a fraction of full scale,
+    # which depends on the black level.
     full_scale_dn = calibration.sensor.full_scale_dn
     stated_dn = lobe.lamp_intensity * (lobe.full_scale_dn or full_scale_dn)
     same = math.isclose(stated_dn, calibration.lamp_intensity * full_scale_dn, rel_tol=1e-9)
@@ -73,7 +73,7 @@ def stated(known: Path | None, calibration: Calibration) -> StatedLamp:
 
 
 def known_of(stated_lamp: StatedLamp, calibration: Calibration, albedo: float, size_m: tuple[float, float]) -> Known:
-    """What the check takes as given; the board is `size_m` wide and high."""
+    """Returns what the check takes as given; the board is `size_m` wide and high."""
     covariances = np.array(stated_lamp.lamp.covariance), np.array(stated_lamp.hand_eye.covariance)
     return Known(calibration, albedo, ALBEDO_STAYS, *covariances, size_m)
 
@@ -83,8 +83,8 @@ def check(
 ) -> LampCheck:
     """Tests images of the plane in one placing against the lamp as stated.
 
-    `albedo_sigma` is that of the plane, a fraction, which the stated covariance of the intensity has in it. Raises
-    RigError calibration.infeasible with too few images.
+    `albedo_sigma` is that of the plane, a fraction; the stated covariance of the intensity contains it. Raises RigError
+    calibration.infeasible with too few images.
     """
     seen = [within for image in images if len((within := _within_lobe(image, placing, known, lobe)).values)]
     if len(seen) < LEAST_IMAGES:
@@ -112,7 +112,7 @@ def check(
 
 
 def sentence(test: GroupTest) -> str:
-    """What a group's change is, for people."""
+    """Describes a group's change, for people."""
     if test.group.name == INTENSITY:
         percent = 100 * float(np.expm1(test.change[0]))
         return f"the lamp is {abs(percent):.1f} % {'brighter' if percent > 0 else 'dimmer'} (or the aperture is other)"
@@ -125,7 +125,7 @@ def _compared(
     images: Sequence[PlaneImage], placing: Placing, known: Known, lobe: LobeResult, off: FloatArray
 ) -> tuple[FloatArray, FloatArray, tuple[float, ...]]:
     """Information (P, P) and gradient (P,) of the images at the stated values, linearised where the geometry (11 + 6,)
-    is `off`; the mean of ln measured over predicted of each image."""
+    is `off`; mean of ln measured over predicted brightness for each image."""
     design, rest, number = _linearised(images, placing, known, lobe, off)
     first = len(lobe.covariance) + len(lobe.flat_field)
     information, gradient = np.zeros((design.shape[1], design.shape[1])), np.zeros(design.shape[1])
@@ -143,8 +143,8 @@ def _compared(
 def _linearised(
     images: Sequence[PlaneImage], placing: Placing, known: Known, lobe: LobeResult, off: FloatArray
 ) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """Derivatives (N, P) of ln brightness by what may have changed, taken where the geometry (11 + 6,) is `off`; ln
-    measured over what is predicted by the values as stated (N,); number of the image (N,)."""
+    """Derivatives (N, P) of ln brightness by what may have changed, where the geometry (11 + 6,) is `off`; ln measured
+    over brightness predicted by the stated values (N,); number of the image (N,)."""
     here = [_in_first_placing(image) for image in images]
     knots, logs = lobe.lobe.knots_rad, np.log(np.array(lobe.lobe.factors))[1:]
     tilt = np.array(lobe.lobe.tilt)
@@ -168,7 +168,7 @@ def _linearised(
 
 
 def _within_lobe(image: PlaneImage, placing: Placing, known: Known, lobe: LobeResult) -> PlaneImage:
-    """The image with the patches alone that the lamp lights at angles for which the lobe is stated."""
+    """Returns the image with only the patches lit at angles for which the lobe is stated."""
     if not len(image.values):
         return image
     still = np.zeros(plane_shading.PLACED + 6)

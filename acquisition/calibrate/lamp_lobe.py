@@ -1,16 +1,16 @@
 """Intensity and lobe of the lamp, and the camera's flat field, from images of a matt plane under many lamp poses.
 
-The plane's ChArUco border gives its pose, the arm the lamp's, so that what each patch of the blank middle should shine
-with is known but for the lamp. In logarithms everything that is sought adds up: the intensity, a spline over the angle
-off the axis, the lamp's brighter side, the camera's sensitivity over the image. Weighted linear least squares finds
-them together, and with them what is uncertain about the geometry (lamp, camera, each placing of the plane), each
-image's own brightness and each image's own place of the lamp, all within their priors; so the covariance has all of it
-in it. The last is there because a lamp that is off by 0.3 mm in an image shades all its patches alike, which are then
-not independent. The side's term and the geometry are linearised anew in each round.
+The plane's ChArUco border gives its pose and the arm gives the lamp's, so that only the lamp is unknown in the
+brightness of each patch of the blank middle. In logarithms all unknowns add up: the intensity, a spline over the angle
+off the axis, the lamp's brighter side, the camera's sensitivity over the image. Weighted linear least squares estimates
+them together with the uncertain geometry (lamp, camera, each placing of the plane), each image's own brightness and
+each image's own place of the lamp, all within their priors; the covariance therefore contains all of it. The lamp has
+its own place in each image because a displacement of 0.3 mm shades all patches of the image alike, so that their errors
+are not independent. The side's term and the geometry are linearised anew in each round.
 
-No LED is a cosᵘ, and how many knots a lobe needs differs from lamp to lamp: the spline that predicts images best that
-it was not fitted to has as much bias as noise, of which a covariance knows the noise alone. So the lobe has the most
-knots with which it predicts as well within one standard error (undersmoothing: Hall, "Effect of Bias Estimation on
+No LED is a cosᵘ, and the number of knots that a lobe needs differs from lamp to lamp. The spline that predicts held-out
+images best has as much bias as noise, but a covariance contains the noise alone. So the lobe gets the largest number of
+knots whose prediction is as good within one standard error (undersmoothing: Hall, "Effect of Bias Estimation on
 Coverage Accuracy of Bootstrap Confidence Intervals for a Probability Density", 1992), which makes the bias small beside
 the stated errors.
 """
@@ -38,32 +38,32 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 
 MIN_IMAGES = 10
-"""Images of the plane, fewer than which do not tell lobe, sides and flat field apart."""
+"""Least number of images of the plane: fewer do not separate lobe, sides and flat field."""
 
 KNOTS = (4, 5, 6, 8, 10, 12, 14, 17)
-"""Numbers of knots that are tried: real LEDs behind lenses are predicted best by 8 to 12."""
+"""Numbers of knots that are tried: 8 to 12 predict real LEDs behind lenses best."""
 
 FOLDS = 5
-"""Parts of the images, each predicted by a fit to the others."""
+"""Folds of the cross-validation over images."""
 
 MIN_ANGLE_DEG = 15.0
-"""Angle off the axis that the images have to reach at least."""
+"""Least angle off the axis that the images must reach, degrees."""
 
 FLAT_TERMS = 5
-"""Of the flat field: u, v, u², u v, v², u and v from the image's centre in half diagonals."""
+"""Terms of the flat field: u, v, u², u v, v², u and v from the image's centre in half diagonals."""
 
 PRIOR_SIGMA = 0.3
 """Prior 1 σ of the logarithm of a knot's factor, of tilt and of flat-field terms: only for what no image shows."""
 
 IMAGE_SIGMA_START, PATCH_SIGMA_START, LAMP_SIGMA_START_M = 0.005, 0.002, 2e-4
-"""1 σ of an image's brightness and of a patch's, as fractions, and of the lamp's place in an image, m, along each axis:
-where their estimates start."""
+"""Initial 1 σ of an image's brightness and of a patch's, as fractions, and of the lamp's place in an image, per axis,
+m."""
 
 IMAGE_SIGMA_FLOOR, PATCH_SIGMA_FLOOR, LAMP_SIGMA_FLOOR_M = 1e-4, 1e-4, 1e-5
 """Least values of these."""
 
 MAX_PATCH_SIGMA = 0.03
-"""1 σ of a patch about the fit, from which plane, poses or lamp are not what they are said to be."""
+"""1 σ of a patch about the fit above which plane, poses or lamp are not as stated."""
 
 ROUNDS = 12
 """Rounds of the fit: tilt and geometry are not quite linear, and the variances follow from the residuals."""
@@ -73,10 +73,10 @@ ROUNDS = 12
 class LobeFit:
     """The lamp's intensity as in `Calibration`, its lobe and the flat field (5,).
 
-    `covariance` (K + 2, K + 2) of ln intensity, the logarithms of the factors but the first, and the tilt; of the flat
-    field (5, 5). `image_sigma`, `patch_sigma`: 1 σ of an image's and of a patch's brightness, as fractions;
-    `lamp_sigma_m`: of the lamp's place in one image, along each axis; `offsets` (I,) of each image's brightness,
-    `held_out`: residual by number of knots.
+    `covariance` (K + 2, K + 2) of ln intensity, the logarithms of all factors but the first, and the tilt;
+    `flat_covariance` (5, 5) of the flat field. `image_sigma`, `patch_sigma`: 1 σ of an image's and of a patch's
+    brightness, as fractions; `lamp_sigma_m`: of the lamp's place in one image, along each axis; `offsets` (I,):
+    brightness of each image; `held_out`: residual by number of knots.
     """
 
     lamp_intensity: float
@@ -91,7 +91,7 @@ class LobeFit:
     held_out: dict[int, float]
 
     def calibrated(self, calibration: Calibration) -> Calibration:
-        """A calibration with this lamp."""
+        """Returns a calibration with this lamp."""
         return calibration.model_copy(
             update={
                 "lamp_intensity": self.lamp_intensity, "lobe": self.lobe, "intensity_sigma": self.image_sigma,
@@ -106,8 +106,8 @@ class LobeFit:
 def fit(images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known) -> LobeFit:
     """Fits intensity, lobe, sides and flat field to all patches by linear least squares in logarithms.
 
-    Raises RigError calibration.infeasible: too few images, all under the lamp's axis, or a plane that shines otherwise
-    than a matt one would.
+    Raises RigError calibration.infeasible for too few images, images all under the lamp's axis, or a plane whose
+    brightness is not that of a matt one.
     """
     if len(images) < MIN_IMAGES:
         raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, f"{len(images)} images of the plane: {MIN_IMAGES} are needed")
@@ -132,9 +132,9 @@ def normal_error_deg(
 ) -> float:
     """Mean angle between the plane's normal by its border and by photometric stereo on its patches, degrees.
 
-    The images are of one placing, with the same patches in all of them: of a placing that took no part in the fit this
-    tells what the calibration is worth. Least squares over the images of each patch. Raises RigError
-    calibration.infeasible with fewer than four images.
+    The images are of one placing, with the same patches in all of them. A placing that took no part in the fit verifies
+    the calibration. Each patch is solved by least squares over the images. Raises RigError calibration.infeasible with
+    fewer than four images.
     """
     if len(images) < 4:
         raise RigError(
@@ -161,7 +161,7 @@ def _light(image: PlaneImage, calibration: Calibration) -> Light:
 
 
 def _values_at(image: PlaneImage, points: FloatArray, calibration: Calibration, flat_field: FloatArray) -> FloatArray:
-    """Normalised values y of an image at some of its patches."""
+    """Returns the normalised values y of an image at some of its patches."""
     row = {tuple(np.round(point, 6)): number for number, point in enumerate(image.points)}
     at = [row[tuple(point)] for point in points]
     sensitivity = np.exp(image_values.flat_terms(image.pixels[at], calibration.width, calibration.height) @ flat_field)
@@ -175,7 +175,7 @@ def _knots(reach_rad: float, count: int) -> tuple[float, ...]:
 def _held_out_residuals(
     images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, seen: SeenPatches, reach: float
 ) -> dict[int, float]:
-    """Held-out residual, as a fraction, by number of knots, what is uncertain of the geometry fitted along."""
+    """Held-out residual, as a fraction, by number of knots; the uncertain geometry is fitted along."""
     number = np.repeat(np.arange(len(images)), [len(image.values) for image in images])
     target = np.log(np.concatenate([image.values for image in images])) - seen.log_shading
     still = np.zeros(PLACED + 6 * len(placings))
@@ -192,11 +192,11 @@ def _held_out_residuals(
 
 
 def _held_out(columns: FloatArray, target: FloatArray, prior: FloatArray, number: np.ndarray, own: FloatArray) -> float:
-    """Root mean square residual of images that fits to the others predict.
+    """Root mean square residual of images that are predicted by fits to the others.
 
-    Of each image its own unknowns, columns of `own` (N, 4), are projected out: its brightness and its place of the lamp
-    are no fault of the lobe. `columns` (N, M) and `target` (N,) in standard deviations, `prior` (M, M) a root of the
-    parameters' inverse prior covariance.
+    Each image's own unknowns, columns of `own` (N, 4), are projected out: its brightness and its place of the lamp are
+    not errors of the lobe. `columns` (N, M) and `target` (N,) are in standard deviations, `prior` (M, M) is a root of
+    the parameters' inverse prior covariance.
     """
     inside, within = columns.copy(), target.copy()
     for image in range(number.max() + 1):
@@ -214,10 +214,10 @@ def _held_out(columns: FloatArray, target: FloatArray, prior: FloatArray, number
 
 
 def _prior_sigma(theta: FloatArray, covariance: FloatArray, some: slice, before: float) -> float:
-    """1 σ of unknowns that are alike, by their squares over the number of them that the data determine.
+    """Estimates the common 1 σ of unknowns: their squares over the number of them that the data determine.
 
-    MacKay, "Bayesian Interpolation", 1992, eq. 4.8: it needs a tenth of the rounds of expectation–maximisation where
-    the data hardly determine each.
+    MacKay, "Bayesian Interpolation", 1992, eq. 4.8. It needs a tenth of the rounds of expectation–maximisation where
+    the data hardly determine each unknown.
     """
     determined = theta[some].size - float(np.trace(covariance[some, some])) / before**2
     return float(np.sqrt(np.sum(theta[some] ** 2) / max(determined, 1.0)))
@@ -250,7 +250,7 @@ def _solve(
     theta: FloatArray = np.zeros(lamp_of_image.stop)
     covariance: FloatArray = np.zeros((len(theta), len(theta)))
     for _ in range(ROUNDS):
-        # Linearised where the geometry is by now: the slope of a plane that sags by 0.2 mm counts to second order.
+        # Linearised at the present geometry: the slope of a plane that sags by 0.2 mm has an effect of second order.
         tilt, off = theta[tilt_at], theta[moving]
         seen = seen_patches(images, placings, known, off)
         design = columns(images, seen, knots, known)
@@ -266,7 +266,7 @@ def _solve(
         theta = covariance @ (whole.T @ (weight * target))
         residual = target - whole @ theta
         leverage = np.sum((whole @ covariance) * whole, axis=1)
-        # By expectation–maximisation: squares, and what the fit leaves unknown of them.
+        # Expectation–maximisation: squares, plus the variance that the fit leaves.
         squares = float(np.mean(weight * (residual**2 + leverage)))
         excess = squares * float(np.mean(1 / weight)) - float(np.mean(noise**2))
         patch_sigma = max(float(np.sqrt(max(excess, 0.0))), PATCH_SIGMA_FLOOR)

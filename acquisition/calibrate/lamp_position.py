@@ -1,14 +1,14 @@
 """Position of the lamp in the tool's frame, from its highlights on a mirror sphere under many poses of the arm.
 
-A mirror sphere shows the lamp where its normal halves the angle between camera and lamp. Every image gives one
-highlight, two numbers; the lamp's place in the tool's frame is the same in all of them, so that a dozen poses determine
-it many times over, and where the sphere is along with it. Triangulation from two spheres, which is usual, has one pose
-and no residual. The camera's pose is uncertain too: it is a nuisance parameter with the covariance of the hand–eye
+A mirror sphere shows the lamp where its normal bisects the angle between camera and lamp. Every image gives one
+highlight, two numbers. The lamp's place in the tool's frame is the same in all of them, so that a dozen poses
+overdetermine it, together with the sphere's place. The usual triangulation from two spheres has one pose and no
+residual. The camera's pose is uncertain too: it is a nuisance parameter with the covariance of the hand–eye
 calibration, and so part of the lamp's.
 
-Along the line to the sphere the lamp's place does not show, so that this line has to change in the tool's frame. With
-the lamp tilted by up to 45° to different sides, 48 highlights good to 0.1 px on a ball of 30 mm leave 0.4 mm; with 24
-that all aim at the sphere 12 mm are left (scratch simulation, November 2026), which is refused.
+The lamp's place along the line to the sphere is not observable, so this line must change in the tool's frame. With the
+lamp tilted by up to 45° to different sides, 48 highlights with 0.1 px of noise on a ball of 30 mm leave 0.4 mm; 24 that
+all aim at the sphere leave 12 mm (scratch simulation, November 2026), which is refused.
 """
 
 from collections.abc import Sequence
@@ -25,16 +25,16 @@ from acquisition.models.calibration_result import HandEyeResult
 from acquisition.models.errors import ErrorCode, RigError
 
 MIN_HIGHLIGHTS = 8
-"""Images with a highlight: lamp and sphere have seven unknowns, and the noise has to show in what is left."""
+"""Least number of images with a highlight: lamp and sphere have seven unknowns, and the rest must show the noise."""
 
 MIN_SPREAD_DEG = 25.0
-"""Least spread of the lamp's directions at the sphere: under lamps all on one side its place and the sphere's trade."""
+"""Least spread of the lamp's directions at the sphere, degrees: from one side its place and the sphere's trade off."""
 
 RADIUS_SIGMA_M = 2e-5
-"""Prior 1 σ of the sphere's radius: a calliper's, of a bearing ball rather better."""
+"""Prior 1 σ of the sphere's radius, m: a calliper's; a bearing ball is rather better."""
 
 START_SIGMA_M = 0.05
-"""Prior 1 σ of the lamp's and the sphere's place as stated, m: it only keeps the first steps within reason."""
+"""Prior 1 σ of the lamp's and the sphere's place as stated, m: it only keeps the first steps small enough."""
 
 FLOOR_PX = 0.02
 """Least noise of a highlight's coordinate, pixels."""
@@ -43,19 +43,19 @@ MAX_SIGMA_M = 0.003
 """1 σ of the lamp's position along its worst axis, m, above which the images do not determine it."""
 
 REFLECTION_ROUNDS = 30
-"""Iterations for the point of reflection; each takes the error down by the sphere's radius over the lamp's distance."""
+"""Iterations for the point of reflection; each reduces the error by the sphere's radius over the lamp's distance."""
 
 RIM_POINTS = 16
-"""Points of the window's rim, by which the middle of its image is reckoned."""
+"""Points of the window's rim, from which the middle of its image is computed."""
 
 DIFFERENCE, PLANNED_SIGMA_PX = 1e-6, 0.1
-"""Step of numeric derivatives, m and rad; noise of a highlight, pixels, by which poses are chosen."""
+"""Step of numerical derivatives, m and rad; noise of a highlight, pixels, that the choice of poses assumes."""
 
 
 @dataclass(frozen=True)
 class Highlight:
-    """The lamp's reflection in one image: pixel (2,), column and row, the tool's pose (4, 4) in the base frame, and its
-    derivatives (J, 4, 4) by what is uncertain of the arm, the offsets of its joints."""
+    """The lamp's reflection in one image: pixel (2,), column and row; the tool's pose (4, 4) in the base frame; its
+    derivatives (J, 4, 4) by the joint offsets."""
 
     name: str
     pixel: FloatArray
@@ -64,7 +64,7 @@ class Highlight:
 
 
 ARM_REPEATABILITY_M = 3e-5
-"""1 σ of the lamp's position from image to image at least, m: the repeatability of a UR5e's data sheet (ISO 9283)."""
+"""Least 1 σ of the lamp's position from image to image, m: the repeatability in a UR5e's data sheet (ISO 9283)."""
 
 
 @dataclass(frozen=True)
@@ -81,12 +81,12 @@ class LampFit:
 
     @property
     def sigma_m(self) -> float:
-        """1 σ of the position, per axis, root mean square, m."""
+        """1 σ of the position per axis, root mean square, m."""
         return float(np.sqrt(np.trace(self.covariance) / 3))
 
     def calibrated(self, calibration: Calibration, hand_eye: HandEyeResult) -> Calibration:
-        """A calibration with the lamp here: its covariance, which all images share, and the arm's own deviation at
-        each, as `hand_eye` found it."""
+        """Returns a calibration with this lamp: its covariance, which all images share, and the arm's own deviation in
+        each image as `hand_eye` states it."""
         tool_from_lamp = np.array(calibration.tool_from_lamp)
         tool_from_lamp[:3, 3] = self.tool_from_lamp_m
         update = {
@@ -115,11 +115,11 @@ def fit(
 ) -> LampFit:  # fmt: skip
     """Least squares over all highlights for lamp, sphere and, within their covariance, camera's pose and joint offsets.
 
-    `calibration` states the camera and, as start, `tool_from_lamp`; `pose_covariance` (6, 6) is that of its
-    `base_from_camera`, m and rad, as in `hand_eye`, or (6 + J, 6 + J) with that of the joint offsets, by which the
-    highlights then have derivatives; `sphere_center_m` (3,) is the sphere's place in the base frame to
-    some centimetres; `window_radius_m` is that of the lamp's luminous window, a disc across its axis. Raises RigError
-    calibration.infeasible: too few highlights, lamps all on one side.
+    `calibration` states the camera and, as start, `tool_from_lamp`. `pose_covariance` is that of its
+    `base_from_camera`, (6, 6), m and rad, as in `hand_eye`, or (6 + J, 6 + J) with that of the joint offsets; the
+    highlights then have derivatives by these. `sphere_center_m` (3,) is the sphere's place in the base frame to some
+    centimetres; `window_radius_m` is that of the lamp's luminous window, a disc across its axis. Raises RigError
+    calibration.infeasible for too few highlights, or lamps all on one side.
     """
     if len(highlights) < MIN_HIGHLIGHTS:
         raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, f"{len(highlights)} highlights: {MIN_HIGHLIGHTS} are needed")
@@ -146,7 +146,7 @@ def fit(
 
     unknown, sigma_px = np.concatenate([start, sphere_center_m, [radius_m], np.zeros(len(pose_covariance))]), 1.0
     found = least_squares(whitened, unknown, args=(sigma_px,), x_scale="jac")
-    for _ in range(3):  # the noise is what the residuals say, and the prior of the pose weighs by it
+    for _ in range(3):  # the residuals give the noise, which weights the data against the prior of the pose
         left = residuals(found.x)
         sigma_px = max(float(np.sqrt(np.sum(left**2) / (left.size - 7))), FLOOR_PX)
         found = least_squares(whitened, found.x, args=(sigma_px,), x_scale="jac", jac="3-point")
@@ -160,9 +160,9 @@ def choose_poses(
     tools: FloatArray, calibration: Calibration, pose_covariance: FloatArray, sphere_center_m: FloatArray,
     radius_m: float, count: int,
 ) -> list[int]:  # fmt: skip
-    """Greedy A-optimal design: numbers of at most `count` poses of the tool (N, 4, 4) that tell the lamp's place best.
+    """Greedy A-optimal design: numbers of at most `count` tool poses (N, 4, 4) that determine the lamp's place best.
 
-    Information of a highlight about lamp, sphere and camera by central differences about what is known so far;
+    A highlight's information about lamp, sphere and camera is computed by central differences at the values in use;
     `pose_covariance` (6, 6) as in `fit`.
     """
     start = np.concatenate([np.array(calibration.tool_from_lamp)[:3, 3], sphere_center_m, [radius_m], np.zeros(6)])
@@ -187,10 +187,10 @@ def choose_poses(
 
 
 def _predicted(unknown: FloatArray, tools: FloatArray, calibration: Calibration, window_radius_m: float) -> FloatArray:
-    """Pixels (N, 2) of the highlights' middles under poses of the tool (N, 4, 4); `unknown` (13,): lamp, sphere's
-    centre, its radius, small motion of the camera.
+    """Pixels (N, 2) of the highlights' middles under tool poses (N, 4, 4); `unknown` (13,): lamp, sphere's centre, its
+    radius, small motion of the camera.
 
-    A window has the middle of its image where the area of that has it: the nearer side of a tilted window looks larger.
+    The middle is that of the area of the window's image: the nearer side of a tilted window looks larger.
     """
     pose = np.array(calibration.base_from_camera) @ geometry.pose(unknown[7:10], unknown[10:13])
     around = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
@@ -209,14 +209,14 @@ def _predicted(unknown: FloatArray, tools: FloatArray, calibration: Calibration,
 def _middle(outline: FloatArray) -> FloatArray:
     """Centres of area (N, 2) of polygons (N, K, 2)."""
     start = outline[:, :1]
-    one, other = outline - start, np.roll(outline, -1, axis=1) - start  # about a corner, for the digits' sake
+    one, other = outline - start, np.roll(outline, -1, axis=1) - start  # about a corner, to limit rounding
     doubled = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
     moment = ((one + other) * doubled[..., None]).sum(axis=1)
     return start[:, 0] + moment / (3 * doubled.sum(axis=1)[:, None])
 
 
 def _lamps(tools: FloatArray, tool_from_lamp_m: FloatArray) -> FloatArray:
-    """Positions (N, 3) of the lamp in the base frame under poses of the tool (N, 4, 4)."""
+    """Positions (N, 3) of the lamp in the base frame under tool poses (N, 4, 4)."""
     return tools[:, :3, :3] @ tool_from_lamp_m + tools[:, :3, 3]
 
 
@@ -231,7 +231,7 @@ def _require_spread(directions: FloatArray) -> None:
 
 
 def _require_determined(covariance: FloatArray) -> None:
-    """Refuses poses that all aim the lamp at the sphere: moved along its axis it shines from the same direction."""
+    """Refuses poses that all aim the lamp at the sphere: its place along its axis is then not determined."""
     worst_m = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     if worst_m > MAX_SIGMA_M:
         raise RigError(

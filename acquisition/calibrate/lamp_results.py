@@ -20,8 +20,8 @@ from acquisition.models.calibration_result import HighlightResidual, LampResult,
 def lamp_result(
     found: LampFit, used: Sequence[Highlight], why_not: Mapping[str, str], hashes: Mapping[str, str]
 ) -> LampResult:
-    """The lamp's place with what was found beside it; `hashes` of all the sphere's images by name, `why_not` some were
-    not used."""
+    """Result of the lamp's place with all that was estimated beside it; `hashes` of all the sphere's images by name,
+    `why_not`: reasons for which images were not used."""
     lengths = dict(zip((one.name for one in used), np.linalg.norm(found.residuals_px, axis=1).tolist(), strict=True))
     return LampResult.model_validate(
         {
@@ -43,7 +43,7 @@ def lobe_result(
     found: LobeFit, images: Sequence[PlaneImage], fitted: Sequence[PlaneImage], hashes: Mapping[str, str],
     verified_deg: float | None, full_scale_dn: float,
 ) -> LobeResult:  # fmt: skip
-    """Intensity and lobe; of `images` those `fitted` took part, `hashes` of all by name."""
+    """Result of intensity and lobe; `fitted` are those of `images` that took part, `hashes` of all by name."""
     offsets = dict(zip((one.name for one in fitted), found.offsets.tolist(), strict=True))
     return LobeResult.model_validate(
         {
@@ -65,7 +65,7 @@ def lobe_result(
 
 
 def draw_lobe(found: LobeFit, calibration: Calibration, path: Path) -> None:
-    """The lobe over the angle with its 2 σ, beside the cosine's power."""
+    """Draws the lobe over the angle with its 2 σ, beside the power of the cosine."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load and seldom needed
 
     knots = np.degrees(found.lobe.knots_rad)

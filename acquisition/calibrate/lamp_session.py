@@ -1,9 +1,9 @@
-"""What a calibration session of the lamp does with its images: highlights of the sphere, patches of the plane, the fit.
+"""Steps of a calibration session of the lamp: highlights of the sphere, patches of the plane, and the fits.
 
-The sphere's images give the lamp's place in the tool's frame, the plane's its intensity and lobe with that place known.
-Of two or more placings of the plane the last takes no part and verifies the result. The pose of the tool is that which
-the controller states, moved by the joint offsets of the calibration in use (`waypoints.measured_pose`): the offsets
-that the hand–eye calibration has found, so that camera, arm and lamp agree.
+The sphere's images give the lamp's place in the tool's frame; the plane's images give intensity and lobe with that
+place known. Of two or more placings of the plane the last takes no part and verifies the result. The tool's pose is the
+one that the controller states, corrected by the joint offsets of the calibration in use (`waypoints.measured_pose`).
+These are the offsets of the hand–eye calibration, so that camera, arm and lamp agree.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from acquisition.waypoints import measured_pose
 
 @dataclass(frozen=True)
 class SphereImages:
-    """What the sphere's images show: highlights, and for each image without one, by name, why."""
+    """Highlights of the sphere's images, and the reason for each image without one, by name."""
 
     highlights: tuple[Highlight, ...]
     why_not: dict[str, str]
@@ -44,8 +44,8 @@ class PlaneImages:
 
 @dataclass(frozen=True)
 class LobeFound:
-    """The fit, the images that took part in it, and the mean error of normals on the placing that took none, degrees;
-    none: there is but one placing."""
+    """The fit, the images that took part in it, and the mean error of normals on the verifying placing, degrees; None
+    if there is only one placing."""
 
     fit: LobeFit
     fitted: tuple[PlaneImage, ...]
@@ -70,7 +70,7 @@ def read_sphere(observations: Observations, cell: CellConfig, calibration: Calib
 def place_lamp(
     images: SphereImages, cell: CellConfig, calibration: Calibration, hand_eye: HandEyeResult
 ) -> tuple[LampFit, Calibration]:
-    """Finds the lamp's place, and the calibration with it. Raises RigError calibration.infeasible as the fit does."""
+    """Estimates the lamp's place, and returns the calibration with it. Raises RigError calibration.infeasible."""
     targets = lamp_targets.require_targets(cell)
     found = lamp_position.fit(
         images.highlights, calibration, np.array(hand_eye.shared_covariance), targets.sphere_radius_m,
@@ -96,7 +96,7 @@ def read_plane(observations: Observations, cell: CellConfig, calibration: Calibr
 def read_placing(
     observations: Observations, pass_number: int, number: int, cell: CellConfig, calibration: Calibration
 ) -> tuple[list[PlaneImage], Placing]:
-    """Brightness of the plane's patches in the images of a pass, and its pose in this placing, the `number`-th.
+    """Measures the plane's patches in the images of a pass, and the plane's pose in this placing, the `number`-th.
 
     Raises RigError calibration.infeasible naming the placing whose frame is not seen, or moved.
     """
@@ -123,7 +123,7 @@ def read_placing(
 def fit_lobe(
     plane: PlaneImages, cell: CellConfig, calibration: Calibration, lamp: LampFit, hand_eye: HandEyeResult
 ) -> tuple[LobeFound, Calibration]:
-    """Finds intensity and lobe, and the calibration with them; the last of several placings verifies them.
+    """Estimates intensity and lobe, and returns the calibration with them; the last of several placings verifies them.
 
     `calibration` has the lamp's place. Raises RigError calibration.infeasible as `lamp_lobe.fit` does.
     """
@@ -141,7 +141,7 @@ def fit_lobe(
 
 
 def _verified(unused: Sequence[PlaneImage], placing: Placing, after: Calibration, found: LobeFit) -> float | None:
-    """Mean error of normals of a placing's images that show all patches, degrees; none with fewer than four of them."""
+    """Mean error of normals, degrees, over a placing's images that show all patches; None with fewer than four."""
     most = max(len(one.values) for one in unused)
     whole = [one for one in unused if len(one.values) == most]
     return lamp_lobe.normal_error_deg(whole, placing, after, found.flat_field) if len(whole) >= 4 else None
@@ -152,9 +152,9 @@ def _shots(observations: Observations, pass_number: int) -> list[Shot]:
 
 
 def _dark(observations: Observations, shot: Shot) -> Shot:
-    """The lamp-off frame of an image's own placing: under the room's light the plane shines where it lies.
+    """Returns the lamp-off frame of an image's own placing: room light on the plane depends on where it lies.
 
-    Raises RigError calibration.infeasible where there is none.
+    Raises RigError calibration.infeasible if there is none.
     """
     for dark in (*observations.darks.values(), *observations.repeats):
         same = dark.key.pass_number == shot.key.pass_number and dark.exposure_s == shot.exposure_s

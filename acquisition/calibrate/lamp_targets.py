@@ -1,7 +1,7 @@
 """Targets of the lamp's calibration as the cell file describes them: mirror sphere and matt plane.
 
-Apart from what is computed from their images (`lamp_session`), because the service, which computes nothing, needs to
-know them too: it starts without kernels.
+They are separate from the estimation from their images (`lamp_session`), because the service, which computes nothing,
+needs them too: it starts without kernels.
 """
 
 from acquisition.calibrate.charuco import CharucoBoard
@@ -10,14 +10,14 @@ from acquisition.models.cell_config import CellConfig, LampTargetsConfig
 from acquisition.models.errors import ErrorCode, RigError
 
 SPHERE_PASS = 0
-"""Pass of the sphere's images; each further one is a placing of the plane."""
+"""Pass of the sphere's images; each further pass is a placing of the plane."""
 
 CLIPPED_HIGHLIGHT = "the highlight is clipped: close the aperture, take a darker ball, or expose for less"
-"""What is found of a sphere whose highlight has no middle: the one finding that the capture of images answers."""
+"""Reason for a sphere whose highlight has no middle: the only reason to which the capture of images reacts."""
 
 
 def require_targets(cell: CellConfig) -> LampTargetsConfig:
-    """Sphere and plane of the cell. Raises RigError config.invalid where the cell file has none."""
+    """Returns sphere and plane of the cell. Raises RigError config.invalid if the cell file has none."""
     if cell.lamp_targets is None:
         raise RigError(
             ErrorCode.CONFIG_INVALID, "The cell file describes no mirror sphere and no matt plane: add [lamp_targets]"
@@ -26,12 +26,12 @@ def require_targets(cell: CellConfig) -> LampTargetsConfig:
 
 
 def plane_board(cell: CellConfig) -> CharucoBoard:
-    """The ChArUco frame of the cell's matt plane. Raises RigError config.invalid where there is none."""
+    """Returns the ChArUco frame of the cell's matt plane. Raises RigError config.invalid if there is none."""
     described = require_targets(cell).model_dump(include=set(CharucoBoard.model_fields))
     return CharucoBoard.model_validate(described)
 
 
 def sphere_center(cell: CellConfig) -> FloatArray:
-    """Where the sphere lies (3,), base frame, m, to a centimetre or two: on the middle of the object's place."""
+    """Place of the sphere's centre (3,), base frame, m, to a centimetre or two: on the middle of the object's place."""
     keep_out = cell.object.keep_out.base_from_object.matrix
     return keep_out[:3, 3] + keep_out[:3, 2] * require_targets(cell).sphere_radius_m

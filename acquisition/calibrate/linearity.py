@@ -1,7 +1,7 @@
 """Linearity of the response by the ratios of bright and dark parts of each frame, and the lamp's brightness in it.
 
-A lamp on an arm comes back with another brightness each time, so that linearity is not taken from brightness over
-exposure time: whatever the lamp gave, parts of one frame must stay in one ratio.
+A lamp on an arm has another brightness each time. So linearity is not measured as brightness over exposure time, but
+within each frame: whatever the lamp's brightness, the ratio of two parts of a frame must stay the same.
 """
 
 from collections.abc import Sequence
@@ -14,19 +14,20 @@ from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
 GROUPS = 12
-"""Groups of cells of like brightness by which linearity is judged."""
+"""Groups of cells of similar brightness by which linearity is judged."""
 
 MIN_GROUP_DN = 12.0
-"""Least mean signal of a group, values: below it the black level's error would count."""
+"""Least mean signal of a group, values: below it the black level's error would matter."""
 
 BEND_ITERATIONS = 8
-"""Gauss–Newton steps for the bend: each brings two more digits."""
+"""Gauss–Newton steps for the bend: each gives two more digits."""
 
 
 @dataclass(frozen=True)
 class ExposurePoint:
-    """What one exposure time showed: mean value above black of the lit frames over that with the lamp off, each lit
-    frame's lamp brightness over the mean, and by how much the frames differ in brightness from part to part."""
+    """Result of one exposure time: mean signal of the lit frames (lamp-off frames subtracted), mean lamp-off value
+    above black, lamp brightness of each lit frame over the mean, and rms deviation of the frames' groups from
+    linearity."""
 
     exposure_s: float
     mean_dn: float
@@ -37,8 +38,8 @@ class ExposurePoint:
 
 @dataclass(frozen=True)
 class Linearity:
-    """Bend of the response at full scale with its variance, what each exposure time showed, the lamp's scatter, as a
-    share, and its trend per hour with 1 σ, and the room's light over the lamp's."""
+    """Bend of the response at full scale with its variance; the result of each exposure time; the lamp's scatter, as a
+    share, and its trend per hour with 1 σ; the ratio of the room's light to the lamp's."""
 
     bend: float
     bend_variance: float
@@ -52,9 +53,9 @@ def fit(
 ) -> Linearity:
     """Fits the bend of the response, each frame's brightness and each group's by Gauss–Newton on ln signal.
 
-    A signal is z (1 + bend z), z the product of the lamp's brightness in the frame and of the group's own. The variance
-    is the jackknife's over frames, because what moves brightness about the image moves it in a whole frame. Raises
-    RigError calibration.infeasible where brightness has no range.
+    A signal is z (1 + bend z); z is the product of the lamp's brightness in the frame and of the group's own. The
+    variance is the jackknife's over frames, because effects that move brightness within the image do so in a whole
+    frame. Raises RigError calibration.infeasible if brightness has no range.
     """
     group = _groups(exposures, cells, black, usable)
     rows: list[tuple[int, int, float]] = []
@@ -85,9 +86,9 @@ def fit(
     share = signal / (saturation - black)
     frames = np.eye(len(taken))[frame_of]
     groups = np.eye(GROUPS)[np.array([row[1] for row in rows])]
-    groups = groups[:, groups.sum(axis=0) > 0][:, 1:]  # the first is the frames' own unit
+    groups = groups[:, groups.sum(axis=0) > 0][:, 1:]  # the frames' brightness is in units of the first group
     others = np.hstack([frames, groups])
-    weight = np.sqrt(np.minimum(signal, 400.0))  # of groups that are dark, noise and black level count more
+    weight = np.sqrt(np.minimum(signal, 400.0))  # noise and black level matter more in dark groups
     bend, straight, by_bend, target = 0.0, share, share, np.log(signal)
     for _ in range(BEND_ITERATIONS):
         straight = share / (1 + bend * straight)
@@ -127,8 +128,8 @@ def _slope(column: FloatArray, others: FloatArray, target: FloatArray, weight: F
 def _groups(
     exposures: Sequence[Exposure], cells: tuple[np.ndarray, np.ndarray], black: float, usable: float
 ) -> np.ndarray:
-    """Number of each cell's group (N,), of like brightness: equal shares of the range of the longest exposure that
-    clips next to nothing."""
+    """Group number (N,) of each cell: quantiles of brightness in the longest exposure in which at most 1 % of the cells
+    clip."""
     chosen = read_cells(exposures[0].lit[0], cells).mean(axis=0)
     for one in exposures:
         values = read_cells(one.lit[0], cells)
@@ -141,7 +142,7 @@ def _groups(
 
 
 def _lamp_trend(lamp: FloatArray, times: FloatArray) -> tuple[float, tuple[float, float]]:
-    """Scatter of the lamp's brightness, as a share, and its trend per hour with 1 σ."""
+    """Returns the scatter of the lamp's brightness, as a share, and its trend per hour with 1 σ."""
     hours = (times - times.mean()) / 3600
     spread = float(np.sum(hours**2))
     if len(lamp) < 3 or spread == 0:

@@ -1,8 +1,8 @@
-"""What images of a matt plane in a ChArUco frame say: its pose by the frame, and the brightness of its blank middle.
+"""Measures a matt plane in a ChArUco frame: its pose by the frame, and the brightness of its blank middle.
 
-The plane lies still while the lamp goes round, so all images of one placing share a pose: their corners are averaged,
-and what is left of them against the camera's model is taken for their error, whole, because a still board is misread in
-the same way every time.
+The plane lies still while the lamp moves, so all images of one placing share a pose. Their corners are averaged. The
+full residual against the camera model counts as their error, because a still board is misread in the same way every
+time.
 """
 
 from collections.abc import Sequence
@@ -21,23 +21,23 @@ PATCHES = (12, 9)
 """Patches along the longer and the shorter side of the blank middle."""
 
 INSET_SQUARES = 0.35
-"""Squares between the blank middle's edge and the outer patches' centres: what is printed beside it stays out."""
+"""Distance from the blank middle's edge to the outer patches' centres, squares: keeps out the print beside it."""
 
 PATCH_SHARE = 0.6
-"""Side of the window that a patch is the mean of, as a share of the distance between patches."""
+"""Side of the window over which a patch is averaged, relative to the distance between patches."""
 
 CORNER_FLOOR_PX = 0.03
 """Least error of a corner's coordinate, pixels."""
 
 MOVED_PX = 0.5
-"""Distance between the corners of two images of one placing from which the plane was moved between them."""
+"""Distance between the corners of two images of one placing above which the plane was moved between them, pixels."""
 
 LEAST_SHARE = 0.02
 """Share of full scale below which a patch is too dark to count."""
 
 
 def placing(views: Sequence[View], board: CharucoBoard, calibration: Calibration) -> Placing:
-    """The plane's pose from its corners in all images of one placing (`cv2.solvePnP`), with its covariance.
+    """Estimates the plane's pose from its corners in all images of one placing (`cv2.solvePnP`), with its covariance.
 
     Raises RigError calibration.infeasible naming an image in which it lies elsewhere.
     """
@@ -78,7 +78,7 @@ def patches(
     """Brightness of the blank middle's patches in an image and its lamp-off frame (H, W), both of `exposure_s`.
 
     `where`: number and pose of the placing. Clipped and dark patches are left out. Raises RigError
-    calibration.infeasible where the board has no blank middle.
+    calibration.infeasible if the board has no blank middle.
     """
     number, placed = where
     points, spacing_m = _grid(board)
@@ -103,7 +103,7 @@ def patches(
 
 
 def _grid(board: CharucoBoard) -> tuple[FloatArray, float]:
-    """Centres (N, 3) of the patches in the board's frame, m, and the least distance between them."""
+    """Returns the patches' centres (N, 3) in the board's frame, m, and the least distance between them."""
     blank = board.blank_m
     if blank is None:
         raise RigError(

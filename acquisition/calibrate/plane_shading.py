@@ -1,7 +1,7 @@
 """Brightness of each patch of the matt plane under each pose of the lamp, as a function of geometry and lobe.
 
-In logarithms it is a sum: of what a lamp of intensity 1 with a cosᵘ lobe would give by distance, slant and angle, of a
-spline over the angle off the axis, of the lamp's brighter side, and of the camera's sensitivity over the image.
+In logarithms it is a sum of four terms: the shading by distance, slant and angle of a lamp of intensity 1 with a cosᵘ
+lobe; a spline over the angle off the axis; the lamp's brighter side; the camera's sensitivity over the image.
 Calibration (`lamp_lobe`) and check (`lamp_check`) are fits of this one model.
 """
 
@@ -15,16 +15,16 @@ from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 
 LEAST_AHEAD = 0.2
-"""Cosine to the lamp's axis, and to the plane's normal, below which patches do not count."""
+"""Cosine to the lamp's axis, and to the plane's normal, below which patches are left out."""
 
 SAG_SIGMA_M = 2e-4
-"""Prior 1 σ of the plane's sag in its middle along either side, m, that its border hardly shows from above."""
+"""Prior 1 σ of the plane's sag in its middle along either side, m; seen from above, its border hardly shows it."""
 
 PLACED = 11
-"""Unknowns of the geometry before those of the placings: lamp, camera, sag."""
+"""Number of unknowns of the geometry before those of the placings: lamp, camera, sag."""
 
 STEP = 1e-6
-"""Step of numeric derivatives by lengths, m, and angles, rad."""
+"""Step of numerical derivatives by lengths, m, and angles, rad."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Placing:
 @dataclass(frozen=True)
 class PlaneImage:
     """Patches of one image: `points` (N, 3) in the board's frame, m; `pixels` (N, 2), column and row; `values` (N,),
-    lamp-off frame subtracted, in fractions of full scale per second; `noise` (N,), 1 σ of these as a fraction."""
+    lamp-off frame subtracted, in fractions of full scale per second; `noise` (N,), their 1 σ as a fraction."""
 
     name: str
     placing: int
@@ -52,9 +52,9 @@ class PlaneImage:
 
 @dataclass(frozen=True)
 class Known:
-    """What the fit takes as given: `calibration` with camera, its pose, and the lamp's; the plane's albedo and its 1 σ
-    as a fraction; covariances of `tool_from_lamp`'s position (3, 3) and of `base_from_camera` (6, 6); width and height
-    of the board, m."""
+    """Values that the fit takes as given: `calibration` with camera, its pose, and the lamp's; the plane's albedo and
+    its 1 σ as a fraction; covariances of `tool_from_lamp`'s position (3, 3) and of `base_from_camera` (6, 6); width and
+    height of the board, m."""
 
     calibration: Calibration
     albedo: float
@@ -64,15 +64,15 @@ class Known:
     size_m: tuple[float, float]
 
     def covariances(self, placings: Sequence[Placing]) -> list[FloatArray]:
-        """Of all that is uncertain of the geometry: lamp, camera, sag, placings."""
+        """Returns the covariances of all uncertain geometry: lamp, camera, sag, placings."""
         sag = SAG_SIGMA_M**2 * np.eye(2)
         return [self.lamp_covariance, self.camera_covariance, sag, *(placing.covariance for placing in placings)]
 
 
 @dataclass(frozen=True)
 class SeenPatches:
-    """Geometry of all patches: angle off the axis (N,), direction's x and y in the lamp's frame (N, 2), and ln of what
-    a lamp of intensity 1 and a cosᵘ lobe would give (N,)."""
+    """Geometry of all patches: angle off the axis (N,), x and y of the direction in the lamp's frame (N, 2), and ln of
+    the shading by a lamp of intensity 1 with a cosᵘ lobe (N,)."""
 
     angle: FloatArray
     side: FloatArray
@@ -82,7 +82,7 @@ class SeenPatches:
 def seen_patches(
     images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, off: FloatArray
 ) -> SeenPatches:
-    """Geometry with lamp (3,), camera (6,), sag (2,) and placings (6 each) moved by `off`, m and rad."""
+    """Returns the geometry with lamp (3,), camera (6,), sag (2,) and placings (6 each) moved by `off`, m and rad."""
     calibration = known.calibration
     tool_from_lamp = np.array(calibration.tool_from_lamp)
     tool_from_lamp[:3, 3] += off[:3]
@@ -94,8 +94,8 @@ def seen_patches(
     angles, sides, shadings = list[FloatArray](), list[FloatArray](), list[FloatArray]()
     for image in images:
         board, lamp = moved[image.placing], image.base_from_tool @ tool_from_lamp
-        # The board's z points into it; sagged by z(u, v), it is farther from the lamp, and leans by the slope of that.
-        # Half a millimetre of depth dims by 0.2 %, which would be taken for the flat field's.
+        # The board's z points into it. A sag z(u, v) moves it away from the lamp and tilts it by its slope.
+        # Half a millimetre of depth dims by 0.2 %, which would otherwise be attributed to the flat field.
         half = np.array(known.size_m) / 2
         across = image.points[:, :2] / half - 1
         depth = (1 - across**2 - _edge_mean(known.size_m)) @ off[9:11]
@@ -115,13 +115,13 @@ def seen_patches(
 
 
 def _edge_mean(size_m: tuple[float, float]) -> FloatArray:
-    """Mean of 1 − u² and 1 − v² over the board's edge, by which its pose is known."""
+    """Mean of 1 − u² and 1 − v² over the board's edge, which determines its pose."""
     width, height = size_m
     return 2 / 3 * np.array([width, height]) / (width + height)
 
 
 def columns(images: Sequence[PlaneImage], seen: SeenPatches, knots: tuple[float, ...], known: Known) -> FloatArray:
-    """Design (N, 1 + K − 1 + 2 + 5): ln intensity, knots but the first, tilt to first order, flat field."""
+    """Design matrix (N, 1 + K − 1 + 2 + 5): ln intensity, knots but the first, tilt to first order, flat field."""
     pixels = np.concatenate([image.pixels for image in images])
     flat = image_values.flat_terms(pixels, known.calibration.width, known.calibration.height)
     spline = photometry.lobe_spline(knots, seen.angle)[:, 1:]
@@ -132,7 +132,7 @@ def derivatives(
     images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, knots: tuple[float, ...],
     lobe: FloatArray, off: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """Derivatives (N, 11 + 6 G) of ln brightness by what moves, about `off`; `lobe` (K + 1,) are knots and tilt."""
+    """Derivatives (N, 11 + 6 G) of ln brightness by the geometry, about `off`; `lobe` (K + 1,) are knots and tilt."""
 
     def predicted(moved: FloatArray) -> FloatArray:
         seen = seen_patches(images, placings, known, moved)
@@ -144,7 +144,7 @@ def derivatives(
 
 
 def usable(image: PlaneImage, placing: Placing, calibration: Calibration) -> PlaneImage:
-    """The image with the patches alone that the lamp lights from ahead, not grazing."""
+    """Returns the image with only the patches that the lamp lights from ahead, not grazing."""
     base_from_board = np.array(calibration.base_from_camera) @ placing.camera_from_board
     lamp = image.base_from_tool @ np.array(calibration.tool_from_lamp)
     away = geometry.transform(base_from_board, image.points) - lamp[:3, 3]
@@ -154,7 +154,7 @@ def usable(image: PlaneImage, placing: Placing, calibration: Calibration) -> Pla
 
 
 def selected(image: PlaneImage, good: BoolArray) -> PlaneImage:
-    """The image with some of its patches (N,) alone."""
+    """Returns the image with only the patches `good` (N,)."""
     return replace(
         image, points=image.points[good], pixels=image.pixels[good], values=image.values[good], noise=image.noise[good]
     )

@@ -1,11 +1,11 @@
 """Response of the camera by photon transfer (EMVA 1288 4.0): black level, gain, read noise, full well, linearity.
 
-The arm rests at one light and only the exposure time changes, twice with the lamp and twice without at each. What two
+The arm rests at one light and only the exposure time changes, with two lit and two lamp-off frames at each. What two
 frames of one exposure share (the object, fixed pattern, the room) cancels in their difference, whose variance over
 brightness is the photon-transfer line (`normals.photon_transfer`). A lab has no integrating sphere, and a lamp on an
-arm comes back with another brightness each time. So linearity is not taken from brightness over exposure time: in each
-frame bright and dark parts of the image must stay in one ratio, whatever the lamp gave, and by how much they do not is
-the sensor's. The lamp's own brightness in each frame is then known too: its scatter, and its drift as it warms up.
+arm has another brightness each time. So linearity is not measured as brightness over exposure time: in each frame the
+ratio of bright and dark parts must stay the same, whatever the lamp's brightness, and deviations are the sensor's. This
+also gives the lamp's brightness in each frame: its scatter, and its drift as it warms up.
 """
 
 from collections.abc import Sequence
@@ -24,13 +24,13 @@ from acquisition.normals.uncertainty import photon_transfer
 from acquisition.normals.uncertainty.photon_transfer import TransferCurve
 
 USABLE_SHARE = 0.93
-"""Share of the range up to which values count: above it noise itself is clipped."""
+"""Share of the range up to which values count: above it the noise itself is clipped."""
 
 PLATEAU = 1.15
-"""How far above the range a pixel should be by a shorter exposure before its value counts as that of a full pixel."""
+"""A pixel counts as full if a shorter exposure predicts for it a value above the range by this factor."""
 
 MIN_PLATEAU_PIXELS = 30
-"""Full pixels without which the full well is not known, only that it is larger than what was seen."""
+"""Least number of full pixels; with fewer only a lower bound of the full well is known."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class ResponseFit:
     """The camera's response. `values` (5,): black level in values, gain in electrons per value, read noise in
     electrons, full well in electrons, and the relative bend of the response at full scale; `covariance` (5, 5) of them.
 
-    `full` says what limits a pixel: `pixel`, `converter`, or `not reached`. `room` is the light with the lamp off, in
-    full scales per second (median, 99.5th percentile), and `room_over_lamp` that over the lamp's; `lamp_sigma` is the
-    scatter of the lamp's brightness from frame to frame, `drift` its trend per hour with 1 σ.
+    `full` states what limits a pixel: `pixel`, `converter`, or `not reached`. `room` is the light with the lamp off, in
+    full scales per second (median, 99.5th percentile), and `room_over_lamp` its ratio to the lamp's; `lamp_sigma` is
+    the scatter of the lamp's brightness from frame to frame, `drift` its trend per hour with 1 σ.
     """
 
     values: FloatArray
@@ -59,8 +59,8 @@ class ResponseFit:
 def estimate(frames: Sequence[ResponseFrame], bits: int) -> ResponseFit:
     """Estimates the response of a camera of `bits` from frames of one scene at several exposure times.
 
-    Raises RigError calibration.infeasible: too few exposure times with two frames each, lamp off, no range of
-    brightness, everything clipped.
+    Raises RigError calibration.infeasible for too few exposure times with two frames each, lamp off, no range of
+    brightness, or everything clipped.
     """
     exposures = response_frames.by_exposure(frames)
     response_frames.require_lamp(exposures[-1])
@@ -88,10 +88,10 @@ def estimate(frames: Sequence[ResponseFrame], bits: int) -> ResponseFit:
 
 
 def _black_level(exposures: Sequence[Exposure]) -> tuple[float, float]:
-    """Value without light and time, with its variance.
+    """Estimates the value without light and time, with its variance, by a line over the exposure time.
 
-    A line over the exposure time: what the room and the dark current add vanishes with it. The room's light changes
-    from frame to frame by a share of itself, which is found along (iteratively reweighted least squares).
+    The room's light and the dark current vanish with the time. The room's light changes from frame to frame by a share
+    of itself, which is estimated along (iteratively reweighted least squares).
     """
     times = np.array([one.seconds for one in exposures for _ in one.dark])
     means, noise = np.zeros(len(times)), np.zeros(len(times))
@@ -119,7 +119,7 @@ def _black_level(exposures: Sequence[Exposure]) -> tuple[float, float]:
 
 
 def _saturation(exposures: Sequence[Exposure], black: float, top: float) -> tuple[float, float, str]:
-    """Value of a full pixel, its variance, and what limits it."""
+    """Returns the value of a full pixel, its variance, and what limits it."""
     longest = exposures[-1]
     last = longest.lit[0].read()
     clipped = int(np.count_nonzero(last >= top))
@@ -175,8 +175,8 @@ def _line(curve: TransferCurve) -> tuple[float, float, FloatArray]:
 
 
 def _in_electrons(found: FloatArray, given: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Values (5,) of `ResponseFit` and their covariance (5, 5), to first order, from black level, slope and floor of
-    the photon-transfer line, value of a full pixel, and bend, with the covariance of these."""
+    """Converts to values (5,) of `ResponseFit` and their covariance (5, 5), to first order, from black level, slope and
+    floor of the photon-transfer line, value of a full pixel, and bend, with the covariance of these."""
     black, slope, floor, saturation, bend = found.tolist()
     gain = 1 / slope
     read_variance = max(floor - 1 / 12, 1e-6)  # without rounding (EMVA 1288)
@@ -193,7 +193,7 @@ def _in_electrons(found: FloatArray, given: FloatArray) -> tuple[FloatArray, Flo
 
 
 def _defects(exposures: Sequence[Exposure], whole: float, usable: float) -> tuple[tuple[int, int, str], ...]:
-    """Defective pixels by the longest exposure in the dark and the longest that is not clipped in the light."""
+    """Finds defective pixels by the longest dark exposure and the longest lit one that is not clipped."""
     lit = [one for one in exposures if np.mean(one.lit[0].read() > usable) < 0.01] or [exposures[0]]
     dark, scale = _mean(exposures[-1].dark), np.float32(1 / whole)
     return defective_pixels.find(scale * dark, scale * (_mean(lit[-1].lit) - _mean(lit[-1].dark)))

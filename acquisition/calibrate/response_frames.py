@@ -1,4 +1,4 @@
-"""Frames from which the camera's response is found, grouped by exposure time, and the cells of pixels that are read."""
+"""Frames for the camera's response, grouped by exposure time, and the cells of pixels that are read."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,18 +10,18 @@ from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
 MIN_EXPOSURES = 5
-"""Exposure times that a line and its bend are found from."""
+"""Least number of exposure times for a line and its bend."""
 
 MAX_CELLS = 150_000
-"""Cells of 2 × 2 pixels that photon transfer and linearity read: more of them are not needed."""
+"""Largest number of 2 × 2 cells that photon transfer and linearity read: more are not needed."""
 
 LIT_PERCENTILE, LIT_SIGMAS = 99.5, 6.0
-"""Percentile of what the lamp adds at the longest exposure, and the multiple of the noise that it has to reach."""
+"""Percentile of the lamp's contribution at the longest exposure, and the multiple of the noise that it must reach."""
 
 
 @dataclass(frozen=True)
 class ResponseFrame:
-    """One frame: exposure time, whether the lamp was on, when it was taken, s, and how its pixels (H, W) are read."""
+    """One frame: exposure time, whether the lamp was on, when it was taken, s, and a reader of its pixels (H, W)."""
 
     name: str
     exposure_s: float
@@ -40,9 +40,9 @@ class Exposure:
 
 
 def by_exposure(frames: Sequence[ResponseFrame]) -> list[Exposure]:
-    """The frames by exposure time, shortest first; those times that have two frames with the lamp and two without.
+    """Groups the frames by exposure time, shortest first; keeps times with two frames with the lamp and two without.
 
-    Raises RigError calibration.infeasible where these are too few.
+    Raises RigError calibration.infeasible if these are too few.
     """
     times = sorted({frame.exposure_s for frame in frames})
     made: list[Exposure] = []
@@ -60,7 +60,7 @@ def by_exposure(frames: Sequence[ResponseFrame]) -> list[Exposure]:
 
 
 def require_lamp(longest: Exposure) -> None:
-    """Raises RigError calibration.infeasible where the frames with the lamp show no more than those without."""
+    """Raises RigError calibration.infeasible if the frames with the lamp are no brighter than those without."""
     lit, off, again = (one.read().astype(np.float64) for one in (longest.lit[0], *longest.dark[:2]))
     noise = float(np.std(off - again)) + 0.5
     if float(np.percentile(lit - off, LIT_PERCENTILE)) < LIT_SIGMAS * noise:
@@ -72,13 +72,13 @@ def require_lamp(longest: Exposure) -> None:
 
 
 def cells_of(size: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of the upper left pixels of the 2 × 2 cells that are read, spread over the image."""
+    """Returns rows and columns of the upper left pixels of the 2 × 2 cells that are read, spread over the image."""
     rows, columns = np.meshgrid(np.arange(0, size[0] - 1, 2), np.arange(0, size[1] - 1, 2), indexing="ij")
     step = max(1, -(-rows.size // MAX_CELLS))
     return rows.ravel()[::step], columns.ravel()[::step]
 
 
 def read_cells(frame: ResponseFrame, cells: tuple[np.ndarray, np.ndarray]) -> FloatArray:
-    """Values (4, N) of the cells: upper left, upper right, lower left, lower right."""
+    """Returns the values (4, N) of the cells: upper left, upper right, lower left, lower right."""
     pixels, (rows, columns) = frame.read(), cells
     return np.stack([pixels[rows + i, columns + j] for i in (0, 1) for j in (0, 1)]).astype(np.float64)

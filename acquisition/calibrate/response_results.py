@@ -12,17 +12,17 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import ResponseResult
 
 MAX_ROOM_OVER_LAMP = 0.01
-"""Share of the lamp's light from which room light should be darkened: subtracting it leaves its noise and flicker."""
+"""Ratio of room light to the lamp's above which it should be darkened: subtraction leaves its noise and flicker."""
 
 MAX_BEND = 0.02
-"""Bend from which a sensor is not linear: normals are wrong by tenths of a degree then."""
+"""Bend above which a sensor counts as not linear: normals are then wrong by tenths of a degree."""
 
 DRIFT_SIGMAS = 3.0
-"""A trend of the lamp's brightness counts from so many σ."""
+"""Multiple of its 1 σ from which a trend of the lamp's brightness counts."""
 
 
 def result(found: ResponseFit, hashes: Mapping[str, str]) -> ResponseResult:
-    """What was found; `hashes` of all images by name."""
+    """Result of a calibration of the response; `hashes` of all images by name."""
     black, gain, read_noise, full_well, bend = found.values.tolist()
     return ResponseResult.model_validate(
         {
@@ -47,7 +47,7 @@ def result(found: ResponseFit, hashes: Mapping[str, str]) -> ResponseResult:
 
 
 def with_response(calibration: Calibration, found: ResponseResult) -> Calibration:
-    """A calibration with another sensor; the lamp's intensity, a fraction of full scale, follows its black level."""
+    """Returns a calibration with another sensor; the lamp's intensity, relative to full scale, follows black level."""
     update = found.model_dump(include={"black_level_dn", "gain_e_per_dn", "read_noise_e", "full_well_e"})
     sensor = calibration.sensor.model_copy(update=update)
     intensity = calibration.lamp_intensity * calibration.sensor.full_scale_dn / sensor.full_scale_dn
@@ -55,7 +55,7 @@ def with_response(calibration: Calibration, found: ResponseResult) -> Calibratio
 
 
 def advice(found: ResponseResult) -> list[str]:
-    """What to do next, for people."""
+    """Returns what to do next, for people."""
     said: list[str] = []
     if found.room_over_lamp > MAX_ROOM_OVER_LAMP:
         said.append(f"With the lamp off the room gives {found.room_over_lamp:.1%} of the lamp's light: darken it.")

@@ -1,8 +1,8 @@
-"""Planning of further views: those of the candidates that lower the covariance of base from camera most (A-optimality).
+"""Plans further views: the candidates that lower the covariance of base from camera most (A-optimality).
 
-The lamps of a session are chosen by optimum experimental design, and so are the views of a calibration: a view's Fisher
-information depends on the arm's joints and the board's place in the image alone, both known before it is taken. Greedy
-choice suffices, because after each view the estimate is made anew.
+A session's lights are chosen by optimum experimental design, and so are the views of a calibration: a view's Fisher
+information depends only on the arm's joints and the board's place in the image, both known before the view is taken.
+Greedy choice suffices, because the estimate is repeated after each view.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,21 +17,21 @@ from acquisition.calibrate.charuco import MIN_CORNERS, View
 from acquisition.models.base import FloatArray
 
 BORDER_PX = 5.0
-"""Distance from the image's border within which a corner does not count as seen."""
+"""Distance from the image's border, pixels, within which a corner does not count as seen."""
 
 LEVER_M = 0.3
-"""Length by which rotation counts against translation, m: a rotation of the camera by σ moves a point on the object, so
-far below the dome's middle or beside it, by σ times this."""
+"""Length that weights rotation against translation, m: a rotation of the camera by σ moves a point on the object, this
+far below the dome's middle or beside it, by σ times this length."""
 
 
 def loss(covariance: FloatArray) -> float:
-    """A-optimality: mean square error, m², by a pose's covariance (6, 6), of its place and of a point LEVER_M away."""
+    """A-optimality: mean square error, m², of a place and of a point LEVER_M away, from a pose's covariance (6, 6)."""
     variance = np.diag(covariance).reshape(2, 3).sum(axis=1)
     return float(variance[0] + LEVER_M**2 * variance[1])
 
 
 def predicted_view(model: Model, found: Adjusted, joints: FloatArray, size: tuple[int, int]) -> View | None:
-    """Corners that a view at joints (6,) will show, by the estimate so far; none where too few are in the image."""
+    """Predicts the corners that a view at joints (6,) will show, by the present estimate; None if too few."""
     flat, parameters = model.board.corners_m, found.parameters
     whole = View("candidate", np.arange(len(flat)), np.zeros((len(flat), 2)), joints)
     pose = camera_from_board(model, parameters, whole)
@@ -50,14 +50,14 @@ def predicted_view(model: Model, found: Adjusted, joints: FloatArray, size: tupl
 def next_view(
     model: Model, found: Adjusted, candidates: Sequence[FloatArray], size: tuple[int, int]
 ) -> tuple[int, float] | None:
-    """Number of the candidate joints (6,) whose view lowers `loss` most, and the loss with it, m²; none where no
+    """Chooses the candidate joints (6,) whose view lowers `loss` most: number, and the loss with it, m²; None if no
     candidate would show the board."""
     chosen = plan_views(model, found, candidates, size, 1, pose_loss)
     return chosen[0] if chosen else None
 
 
 def pose_loss(covariance: FloatArray) -> float:
-    """`loss` of base from camera, m², by the covariance (29, 29) of all parameters."""
+    """Returns `loss` of base from camera, m², from the covariance (29, 29) of all parameters."""
     return loss(covariance[BASE_FROM_CAMERA, BASE_FROM_CAMERA])
 
 
@@ -67,7 +67,7 @@ def plan_views(
 ) -> list[tuple[int, float]]:  # fmt: skip
     """Greedy design of at most `count` further views: numbers of candidate joints (6,), and the criterion with each.
 
-    `criterion` is a function of the covariance (29, 29). Fewer where no other candidate would show the board.
+    `criterion` is a function of the covariance (29, 29). Returns fewer if no other candidate would show the board.
     """
     free = np.ix_(model.free, model.free)
     present = np.linalg.inv(found.covariance[free])

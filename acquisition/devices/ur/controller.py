@@ -220,7 +220,7 @@ class Controller:
     def move(self, move: protocol.Move) -> Task:
         """Sends one asynchronous moveJ after the other, then waits for rest at the last goal.
 
-        Sends none if a goal is outside the controller's safety limits.
+        Sends none unless the controller finds every goal within its safety limits.
         """
         control = self._require_control()
         for goal in move.path:
