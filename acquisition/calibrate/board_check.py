@@ -1,9 +1,9 @@
 """Calibration check with views of the board on the flange: does the calibration hold, and what has moved if not?
 
 The adjustment of the calibration in use (`basis.json`) predicts each corner, with a covariance over camera, its place,
-the board's place and the joints, correlations included. So a camera whose place is known to 0.2 mm still predicts
-corners at the poses of its calibration to hundredths of a pixel. A view's corners have their own noise and the arm's
-deviation besides.
+the board's place and the joints, correlations included: even if the place is known to 0.2 mm only, corners are
+predicted to hundredths of a pixel at the poses of its calibration. Views add their corners' noise and the arm's
+deviation.
 """
 
 import math

@@ -101,7 +101,7 @@ def estimate(images: BoardImages, recipe: BoardRecipe, cell: CellConfig) -> Boar
             f"Between the views board, camera and arm moved by {1e3 * arm_sigma_m:.1f} mm beside what the joints tell: "
             "tighten the board on the flange and the camera's mount, and begin a new session",
         )
-    # The camera is that of the joint adjustment: all corners, and the arm's motions, which fix the scale of the views.
+    # The camera is that of the adjustment with the arm, whose motions fix the scale of the views.
     return BoardEstimate(CameraFit(images.size, found.adjusted), found)
 
 

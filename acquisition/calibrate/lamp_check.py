@@ -31,7 +31,7 @@ LEAST_IMAGES = 4
 """Number of images of the plane from which intensity and lobe can be distinguished."""
 
 ROUNDS = 3
-"""Rounds that linearise the model about the most likely geometry: the effect of the plane's sag is of second order."""
+"""Rounds that linearise the model about the most likely geometry: the plane's sag matters to second order."""
 
 ALBEDO_STAYS = 1e-3
 """1 σ of a change of the plane's albedo, as a fraction: paper yellows by less in a year indoors."""

@@ -56,8 +56,8 @@ PRIOR_SIGMA = 0.3
 """Prior 1 σ of the logarithm of a knot's factor, of tilt and of flat-field terms: only for what no image shows."""
 
 IMAGE_SIGMA_START, PATCH_SIGMA_START, LAMP_SIGMA_START_M = 0.005, 0.002, 2e-4
-"""Initial 1 σ of an image's brightness and of a patch's, as fractions, and of the lamp's place in an image, per axis,
-m."""
+"""Initial 1 σ of an image's and of a patch's brightness, as fractions, and of the lamp's place in an image, m, per
+axis."""
 
 IMAGE_SIGMA_FLOOR, PATCH_SIGMA_FLOOR, LAMP_SIGMA_FLOOR_M = 1e-4, 1e-4, 1e-5
 """Least values of these."""
@@ -75,8 +75,8 @@ class LobeFit:
 
     `covariance` (K + 2, K + 2) of ln intensity, the logarithms of all factors but the first, and the tilt;
     `flat_covariance` (5, 5) of the flat field. `image_sigma`, `patch_sigma`: 1 σ of an image's and of a patch's
-    brightness, as fractions; `lamp_sigma_m`: of the lamp's place in one image, along each axis; `offsets` (I,):
-    brightness of each image; `held_out`: residual by number of knots.
+    brightness, as fractions; `lamp_sigma_m`: of the lamp's place in one image, along each axis; `offsets` (I,) of each
+    image's ln brightness; `held_out`: residual by number of knots.
     """
 
     lamp_intensity: float
@@ -250,7 +250,7 @@ def _solve(
     theta: FloatArray = np.zeros(lamp_of_image.stop)
     covariance: FloatArray = np.zeros((len(theta), len(theta)))
     for _ in range(ROUNDS):
-        # Linearised at the present geometry: the slope of a plane that sags by 0.2 mm has an effect of second order.
+        # Linearised at the present geometry: the slope of a plane that sags by 0.2 mm matters to second order.
         tilt, off = theta[tilt_at], theta[moving]
         seen = seen_patches(images, placings, known, off)
         design = columns(images, seen, knots, known)

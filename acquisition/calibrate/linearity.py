@@ -25,9 +25,8 @@ BEND_ITERATIONS = 8
 
 @dataclass(frozen=True)
 class ExposurePoint:
-    """Result of one exposure time: mean signal of the lit frames (lamp-off frames subtracted), mean lamp-off value
-    above black, lamp brightness of each lit frame over the mean, and rms deviation of the frames' groups from
-    linearity."""
+    """Result of one exposure time: mean signal of the lit frames (lamp-off subtracted) and of the lamp-off frames above
+    black; lamp brightness of each lit frame over the mean; rms deviation of the frames' groups from linearity."""
 
     exposure_s: float
     mean_dn: float

@@ -136,10 +136,8 @@ class Arm(Protocol):
         ...
 
     def carry(self, mass_kg: float, center_m: Vector3) -> None:
-        """States the payload, in the flange frame, which `prepare` sets and `preflight` compares; calls no device.
-
-        Until it is stated, the payload of the cell file's `[arm]` is used.
-        """
+        """States the payload, in the flange frame, for `prepare` to set and `preflight` to compare, without a call to
+        any device; until it is stated, that of the cell file's `[arm]` is used."""
         ...
 
     def preflight(self) -> Sequence[Finding]:

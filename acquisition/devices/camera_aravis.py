@@ -1,10 +1,10 @@
 """Driver of a GigE Vision or USB3 Vision camera of any maker through Aravis (LGPL), by its GObject introspection.
 
-The acquisition runs continuously and each frame waits for its trigger, for two reasons: cameras take up to a second to
-start an acquisition, and frame identifiers keep counting only within one. A frame that arrives before its own trigger
-belongs to an earlier one, whatever its number is. Each buffer has a status; one whose packets do not all arrive within
-Aravis' own time limits is rejected as damaged. After any doubt the acquisition is ended, pending frames are discarded,
-and a new acquisition begins.
+The acquisition runs continuously and each frame waits for its trigger: cameras take up to a second to start an
+acquisition, and frame identifiers keep counting only within one. A frame that arrives before its own trigger belongs to
+an earlier one, whatever its number is. Each buffer has a status; one whose packets do not all arrive within Aravis' own
+time limits is rejected as damaged. After any doubt the acquisition is ended, pending frames are discarded, and a new
+acquisition begins.
 
 Aravis and GObject introspection come with the system (Debian: gir1.2-aravis-0.8, python3-gi). They are loaded only if a
 cell file asks for them.

@@ -1,11 +1,10 @@
 """Frame accounting: each trigger gives one frame with the requested settings, or none.
 
 A frame under the wrong label is worse than no frame: it is solved with the wrong light, and nothing looks wrong. So the
-frames of every driver pass through here and are checked by the same rules: size, serial number, settings as read back,
-exposure time. Every failure is reported (to the log and to the listeners), counted, and the frame is taken again.
-Before that the driver discards what is still under way, because a frame that was given up may still arrive. A camera
-that is gone is distinguished from a lost frame: it is waited for (`take_up`), and its settings are made and read back
-anew.
+frames of every driver are checked here by the same rules: size, serial number, settings as read back, exposure time.
+Every failure is reported (to the log and to the listeners), counted, and the frame is taken again. Before that the
+driver discards what is still under way, because a frame that was given up may still arrive. A camera that is gone is
+not a lost frame: it is waited for (`take_up`), and its settings are made and read back anew.
 """
 
 import logging

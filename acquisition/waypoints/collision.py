@@ -185,7 +185,7 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
 
 
 def _finite(joints: FloatArray) -> FloatArray:
-    """Returns contiguous joint angles. Raises ValueError for NaN, whose distances are below no clearance."""
+    """Returns contiguous joint angles. Raises ValueError if not finite: NaN would pass every clearance check."""
     if not np.isfinite(joints).all():
         raise ValueError("joint angles must be finite")
     return np.ascontiguousarray(joints)

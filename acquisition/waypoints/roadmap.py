@@ -270,8 +270,8 @@ def _node_solutions(cell: CellConfig, calibration: Calibration, arm: Scene) -> l
 def connected_lights(lights: Sequence[Light], cell: CellConfig, calibration: Calibration) -> FloatArray:
     """Returns one configuration (N, 6) connected to home for each light (view frame) that has any.
 
-    Which of a light's configurations is taken varies with its number, so that rolls about the lamp's axis are evenly
-    distributed. Raises RigError waypoints.collision as `roadmap`.
+    The choice among a light's configurations varies with its number, which spreads the rolls about the lamp's axis
+    evenly. Raises RigError waypoints.collision as `roadmap`.
     """
     arm, hubs, home = scene(cell, calibration), roadmap(cell, calibration), np.array(cell.arm.home)
     kept: list[FloatArray] = []
@@ -286,9 +286,9 @@ def connected_lights(lights: Sequence[Light], cell: CellConfig, calibration: Cal
 def connected_views(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> FloatArray:
     """Returns joints (N, 6), at most `count`, that show the board and are connected to home; `cell` has the board on.
 
-    Each board place is represented by its configuration nearest to home: other branches add little information about
-    camera and joints, and moves between branches take half as long again. Measured: greedy designs of 16–32 of 160
-    views, loss 3 % less, time 26 %. Raises RigError waypoints.unreachable with the reasons if there are none,
+    Only the configuration nearest to home represents a board place: other branches add little information about camera
+    and joints, and moves between branches take half as long again. Measured with greedy designs of 16–32 of 160 views:
+    3 % less loss and 26 % less time. Raises RigError waypoints.unreachable with the reasons if there are none,
     waypoints.collision as `roadmap`.
     """
     arm = scene(cell, calibration)

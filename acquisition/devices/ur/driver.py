@@ -43,8 +43,7 @@ DATA = (
     "timestamp actual_q actual_qd actual_TCP_pose target_speed_fraction robot_mode safety_status_bits runtime_state "
     "actual_digital_output_bits payload payload_cog"
 )
-"""Requested variables: those that `interfaces.Receive` reads. By default ur-rtde requests no payload from PolyScope X.
-"""
+"""Requested variables: those that `interfaces.Receive` reads. By default ur-rtde requests no payload of PolyScope X."""
 
 LEAVE_S = 2.0
 SHARE = 0.4

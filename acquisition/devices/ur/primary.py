@@ -3,9 +3,8 @@
 No other interface gives the calibration. The controller sends it unasked soon after a client has connected, as the part
 "kinematics info" (5) of a robot-state message (16): six checksums, then θ, a, d and α of all joints, drawing and
 correction added. Ten times a second it sends the part "robot mode" (0), which states whether a program runs; this
-confirms a stop. Sources: Universal Robots' client interface documents, "Primary and secondary interface"; for the line
-`stop program`, UR's C++ client library (`PrimaryClient::commandStop`), which ends programs in this way without a
-dashboard.
+confirms a stop. Sources: Universal Robots' client interface documents, "Primary and secondary interface"; for `stop
+program`, UR's C++ client library (`PrimaryClient::commandStop`), which so ends programs without a dashboard.
 """
 
 import contextlib
@@ -42,8 +41,8 @@ class PrimaryStop:
 
     `stop program` ends a program that runs or is paused. The program sent after it replaces the running one and brakes
     at the cell's own deceleration; it is documented for all versions and does the same where that line is not
-    understood. A connection opened in local control is read-only for as long as it lives: then nothing is confirmed,
-    and a new one may be obeyed.
+    understood. A connection opened in local control stays read-only: then nothing is confirmed, and a new one may be
+    obeyed.
     """
 
     def __init__(self, address: str, timeout_s: float, deceleration_rad_s2: float) -> None:

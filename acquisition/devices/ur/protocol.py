@@ -27,8 +27,7 @@ LEASE_S = 0.2
 
 WATCHDOG_HZ = 4.0
 KICK_S = 0.04
-"""Frequency of the controller's watchdog, Hz, and period of kicks, s: it ends the program after 1/4 s without a kick.
-"""
+"""Frequency of the controller's watchdog, Hz, and period of kicks, s: the program ends after 1/4 s without a kick."""
 
 STOP_WITHIN_S = 0.2
 """Longest synchronous stop from the highest speed, s: it sends no kicks and must end within the watchdog's period."""
@@ -296,10 +295,8 @@ class SharedMemory:
         self.write(Field.TRACKED, count + 1)
 
     def track(self, seconds: float) -> list[tuple[float, ...]]:
-        """Returns the points of the newest `seconds`, oldest first; leaves out one that is being overwritten.
-
-        A point is the controller's time, time of arrival, joints and pose.
-        """
+        """Returns the points of the newest `seconds`, oldest first: controller's time, time of arrival, joints and
+        pose; leaves out one that is being overwritten."""
         count, points = self.read(Field.TRACKED), list[tuple[float, ...]]()
         for number in range(count - 1, max(count - TRACK_LENGTH, -1), -1):
             at = _TRACK_AT + number % TRACK_LENGTH * _POINT_SIZE
