@@ -1,8 +1,8 @@
 """An alternative to the model of the images, and the rule by which its solution replaces the one before.
 
-What a fit has to be depends on what asks for it. A test that is surer than the fit needs no better one; a term that a
-score promises needs to be found in about that amount; what nothing but a poor fit calls for needs a far better one.
-Other images are judged by the loss, in which every measurement counts, rather than by the misfit, which is a median.
+How good the fit has to be depends on what demands the alternative. A test that is surer than the fit needs no better
+one. A term that a score promises has to be found in about that amount. What only a poor fit calls for has to fit far
+better. Changed images are judged by the loss, which counts every measurement, and not by the misfit, a median.
 """
 
 from collections.abc import Sequence
@@ -18,22 +18,21 @@ from acquisition.normals.pixels.image_terms import ImageTerms
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another model: kind, sentence and amount for its finding, the hypothesis to solve, and when its fit is accepted.
+    """Another model: kind, message and value of its finding, the hypothesis to solve, and when its fit is accepted.
 
-    - `worse_at_most`: the misfit over that before up to which it is accepted. Some kinds have rules of their own
-      (`accepted`); above `better_at_least` it says that a test demands the alternative (`demanded`).
-    - `coding`: the exponent by which it changes the values; 1: it does not.
-    - `term`: the one of `ImageTerms` that it estimates; empty: none.
-    - `step`: the value of the term that one Newton step of the score test predicts; 0: no score demands it. Accepted if
-      the estimate exceeds half of it and the misfit is at most 1/`slightly_better` of that before (at most equal where
-      the loss does not fall); otherwise only if the misfit falls to `better`. Where values at black have been taken for
-      censored ones, their misfits do not compare: any sound fit is accepted that exceeds half of the step.
-    - `unreported`: it corrects the solver, not the capture, and there is no finding of it.
-    - `independently_tested`: a test demands it that does not look at residuals; any sound fit is accepted.
-    - `least_images`: with fewer images residuals do not tell it from other models.
+    - `worse_at_most`: misfit over that before, up to which it is accepted. Some kinds have rules of their own
+      (`accepted`). A value above `better_at_least` marks an alternative that a test demands (`demanded`).
+    - `coding`: exponent by which it changes the values; 1: it does not.
+    - `term`: the field of `ImageTerms` that it estimates; empty: none.
+    - `step`: value of the term that one Newton step of the score test predicts; 0: no score demands it. If the estimate
+      exceeds half of it, the misfit may rise to 1/`slightly_better` of that before if the loss falls, and not at all if
+      not. Otherwise it has to fall to `better`. Where values at black have been taken for censored ones, misfits are
+      not comparable: any sound fit is accepted whose estimate exceeds half of the step.
+    - `unreported`: it corrects the solver, not the capture, so there is no finding.
+    - `independently_tested`: a test demands it that does not use residuals; any sound fit is accepted.
+    - `least_images`: number of images from which residuals tell it from other models.
     - `decisive`: once it is by far the best so far, only other decisive ones are tried.
-    - `leaves_out`: it leaves an image out.
-    - `by_loss`: accepted by the loss, not the misfit.
+    - `leaves_out`: it leaves an image out; `by_loss`: it is accepted by the loss, not by the misfit.
     """
 
     kind: str
@@ -57,14 +56,14 @@ class Alternative:
         return self.independently_tested or self.worse_at_most > model_trial.SETTINGS.better_at_least
 
     def has_enough_images(self, images: int) -> bool:
-        """Whether so many images tell it from other models: a test that does not look at residuals needs none."""
+        """Returns whether so many images tell it from other models; a test without residuals needs no minimum."""
         return self.independently_tested or images >= self.least_images
 
     def accepted(self, before: Solution, trial: Solution) -> bool:
-        """Whether a trial replaces the solution before it: the object is in its place, or nearer to it than before
-        (nearest to the lamps most measurements are in shadow, and anything fits the rest), the fit good enough, sound
-        where none could be judged before, and light from elsewhere no more than what is measured.
-        """
+        """Returns whether a trial replaces the solution before it. The object has to be in its place, or nearer to it
+        than before: next to the lamps most measurements are in shadow, and anything fits the rest. Ambient and stray
+        light must not exceed what is measured. After a solution that could not be judged, the fit has to be sound;
+        otherwise the rule of the alternative decides."""
         before_fit, after, terms = before.fit, trial.fit, trial.state.shared.terms
         if self._ruled_out(before, trial):
             return False
@@ -92,7 +91,7 @@ class Alternative:
         if not after.misfit <= self.worse_at_most * before_fit.misfit:
             return False
         if self.worse_at_most > model_trial.SETTINGS.better_at_least:
-            # Light between the walls of a matt vessel has a score as of gloss, which explains nothing of it.
+            # Light between the walls of a matt vessel scores as gloss, but gloss does not lower its relative residuals.
             return self.term != "gloss" or after.relative_residual <= before_fit.relative_residual
         return (
             after.probability > model_trial.SETTINGS.min_probability
@@ -100,10 +99,10 @@ class Alternative:
         )
 
     def _ruled_out(self, before: Solution, trial: Solution) -> bool:
-        """Whether what a trial says cannot be, however well it fits."""
+        """Returns whether a trial cannot be true, however well it fits."""
         if trial.out_of_place and abs(trial.moved_m) >= abs(before.moved_m):
             return True
-        if self.leaves_out:  # of a wrong model, too, the loss falls a little without the worst image
+        if self.leaves_out:  # without the worst image the loss falls a little even if the model is wrong
             sound = not trial.poor or trial.fit.misfit <= model_trial.SETTINGS.better_at_least * before.fit.misfit
             another_was_bad = before.intensities_scatter and trial.intensities_scatter
             return not sound or another_was_bad
@@ -114,17 +113,18 @@ class Alternative:
         return self.term in ("ambient", "offset") and trial.more_subtracted_than_measured
 
     def _linearises(self, before: Solution, trial: Solution) -> bool:
-        """Whether linearised values fit so much better that they were coded: the more, the fainter the score says so.
+        """Returns whether linearised values fit so much better that they were coded.
 
-        Undoing a coding multiplies relative noise by its exponent, and no more: of dark images, as of smooth metal, it
-        brings most values near zero, where any model fits them, and relative residuals rise by 4 to 100. They have to
-        fall where the score does not point to a coding, since a wrong shape may fit what is linear already.
+        The fainter the exponent's score, the better the fit has to be. Undoing a coding multiplies relative noise by
+        its exponent, and no more. In dark images, as of smooth metal, it brings most values near zero, where any model
+        fits them, and relative residuals rise by factors of 4 to 100. Where the score does not point to a coding,
+        relative residuals have to fall, because a wrong shape may fit linearised values that were linear before.
         """
         least, before_fit, after = model_trial.SETTINGS.better_at_least, before.fit, trial.fit
         loss, share = after.loss / before_fit.loss, after.relative_residual / before_fit.relative_residual
         sound = after.probability > model_trial.SETTINGS.min_probability
         if before.hypothesis.term_sigma.from_elsewhere and max(loss, share) <= model_trial.SETTINGS.better:
-            return True  # without light from elsewhere, which explained the same shadows, and worse
+            return True  # it replaces ambient or stray light, which explained the same shadows less well
         if before.seems_coded:
             most = model_trial.SETTINGS.better if sound or loss <= least**2 else least
             return loss <= model_trial.SETTINGS.better and share <= most * self.coding
@@ -133,9 +133,10 @@ class Alternative:
         return sound and after.misfit <= least * before_fit.misfit and share <= 1
 
     def convincing(self, before: Solution, trial: Solution) -> bool:
-        """Whether an accepted trial puts the images right. Metal whose residuals stay higher, as a share of the values
-        or in units of the noise, of which loss is the square, is there, but its shape is not found (decision 80); where
-        nothing could be judged before, its fit is sound."""
+        """Returns whether an accepted trial puts the images right; only metal may be accepted without. Metal whose
+        residuals stay high, as a share of the values or in units of the noise, of which the loss is the square, is
+        there, but its shape is not found (decision 80). Where the fit could not be judged before, metal is accepted
+        only if it fits soundly, which is enough."""
         if self.term != "metal" or before.unjudged:
             return True
         most, before_fit, after = model_trial.SETTINGS.better_at_least, before.fit, trial.fit
@@ -144,7 +145,7 @@ class Alternative:
         )
 
     def finding(self, terms: ImageTerms, *, convincing: bool = True) -> ModelFinding:
-        """The finding of an accepted trial, with the amount that was estimated in the end."""
+        """Returns the finding of an accepted trial, with the amount that was estimated in the end."""
         message, value = self.message, self.value
         if self.term == "roughness":
             value = terms.roughness_rad
@@ -162,6 +163,6 @@ class Alternative:
 
 
 def decisive(alternatives: Sequence[Alternative]) -> list[Alternative]:
-    """The alternatives, of which the best may decide: of 751 captures, sound and with faults, none in which a term that
-    a score demands, or sure axes, halve the misfit is fitted better by gloss, metal or a coding."""
+    """Returns the alternatives marked as decisive. Measured: in 751 captures, sound and with faults, where a scored
+    term or sure axes halve the misfit, neither gloss, metal nor a coding ever fits better."""
     return [replace(alternative, decisive=True) for alternative in alternatives]

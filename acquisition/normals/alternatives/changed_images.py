@@ -1,6 +1,6 @@
-"""Images as they are under another hypothesis: one left out or scaled, translations, a coding or a blur undone.
+"""Images under another hypothesis: one left out, some scaled or translated, a coding or a blur undone.
 
-Lights and window stay; values and clipped pixels are changed as they are read.
+Lights and window stay as they are. Values and clipped pixels are changed when they are read.
 """
 
 from collections.abc import Callable
@@ -15,12 +15,12 @@ from acquisition.normals.indirect_light import surface_diffusion
 from acquisition.normals.indirect_light.surface_diffusion import SurfaceGraph
 
 HALF = 0.5
-"""Share of a pixel that has to come from clipped ones for it to count as clipped."""
+"""Share of an interpolated pixel that has to come from clipped ones for it to count as clipped."""
 
 
 def _changed(images: Images, change: Callable[[ImageBlock, int], ImageBlock], margin: int = 0) -> Images:
-    """Images whose blocks, read with a `margin` of rows above and below, are changed; the change is told the block's
-    first row."""
+    """Returns images whose blocks are changed when they are read, with a `margin` of rows above and below. `change`
+    receives a block and the number of its first row."""
 
     def read(start: int, stop: int) -> ImageBlock:
         first = max(start - margin, 0)
@@ -31,7 +31,7 @@ def _changed(images: Images, change: Callable[[ImageBlock, int], ImageBlock], ma
 
 
 def without(images: Images, number: int) -> Images:
-    """The images without one: its pixels are read as clipped, so that the number of images stays."""
+    """Returns the images without one: its pixels are read as clipped, so that the number of images stays."""
 
     def change(block: ImageBlock, _: int) -> ImageBlock:
         clipped = block.clipped.copy()
@@ -42,7 +42,7 @@ def without(images: Images, number: int) -> Images:
 
 
 def below_black(images: Images, offset: float) -> Images:
-    """The images with values at black as dark as if an `offset` below zero had been stored."""
+    """Returns the images with values at black replaced by `offset`, as if values below zero had been stored."""
 
     def change(block: ImageBlock, _: int) -> ImageBlock:
         return block._replace(values=np.where(block.values <= 0, np.float32(offset), block.values))
@@ -51,10 +51,10 @@ def below_black(images: Images, offset: float) -> Images:
 
 
 def linearised(images: Images, exponent: float) -> Images:
-    """The images with a power law undone: values to the `exponent`, at the level of each image's signal.
+    """Returns the images with a power law undone: values to the `exponent`, at the level of each image's signal.
 
-    A value's signal is proportional to value / shot; factors common to all images are part of the albedo. Their noise
-    is that of a mid-grey value, which the exponent multiplies.
+    A value's signal is proportional to value / shot; factors common to all images are part of the albedo. The standard
+    deviation of the noise is multiplied by the exponent, as for a mid-grey value.
     """
     level = (np.min(images.shot) / images.shot)[:, None, None].astype(np.float32)
 
@@ -65,7 +65,7 @@ def linearised(images: Images, exponent: float) -> Images:
 
 
 def scaled(images: Images, factors: FloatArray) -> Images:
-    """The images divided by a factor each (F,), and their noise with them."""
+    """Returns the images divided by one factor each (F,), with their noise."""
 
     def change(block: ImageBlock, _: int) -> ImageBlock:
         return block._replace(values=block.values / factors[:, None, None].astype(np.float32))
@@ -74,10 +74,10 @@ def scaled(images: Images, factors: FloatArray) -> Images:
 
 
 def translated(images: Images, translation: FloatArray, spacing: int = 1) -> Images:
-    """The images with each one's content moved by −`translation` (F, 2), pixels in x and y, by cubic interpolation, of
-    a mosaic among the sites of each place in its cells, whose side is `spacing` px.
+    """Returns the images with the content of each moved by −`translation` (F, 2), pixels in x and y.
 
-    Noise is left as it is, though interpolation lowers it.
+    Interpolation is cubic. In a mosaic, it is done among the sites of the same place in their cells, whose side is
+    `spacing` px. The noise stays as it is, although interpolation lowers it.
     """
 
     def moved(images: np.ndarray) -> Float32Array:
@@ -95,10 +95,10 @@ def translated(images: Images, translation: FloatArray, spacing: int = 1) -> Ima
 
 
 def sharpened(images: Images, over: SurfaceGraph, albedo: Float32Array, length_px: float, gain: float) -> Images:
-    """The images with the spread of light below the surface undone, by a mean of `length_px` pixels along the graph of
-    the window; `gain` is the factor of their noise's variance.
+    """Returns the images with the spread of light below the surface undone.
 
-    What is sharpened is the irradiance: values over the albedo (h, w). Where that is 0, values stay as they are.
+    The irradiance, values over the albedo (h, w), is sharpened for a mean free path of `length_px` pixels along the
+    graph of the window. Where the albedo is 0, values stay as they are. `gain` is the factor of the noise's variance.
     """
 
     def change(block: ImageBlock, first: int) -> ImageBlock:
@@ -116,7 +116,7 @@ def sharpened(images: Images, over: SurfaceGraph, albedo: Float32Array, length_p
 
 
 def shifted(image: Float32Array, shift: FloatArray) -> Float32Array:
-    """An image (h, w) with its content moved by `shift` (2,), pixels in x and y; cubic interpolation."""
+    """Returns an image (h, w) with its content moved by `shift` (2,), pixels in x and y, by cubic interpolation."""
     matrix = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
     size = (image.shape[1], image.shape[0])
     return np.asarray(

@@ -1,6 +1,6 @@
-"""Other images on trial: one left out, later ones moved back, some scaled; and the object held in its place.
+"""Alternatives that change images: one left out, later ones moved back, some scaled; and the object held in its place.
 
-Every function looks at a solution and gives alternatives (`alternative.Alternative`), none where no test demands any.
+Every function takes a solution and returns alternatives (`alternative.Alternative`), none where no test demands any.
 Intensities come late among all alternatives, because they absorb other faults.
 """
 
@@ -18,20 +18,21 @@ from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.uncertainty import goodness_of_fit
 
 MOVED, INTENSITIES, SHIFT = "moved object", "intensities", "shift"
-"""Kinds of the findings of images that are moved back, and that are scaled, and of an object that is held."""
+"""Kinds of the findings of images that are moved back and of images that are scaled, and of an object that is held."""
 
 
 def moved_object(present: Solution) -> list[Alternative]:
-    """Later images moved back, where the registration says that object or camera moved.
+    """Proposes to move later images back where the registration says that object or camera moved.
 
-    In a sound fit, too, where residuals are smaller then: a cluster and a vessel that moved by 2 pixels under ten
-    planned lights fit soundly, 2.8 and 4.1 times as far off (design seed 64). Registered residuals are 0.55–0.94 of six
-    moved captures there, 1.0–1.2 of three that did not move and of two benchmarks. The loss tells a move: another
-    surface made up for a part of it before, in most pixels. It falls to 0.88 at most in 80 of 84 trials of captures
-    that moved by 2 pixels, in one of 149 others, of one with a flash (design seeds 419–474, eight lights by two rings).
+    A move is proposed in a sound fit, too, if it lowers residuals: a cluster and a vessel that moved by 2 pixels under
+    ten planned lights fit soundly, at 2.8 and 4.1 times the error (design seed 64). Measured there, registration leaves
+    0.55–0.94 of the residual in six moved captures, 1.0–1.2 in three others and two benchmarks. The loss decides,
+    because another surface may make up for a part of the move in most pixels: it falls to 0.88 at most in 80 of 84
+    trials of captures that moved by 2 pixels, and in one of 149 others, with a flash (design seeds 419–474, eight
+    lights in two rings).
     """
     hypothesis = present.hypothesis
-    # Registration takes time: not of what would not be tried.
+    # Registration takes time, so it is not done where its result would not be tried.
     if MOVED in hypothesis.corrected or len(present.scene.lamps) < photometry.REDUNDANT or not hypothesis.thorough:
         return []
     if not present.poor and present.registration.residual_ratio >= 1:
@@ -47,11 +48,12 @@ def moved_object(present: Solution) -> list[Alternative]:
 
 
 def bad_image(present: Solution) -> list[Alternative]:
-    """One image left out, without which the others fit far better, or that fits far worse than they do; after it was
-    scaled also where it is the worst by less, and in a poor fit, or one by unlikely intensities, then more of the loss
-    has to be its.
+    """Proposes to leave out one image that does not fit the others.
 
-    Images that were scaled beside it are as they were: a bad one makes others seem too dark or too bright.
+    An image is proposed if the others fit far better without it, or if it fits far worse than they do; if it was
+    scaled, also where it is the worst by less. In a poor fit, or with unlikely intensities, any worst image is
+    proposed, but the loss has to fall further. Scaling is undone first, because a bad image makes others seem too dark
+    or too bright.
     """
     hypothesis, unscaled, better = present.hypothesis, _unscaled(present.hypothesis), model_trial.SETTINGS.better
     images = hypothesis.masked.images
@@ -69,23 +71,26 @@ def bad_image(present: Solution) -> list[Alternative]:
 
 
 def one_outlies(present: Solution) -> bool:
-    """Whether one image fits far worse than the others, or these fit far better without one."""
+    """Returns whether one image fits far worse than the others, or these fit far better without one."""
     return any(one.outlying for one in _worst_images(present))
 
 
 class _WorstImage(NamedTuple):
-    """The worst image (number) by one of its tests, and whether it is by far."""
+    """The number of the worst image by one of its tests, and whether it is far worse than the others."""
 
     number: int
     outlying: bool
 
 
 def _worst_images(present: Solution) -> list[_WorstImage]:
-    """The worst images, each once: the one that fits worst, the one that was scaled most, and the one without which the
-    others fit best, by least squares at a solution's depth: with its intensities, which a bad image changes, and with
-    those stated, unless that image's own is far from it. None where too few are left; none is by far that fits as well
-    as half of all sound captures do, with an intensity as stated: of images without noise, ratios of residuals say
-    nothing. Other intensities may fit a flash in one image, which on a sheet is as good as even."""
+    """Returns the worst images, each once; none where too few would be left.
+
+    They are the image with the largest misfit, the one that was scaled most, and the one without which the others fit
+    best by least squares at the solution's depth. Least squares is done with the solution's intensities, which a bad
+    image changes, and with the stated ones, which do not count for an image whose own is far from them. An image is far
+    worse only if it fits worse than half of all sound captures do, or if its intensity is not as stated: ratios of
+    residuals mean nothing without noise, and another intensity may fit a flash, which is nearly uniform on a sheet.
+    """
     coarse, nominal = present.hypothesis.level.coarse, present.hypothesis.nominal
     log_intensity = _log_intensity(present)
     if np.count_nonzero(np.isfinite(present.fit.images)) <= photometry.OVERDETERMINED:
@@ -111,7 +116,7 @@ def _worst_images(present: Solution) -> list[_WorstImage]:
 
 
 def _unscaled(hypothesis: Hypothesis) -> Hypothesis:
-    """The hypothesis before images were scaled."""
+    """Returns the hypothesis before images were scaled."""
     if np.all(hypothesis.factors == 1):
         return hypothesis
     factors = np.broadcast_to(hypothesis.factors, len(hypothesis.nominal.lamps))
@@ -120,7 +125,7 @@ def _unscaled(hypothesis: Hypothesis) -> Hypothesis:
 
 
 def other_intensities(present: Solution) -> list[Alternative]:
-    """Images scaled whose intensity is far from what is stated, unless most are."""
+    """Proposes to scale images whose intensity is far from what is stated, unless most are."""
     far = _far_intensities(present)
     if not np.any(far):
         return []
@@ -130,25 +135,25 @@ def other_intensities(present: Solution) -> list[Alternative]:
     scaled = present.hypothesis.reread(changed_images.scaled(images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
-    # The descent before has put most of the factors right already: noise decides which of the two fits better.
+    # The descent before has found most of the factors already, so that noise decides which of the two fits better.
     return [Alternative(INTENSITIES, message, scaled, 1 / model_trial.SETTINGS.better, float(factors[far][0]))]
 
 
 def _far_intensities(present: Solution) -> BoolArray:
-    """Images (F,) whose intensity is outlying under the widest prior that it has; none where most are."""
+    """Returns the images (F,) whose intensity is outlying under the widest prior that it has; none where most are."""
     widest = self_calibration.SIGMA_FACTORS[-1] * present.hypothesis.nominal.calibration.intensity_sigma
     far = np.abs(_log_intensity(present)) > photometry.SETTINGS.outlying_deviations * widest
     return far & (np.count_nonzero(far) <= len(far) // 2)
 
 
 def _log_intensity(present: Solution) -> FloatArray:
-    """Logarithms (F,) of the intensities over their median."""
+    """Returns the logarithms (F,) of the intensities over their median."""
     return present.state.shared.log_intensity - np.median(present.state.shared.log_intensity)
 
 
 def held_shift(present: Solution) -> list[Alternative]:
-    """The object held where it was stated to be, where its shift may have run away: on a strongly curved sheet close to
-    the camera it drifted by 70 mm, and the misfit rose from 1.3 to 2.5."""
+    """Proposes to hold the object where it was stated to be, in a poor fit: its shift may have run away. Measured: on a
+    strongly curved sheet close to the camera it drifted by 70 mm; the misfit rose from 1.3 to 2.5."""
     if not present.poor:
         return []
     held = replace(present.hypothesis, shift_sigma_m=0.0)

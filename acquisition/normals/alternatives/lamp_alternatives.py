@@ -1,8 +1,7 @@
-"""Other lamps on trial: two exchanged, or all mirrored, exchanged or turned about the viewing axis.
+"""Alternatives with other lamps: two exchanged, or all mirrored, exchanged or turned about the viewing axis.
 
-Every function looks at a solution and gives alternatives (`alternative.Alternative`), none where no test demands any.
-In a poor fit axes compete with other images and other image formation, since each can look like the others (decision
-72).
+Every function takes a solution and returns alternatives (`alternative.Alternative`), none where no test demands any. In
+a poor fit other axes compete with other images and image formation, as each can resemble the others (decision 72).
 """
 
 from dataclasses import replace
@@ -18,22 +17,23 @@ from acquisition.normals.alternatives.light_tests import IntegrableAxes
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 
 AXES, TURNED, SCORED, REFINED = "axes of the lamps", "turned lamps", "scored turn", "angle of turned lamps"
-"""Kind of the finding, and marks of a hypothesis whose lamps were turned by an angle, by that of a score, and turned
-once more."""
+"""Kind of the finding; marks of a hypothesis whose lamps were turned by an angle, by a score's angle, and once more."""
 
 REFINEMENTS, REFINED_DEG = 2, 0.5
-"""Times that such an angle is measured again, a fifth of it being left each time, and what is left, degrees, that ends
-it."""
+"""Largest number of refinements of such an angle, each leaving a fifth of it, and the angle, degrees, that ends
+them."""
 
 
 def other_axes(present: Solution) -> list[Alternative]:
-    """Axes of the lamps mirrored, exchanged or turned, where the normals are closer to those of a surface then; or
-    opposite, where the normals of the outline point inwards and neither fit nor light from near says that they do, or
-    where the images fit badly and far better then.
+    """Proposes other axes of the lamps: mirrored, exchanged, turned or opposite.
 
-    What a score demands competes with them, gloss where it gains most, and in a poor fit metal and coded values: a
-    wrong reflectance can leave normals whose circulation says anything, and coded values of a dome fit a bowl under
-    opposite lamps better. Of metal that fits they are tried only where the circulation is significant, because
+    Mirrored, exchanged and turned axes are proposed where the normals are closer to those of a surface under them, or
+    where a score demands a turn. Opposite axes are proposed where the outline's normals point inwards, unless a good
+    fit under near light confirms a hollow object, and in a bad fit, in which they have to fit far better.
+
+    What a score demands competes with them (gloss where it gains most), and in a poor fit also other images, metal and
+    coded values. A wrong reflectance can leave normals of any circulation, and coded values of a dome fit a bowl under
+    opposite lamps better. Metal that fits is tried under other axes only where the circulation is significant, because
     highlights alone fit a surface under other axes as well.
     """
     hypothesis, coarse, normals = present.hypothesis, present.hypothesis.level.coarse, present.state.normals
@@ -41,11 +41,11 @@ def other_axes(present: Solution) -> list[Alternative]:
     if photometry.METAL in hypothesis.corrected and not (present.badly_fitting or found.sure):
         return []
     if TURNED in hypothesis.corrected:
-        # The normals of turned lamps are not turned by quite as much, since light from near fits others worse.
+        # Normals turn by a little less than the lamps do, because near light fits turned normals worse.
         again = sum(kind.startswith(REFINED) for kind in hypothesis.corrected) + 1
         left_deg = light_tests.turn_deg(found.unmirrored)
         if SCORED in hypothesis.corrected and present.scores is not None:
-            # By likelihood alone: evidence is there already.
+            # Any gain is enough here, because there is evidence of a turn already.
             left_deg = float(np.degrees(present.scores.turn.step))
         if again > REFINEMENTS or abs(left_deg) < REFINED_DEG:
             return []
@@ -69,11 +69,11 @@ def other_axes(present: Solution) -> list[Alternative]:
 
 
 def _quarter_turns(present: Solution, found: IntegrableAxes) -> list[Alternative]:
-    """Axes that are mirrored or turned by quarters, or opposite to those stated; none under which least squares at the
-    start leaves more than 1 / `better` of the residual under those stated.
+    """Proposes axes that are mirrored or turned by quarters, or opposite to those stated.
 
-    Of 30 captures under mirrored lamps (design seeds 460 and 463, eight lights by two rings) least squares left
-    0.27–1.08 of the residual under the axes that were accepted, 1.00–1.80 under others; 1.4–2.3 of a sound groove.
+    Not proposed are axes under which least squares at the start leaves more than 1 / `better` of the residual under the
+    stated ones. Measured: in 30 captures under mirrored lamps (design seeds 460 and 463, eight lights in two rings) it
+    leaves 0.27–1.08 under the axes that were accepted, 1.00–1.80 under others; 1.4–2.3 of a sound groove.
     """
     hypothesis, coarse = present.hypothesis, present.hypothesis.level.coarse
     if not _near(present):
@@ -85,23 +85,23 @@ def _quarter_turns(present: Solution, found: IntegrableAxes) -> list[Alternative
         if outwards is None or outwards > -photometry.SETTINGS.min_view_cosine:
             if not present.badly_fitting:
                 return []
-            # A hollow object under opposite lamps is taken for a raised one, whose normals point outwards.
+            # Under opposite lamps a hollow object is solved as a raised one, whose normals point outwards.
             most = model_trial.SETTINGS.better_at_least
         elif present.well_fitting:
-            # Light from near does not fit a raised object for a hollow one.
+            # Near light does not fit a raised object as a hollow one.
             return []
     return [_relit(hypothesis, AXES, axes, most) for axes in trials if _likely(hypothesis, axes)]
 
 
 def _near(present: Solution) -> bool:
-    """Whether lamps are so near that their light tells hollow from raised."""
+    """Returns whether lamps are so near that their light distinguishes hollow from raised."""
     hypothesis = present.hypothesis
     return light_tests.near(hypothesis.level.coarse, hypothesis.start_m, hypothesis.nominal.lamps)
 
 
 def _signs(present: Solution, axes: FloatArray) -> tuple[int, ...]:
-    """Signs of axes (2, 2) to try: both where light from near tells hollow from raised, else the one that has the
-    outline's normals point outwards, or be as the axes say where there is no outline."""
+    """Returns the signs of axes (2, 2) to try: both where near light distinguishes hollow from raised. Elsewhere it is
+    the sign under which the outline's normals point outwards, or that of the axes if there is no outline."""
     if _near(present):
         return (1, -1)
     outwards = _outwardness(present, axes)
@@ -109,18 +109,18 @@ def _signs(present: Solution, axes: FloatArray) -> tuple[int, ...]:
 
 
 def _outwardness(present: Solution, axes: FloatArray) -> float | None:
-    """Outwardness of the normals under distant lamps of other axes (2, 2), with which they turn."""
+    """Returns the outwardness of the normals under distant lamps of other axes (2, 2), with which the normals turn."""
     normals = present.state.normals.copy()
     normals[:2] = axes.astype(np.float32) @ normals[:2]
     return light_tests.outwardness(normals, light_tests.outline(present.hypothesis.level.coarse))
 
 
 def _quarter_turns_of_far_lamps(present: Solution, found: IntegrableAxes) -> list[Alternative]:
-    """Axes that are mirrored or turned by quarters where the circulation tells them, or opposite to those stated where
-    the outline does, whose normals all point inwards then: residuals are the same under all axes.
+    """Proposes mirrored, quarter-turned or opposite axes of distant lamps, under which residuals are all the same.
 
-    Of 140 solved objects the circulation tells other axes of none, and the outwardness is −0.42 at least, of bowls
-    (design seeds 460–479; near light, 4 and 8 lights).
+    Mirrored or turned axes are proposed where the circulation is sure of them, opposite ones where all of the outline's
+    normals point inwards. Measured: in 140 solved objects (design seeds 460–479; near light, 4 and 8 lights) the
+    circulation is never sure of other axes, and the outwardness is at least −0.42, of bowls.
     """
     axes = found.quarter
     if np.array_equal(axes, light_tests.STATED_AXES):
@@ -134,7 +134,7 @@ def _quarter_turns_of_far_lamps(present: Solution, found: IntegrableAxes) -> lis
 
 
 def _likely(hypothesis: Hypothesis, axes: FloatArray) -> bool:
-    """Whether images fit the start under the lamps' axes multiplied by a matrix (2, 2) not far worse than as stated."""
+    """Returns whether the start does not fit far worse under axes that are multiplied by a matrix (2, 2)."""
     nominal = hypothesis.nominal
     others = light_tests.transformed(nominal.lamps, axes)
     residual = light_tests.relative_residual(
@@ -144,8 +144,8 @@ def _likely(hypothesis: Hypothesis, axes: FloatArray) -> bool:
 
 
 def _scored_axes(present: Solution) -> FloatArray | None:
-    """The lamps' axes (2, 2) turned as the score of a turn says; none: there is no strong evidence of one, hardly a
-    turn, or another term gains more."""
+    """Returns the lamps' axes (2, 2) turned as the score of a turn says. None where there is no strong evidence of a
+    turn, the turn is below `REFINED_DEG`, or another term gains more."""
     scores = present.scores
     if scores is None or scores.turn.gain <= self_calibration.STRONG_EVIDENCE or not scores.gains_most(scores.turn):
         return None
@@ -154,9 +154,9 @@ def _scored_axes(present: Solution) -> FloatArray | None:
 
 
 def _others(present: Solution, *, unscored: bool) -> list[Alternative]:
-    """What else a capture may be than one under other axes: what a score demands, gloss where it gains more than what
-    is tried of ambient and stray light; and, `unscored`, all else that a poor fit may be: other images, metal and coded
-    values."""
+    """Returns the alternatives that compete with other axes. They are what a score demands, with gloss where it gains
+    more than what is tried of ambient and stray light. With `unscored` they are also all else that a poor fit may be:
+    other images, metal and coded values."""
     scores, gain = present.scores, term_alternatives.tried_gain
     most_gained = scores is not None and scores.gloss.gain > max(gain(scores, "offset"), gain(scores, "ambient"))
     gloss = term_alternatives.gloss(present) if most_gained else []
@@ -183,7 +183,7 @@ def _relit(
     independently_tested: bool = False,
     unreported: bool = False,
 ) -> Alternative:
-    """The lamps' axes multiplied by a matrix (2, 2)."""
+    """Returns the alternative with the lamps' axes multiplied by a matrix (2, 2)."""
     relit = hypothesis.with_axes(axes)
     return Alternative(
         kind, _axes_sentence(axes), relit, most, independently_tested=independently_tested, unreported=unreported
@@ -191,7 +191,7 @@ def _relit(
 
 
 def _axes_sentence(axes: FloatArray) -> str:
-    """What is said of lamps' axes (2, 2) that were others than stated."""
+    """Returns the message of the finding that the lamps' axes (2, 2) are not as stated."""
     names = {(1, 0): "x", (-1, 0): "−x", (0, 1): "y", (0, -1): "−y"}
     rows = [names.get((round(row[0]), round(row[1]))) for row in axes if np.max(np.abs(row)) == 1]
     if len(rows) == 2:
@@ -201,7 +201,7 @@ def _axes_sentence(axes: FloatArray) -> str:
 
 
 def swapped_lamps(present: Solution) -> list[Alternative]:
-    """Two lamps exchanged, where least squares fits much better then; four images are explained by any lamps."""
+    """Proposes to exchange two lamps where least squares fits far better then; any lamps explain four images."""
     hypothesis, nominal = present.hypothesis, present.hypothesis.nominal
     doubted = present.poor or image_alternatives.one_outlies(present)
     if not doubted or len(nominal.lamps) < photometry.REDUNDANT:

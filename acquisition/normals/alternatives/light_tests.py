@@ -1,16 +1,18 @@
 """Tests of lights and images: axes of the lamps mirrored, exchanged or turned, two lamps swapped, one image bad.
 
-Other axes in the lights' file leave every residual as it is: the images are as well explained by normals that are
-mirrored or turned likewise. Two things tell. Slopes of a surface have no circulation, ∂p/∂y = ∂q/∂x; turned by φ about
-the camera's axis they have sin φ times their divergence, and mirrored ones the same of another field. So of all axes,
-mirrored or not and turned by any angle, the right ones and their opposite have the least circulation: of 16 objects of
-design seeds 60 and 62, eight lights, they did of all, sound (circulation 0.25–0.90 of the next best of quarter turns)
-and mirrored in either axis (0.36–0.91); of sound captures the angle is 2° at most, and lamps turned by 10° are found
-within 2° (design seeds 60, 62 and 63, ten lights by two rings; scratch scripts, November 2026). A half turn exchanges
-hollow and raised, and keeps the circulation: there the outline tells. At the silhouette the normals of a solid point
-outwards: **outwardness** is the mean cosine between the image-plane part of the normals and the silhouette's outward
-direction. Two lamps swapped show in the residual of least squares, which halves when the right pair is swapped back;
-one bad image in the same residual without it.
+Other axes in the lights' file leave every residual as it is, because normals that are mirrored or turned likewise
+explain the images as well. Circulation and outline of the normals reveal them.
+
+Slopes of a surface have no **circulation**: ∂p/∂y = ∂q/∂x. Turned by φ about the camera's axis, they have sin φ times
+their divergence; mirrored slopes have that of another field. So of all axes, mirrored or not and turned by any angle,
+the right ones and their opposite have the least circulation. Measured: this holds for all 16 objects of design seeds 60
+and 62, eight lights, sound (circulation 0.25–0.90 of the next best quarter turn's) and mirrored in either axis
+(0.36–0.91). The angle found is 2° at most in sound captures, and within 2° where lamps are turned by 10° (design
+seeds 60, 62 and 63, ten lights in two rings; scratch scripts, November 2026).
+
+A half turn exchanges hollow and raised and keeps the circulation, but at the silhouette the normals of a solid point
+outwards. **Outwardness** is the mean cosine of their image-plane part with the silhouette's outward direction. The
+least-squares residual halves if the right pair of swapped lamps is exchanged, and falls without one bad image.
 """
 
 from dataclasses import dataclass
@@ -26,48 +28,48 @@ from acquisition.models.result import SolveSettings
 from acquisition.normals.pixels.pixel_solve import Pixels
 
 MAX_TEST_PIXELS = 400
-"""Pixels of tests by least squares."""
+"""Largest number of pixels in tests by least squares."""
 
 MAX_SWAPPED = 8
-"""Images among which a pair of swapped lamps is sought, by the residual without each. Of 15 captures of 24 lights in
-which the exchange of a pair halves the residual its images were the first two (design seeds 419 and 420)."""
+"""Images among which a pair of swapped lamps is sought, by the residual without each. Measured: in 15 captures of 24
+lights in which an exchange halves the residual, the pair is the first two (design seeds 419 and 420)."""
 
 
 STATED_AXES = np.eye(2)
-"""Axes as stated: rows of the 2 × 2 matrix that the lamps' x and y are multiplied by."""
+"""Axes as stated: the 2 × 2 matrix by which the lamps' x and y are multiplied."""
 
 SIDES = (np.diag([1.0, 1.0]), np.diag([-1.0, 1.0]))
 """Axes as stated and with x mirrored, before they are turned."""
 
 QUARTER_AXES = tuple(turn @ side for side in SIDES for turn in (STATED_AXES, np.array([[0.0, -1.0], [1.0, 0.0]])))
-"""Axes that are turned by quarters, without their opposites: those stated first, then those that are not mirrored."""
+"""Axes turned by quarters, without their opposites: the stated ones, the other unmirrored ones, the mirrored ones."""
 
 TURNS_DEG = np.arange(-90.0, 90.0, 6.0)
-"""Angles by which axes are turned on trial, quarter turns among them; between them the circulation's parabola tells. So
-half a step is the least turn that is told from none: of sound captures it is up to 2°."""
+"""Angles, degrees, by which axes are turned on trial, with quarter turns among them. Between them a parabola
+interpolates the circulation. The least turn that counts is half a step; in sound captures up to 2° are found."""
 
 NEAR = 0.1
-"""Width of an object over the distance of its lamps, above which light from near tells hollow from raised: 0.2–0.7 in a
-cell, 0.001 where lamps are stated as directions."""
+"""Width of an object over the distance of its lamps, above which near light distinguishes hollow from raised. It is
+0.2–0.7 in a cell, 0.001 where lamps are stated as directions."""
 
 INWARDS = -0.55
-"""Outwardness below which all of an outline counts as pointing inwards. It is −0.42 at least of 140 objects of design
-seeds 460–479, bowls among them, and −0.30 of 48 others (486–491); −0.8 of a ball under opposite lamps."""
+"""Outwardness below which all of an outline counts as pointing inwards. Measured: at least −0.42 in 140 objects of
+design seeds 460–479, with bowls, at least −0.30 in 48 others (486–491); −0.8 of a ball under opposite lamps."""
 
 REGIONS = 8
-"""Rows and columns of regions of the object, whose circulations say how significant their sum is."""
+"""Rows and columns of regions of the object; the scatter of their circulations says how significant the sum is."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """Pixels of the rim (R,) by number, and the silhouette's outward directions there (2, R), view frame."""
+    """Pixel numbers (R,) of the rim, and the silhouette's outward directions there (2, R), view frame."""
 
     numbers: np.ndarray
     outward: Float32Array
 
 
 def outline(pixels: Pixels) -> Outline:
-    """The rim of the object's silhouette and its outward directions."""
+    """Returns the rim of the object's silhouette and its outward directions."""
     inside, width = pixels.image(np.ones(len(pixels.index), np.float32)), photometry.SETTINGS.edge_px
     padded = cv2.copyMakeBorder(inside, width, width, width, width, cv2.BORDER_CONSTANT, value=0)
     core = cv2.erode(padded, np.ones((2 * width + 1, 2 * width + 1), np.uint8))
@@ -82,15 +84,15 @@ def outline(pixels: Pixels) -> Outline:
 
 
 def outwardness(normals: Float32Array, rim: Outline) -> float | None:
-    """Mean cosine between outward directions and the image-plane part of normals (3, N); none: the rim is too short."""
+    """Returns the mean cosine of normals (3, N), in the image plane, with outward directions; none: too short a rim."""
     if len(rim.numbers) < photometry.SETTINGS.min_sample:
         return None
     return float(np.mean(np.sum(normals[:2, rim.numbers] * rim.outward, axis=0)))
 
 
 def near(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array) -> bool:
-    """Whether the object at depth (N,), m, is so wide for the distance of its lamps (F, 6 or 9) that their light tells
-    hollow from raised."""
+    """Returns whether the object at depth (N,), m, is wide for the distance of its lamps (F, 6 or 9). Then their light
+    distinguishes hollow from raised."""
     points = photometry.points(pixels.ray, depth_m)
     distances = np.linalg.norm(lamps[:, :3] - np.mean(points, axis=1), axis=1)
     return bool(np.max(np.ptp(points[:2], axis=1)) > NEAR * np.median(distances))
@@ -98,12 +100,13 @@ def near(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array) -> bool:
 
 @dataclass(frozen=True)
 class IntegrableAxes:
-    """Axes (2, 2) under which normals have the least circulation, as they have under the opposite ones.
+    """Axes (2, 2) under which normals have the least circulation; the opposite axes have the same.
 
-    `best`: of all; `unmirrored`: of those that are not mirrored; `quarter`: of those that are turned by quarters;
-    `turned`: the best of either side, mirrored or not, that are significantly better than its quarter turns and not
-    significantly worse than those of the other side; `sure`: the best, or if none is turned the quarter, is
-    significantly better than any quarter turn, or than the stated axes.
+    - `best`: of all axes; `unmirrored`: of those not mirrored; `quarter`: of those turned by quarters.
+    - `turned`: the best of either side, mirrored or not, if significantly better than its quarter turns and not
+      significantly worse than the other side.
+    - `sure`: if `turned` has any, `best` is significantly better than any quarter turn; if not, `quarter` than the
+      stated axes.
     """
 
     best: FloatArray
@@ -114,12 +117,12 @@ class IntegrableAxes:
 
 
 def integrable_axes(pixels: Pixels, normals: Float32Array) -> IntegrableAxes:
-    """The axes, as stated or one mirrored, turned by any angle, under which normals (3, N), view frame, have the least
-    circulation.
+    """Returns the axes under which normals (3, N), view frame, have the least circulation.
 
-    Sum over the cells of four neighbouring pixels, which are the same under all axes, of the circulation's arctangent
-    in slopes a pixel: a crease, round which any normals circulate, counts no more than 90°. Of a paraboloid or a saddle
-    mirrored slopes are a surface's, too, so that both sides may have it.
+    Axes are as stated or with one axis mirrored, and turned by any angle. The cost is a sum over the cells of four
+    neighbouring pixels, which are the same under all axes, of the arctangent of the circulation in slopes a pixel. The
+    arctangent bounds a crease, round which any normals circulate, at 90°. Both sides may have the least circulation,
+    because mirrored slopes of a paraboloid or a saddle are a surface's, too.
     """
     slope = -normals[:2] / np.maximum(normals[2], np.float32(photometry.SETTINGS.min_view_cosine))
     image = pixels.image(slope.astype(np.float32), np.nan)
@@ -161,11 +164,11 @@ class _Trial:
         return float(np.sum(self.circulation))
 
     def better(self, other: "_Trial") -> bool:
-        """Whether they have significantly less circulation than the other: the sum of what regions gain, in σ.
+        """Returns whether their circulation is significantly less: by 3 σ of the sum of what regions gain.
 
-        0–2.0 where a turn is compared with quarter turns of sound captures, or of planes with white or blurred noise;
-        4–13 of lamps turned by 10°, but for machined parts (1.6), whose flat faces hardly tell (design seeds 60, 62 and
-        63, ten lights by two rings).
+        Measured: 0–2.0 σ where a turn is compared with quarter turns in sound captures, or of planes with white or
+        blurred noise; 4–13 σ under lamps turned by 10°, except machined parts (1.6), whose flat faces hardly tell
+        (design seeds 60, 62 and 63, ten lights in two rings).
         """
         gained = other.circulation - self.circulation
         sigma = float(np.sqrt(len(gained)) * np.std(gained, ddof=1))
@@ -173,7 +176,7 @@ class _Trial:
 
 
 def _regions(known: BoolArray) -> np.ndarray:
-    """Number of the region (N,) of each pixel of a mask (h, w): quantiles of rows and of columns."""
+    """Returns the region number (N,) of each pixel of a mask (h, w); regions are quantiles of rows and of columns."""
     if not np.any(known):  # an object so thin that no four pixels are neighbours
         return np.zeros(0, np.intp)
     row, column = (
@@ -183,7 +186,8 @@ def _regions(known: BoolArray) -> np.ndarray:
 
 
 def _parabola_minimum(costs: FloatArray) -> float:
-    """Where the parabola through the least of periodic `costs` and its neighbours has its minimum, steps from there."""
+    """Returns the minimum, in steps from the least of periodic `costs`, of the parabola through it and its
+    neighbours."""
     least = int(np.argmin(costs))
     before, after = costs[least - 1], costs[(least + 1) % len(costs)]
     bend = float(before + after - 2 * costs[least])
@@ -191,19 +195,19 @@ def _parabola_minimum(costs: FloatArray) -> float:
 
 
 def turned_by(degrees: float) -> FloatArray:
-    """The matrix (2, 2) of a turn from x towards y; of quarter turns exactly."""
+    """Returns the matrix (2, 2) of a turn from x towards y; quarter turns are exact."""
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.array([[cosine, -sine], [sine, cosine]]).round(12) + 0.0
 
 
 def turn_deg(axes: FloatArray) -> float:
-    """The turn from x towards y, degrees within ±180, in axes (2, 2) of which x may be mirrored before."""
+    """Returns the turn from x towards y in axes (2, 2), degrees within ±180; x may be mirrored before it."""
     side = np.sign(np.linalg.det(axes))
     return float(np.degrees(np.arctan2(side * axes[1, 0], side * axes[0, 0])))
 
 
 def transformed(lamps: Float32Array, axes: FloatArray) -> Float32Array:
-    """Lamps (F, 6 or 9) with the image-plane axes of places, optical axes and tilts transformed by a matrix (2, 2)."""
+    """Returns lamps (F, 6 or 9) with the x and y of positions, optical axes and tilts multiplied by a matrix (2, 2)."""
     out = lamps.copy()
     matrix = axes.astype(np.float32)
     for first in range(0, lamps.shape[1], 3):
@@ -213,7 +217,7 @@ def transformed(lamps: Float32Array, axes: FloatArray) -> Float32Array:
 
 @dataclass(frozen=True)
 class Swap:
-    """Two images (numbers) whose lamps explain the images best when exchanged, and the residual after, over before."""
+    """Two images (numbers) whose lamps are best exchanged, and the least-squares residual after over that before."""
 
     first: int
     second: int
@@ -221,11 +225,8 @@ class Swap:
 
 
 def swapped_pair(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration) -> Swap:
-    """The pair of lamps whose exchange lowers the least-squares residual most, of the images without which the others
-    fit best.
-
-    Median over K pixels at depth (K,) of the residual's share of the values.
-    """
+    """Returns the pair of lamps whose exchange lowers the least-squares residual at depth (N,), m, most. Pairs are
+    sought among the images without which the others fit best."""
     rows, values, used = _equations(pixels, depth_m, lamps, calibration)
     before, order = _residual(rows, values, used), np.arange(len(lamps))
     worst = np.sort(np.argsort(_residuals_without(rows, values, used), kind="stable")[:MAX_SWAPPED])
@@ -240,15 +241,15 @@ def swapped_pair(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, cal
 def relative_residual(
     pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, others: Float32Array, calibration: Calibration
 ) -> float:
-    """Least-squares residual under `others` (F, 6 or 9) over that under `lamps`, as of `swapped_pair`, at depth (N,),
-    m: 1 of light from far, which fits under mirrored and turned lamps alike."""
+    """Returns the least-squares residual under `others` (F, 6 or 9) over that under `lamps`, at depth (N,), m. It is 1
+    in distant light, which fits under mirrored and turned lamps alike."""
     after, before = (_residual(*_equations(pixels, depth_m, one, calibration)) for one in (others, lamps))
     return after / max(before, 1e-12)
 
 
 @dataclass(frozen=True)
 class WorstImage:
-    """The image (number) without which the others fit best, and the residual then, over that without another image."""
+    """The image (number) without which the others fit best, and the residual then over that without another image."""
 
     number: int
     residual_share: float
@@ -257,11 +258,11 @@ class WorstImage:
 def worst_image(
     pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration
 ) -> WorstImage | None:
-    """Leave-one-out test of the images by least squares, of the values (F, N) of `pixels` at depth (N,), m; none: three
-    or four are left.
+    """Returns the worst image by a leave-one-out test with least squares; none: only four images or fewer are left.
 
-    The image that fits worst need not be the bad one: a bright image draws the normals towards it, and others fit
-    worse then. Of 48 captures with a flash in one image the residual of the fit names it in 27, this test in 47.
+    The test uses the values (F, N) of `pixels` at depth (N,), m. The image that fits worst need not be the bad one,
+    because a bright image draws the normals towards it, and others then fit worse. Measured: in 48 captures with a
+    flash in one image the largest residual of the fit names it in 27, this test in 47.
     """
     rows, values, used = _equations(pixels, depth_m, lamps, calibration)
     left = np.flatnonzero(np.any(used, axis=0))
@@ -275,7 +276,7 @@ def worst_image(
 def _equations(
     pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Light vectors (K, F, 3) and values (K, F) of some pixels, and which are lit and not clipped (K, F)."""
+    """Returns light vectors (K, F, 3) and values (K, F) of some pixels, and which are lit and not clipped (K, F)."""
     chosen = np.unique(np.linspace(0, len(pixels.index) - 1, min(MAX_TEST_PIXELS, len(pixels.index))).astype(int))
     few = pixels.subset(chosen)
     light = photometry.light_vectors(photometry.points(few.ray, depth_m[chosen]), lamps, calibration)
@@ -285,14 +286,14 @@ def _equations(
 
 
 def _residuals_without(rows: FloatArray, values: FloatArray, used: BoolArray) -> FloatArray:
-    """`_residual` without each image (F,)."""
+    """Returns `_residual` without each image (F,)."""
     image = np.arange(rows.shape[1])
     return np.array([_residual(rows, values, used & (image != one)) for one in image])
 
 
 def _residual(rows: FloatArray, values: FloatArray, used: BoolArray) -> float:
-    """Median over pixels of the rms residual of least squares over the rms value; light vectors (K, F, 3), values
-    (K, F) and which are used (K, F). 1 where no pixel has four."""
+    """Returns the median over pixels of the rms residual of least squares over the rms value; 1 where no pixel has
+    four. Light vectors are (K, F, 3), values and which of them are used (K, F)."""
     weighted = np.swapaxes(rows * used[:, :, None], 1, 2)
     matrix = weighted @ rows
     matrix += (1e-6 * np.trace(matrix, axis1=1, axis2=2) + 1e-15)[:, None, None] * np.eye(3)

@@ -1,9 +1,9 @@
-"""Selection of the image model: the plain one, unless a test demands another whose fit is then better.
+"""Selection of the image model: the plain model, unless a test demands another one whose fit is then better.
 
-A sound capture is solved by the plain model: Lambert's law, light from other surfaces, lamps where the calibration
-says. Cheap tests look for what most often is otherwise (`lamp_alternatives`, `term_alternatives`,
-`image_alternatives`). Only what a test demands is tried, by another descent from its own start, and only a trial that
-fits the images better replaces the model. What stays wrong is said in a finding that is not corrected, and raises σ
+The plain model solves a sound capture: Lambert's law, light from other surfaces, lamps where the calibration says.
+Cheap tests look for the most frequent deviations (`lamp_alternatives`, `term_alternatives`, `image_alternatives`). Only
+what a test demands is tried, by another descent from its own start, and it replaces the model only if its fit is
+accepted (`alternative`). What remains wrong is reported in a finding that is not corrected, and raises σ
 (`error_variance`).
 """
 
@@ -38,12 +38,13 @@ ALTERNATIVES: tuple[Callable[[Solution], list[Alternative]], ...] = (
     image_alternatives.other_intensities,
     image_alternatives.held_shift,
 )
-"""All kinds of alternatives in the order in which they are tried, the surest tests first."""
+"""Functions that propose alternatives, in the order in which they are tried, the surest tests first."""
 
 
 def select(hypothesis: Hypothesis) -> tuple[Solution, list[ModelFinding]]:
-    """Solves the coarse level by the plain model, and by others as tests demand them; what was found about the images,
-    corrected findings first. Raises RigError normals.infeasible where lamps light no pixel."""
+    """Solves the coarse level by the plain model, and by alternatives as tests demand them. Returns the solution and
+    findings about the images, corrected ones first. Raises RigError normals.infeasible where no pixel is lit by two
+    lamps."""
     present = _first(hypothesis)
     accepted: list[tuple[Alternative, bool]] = []
     no_better: set[str] = set()
@@ -62,8 +63,8 @@ def select(hypothesis: Hypothesis) -> tuple[Solution, list[ModelFinding]]:
 
 
 def _first(hypothesis: Hypothesis) -> Solution:
-    """The solution by the plain model; where the object's shift has run away, as to behind the camera, with the object
-    held where it is stated to be."""
+    """Solves by the plain model, or if that lights no pixel, with the object held where it is stated to be. No pixel is
+    lit where the object's shift has run away, as to behind the camera."""
     try:
         return solve(hypothesis)
     except RigError as error:
@@ -74,10 +75,8 @@ def _first(hypothesis: Hypothesis) -> Solution:
 
 
 def solve(hypothesis: Hypothesis) -> Solution:
-    """Descent on the coarse level, noise of single pixels from a sample, fit and scores.
-
-    Raises RigError normals.infeasible where no pixel has two lamps that light it.
-    """
+    """Solves a hypothesis: descent on the coarse level, noise of single pixels from a sample, fit and scores. Raises
+    RigError normals.infeasible where no pixel is lit by two lamps."""
     level, nominal = hypothesis.level, hypothesis.nominal
     stated = nominal.calibration
     priors = Priors(
@@ -100,7 +99,7 @@ def solve(hypothesis: Hypothesis) -> Solution:
 
 
 def remaining(solution: Solution) -> list[ModelFinding]:
-    """What is still wrong with a solution, in words: components at the end of their range, and a bad fit."""
+    """Returns what is still wrong: intensities or place at the end of their range, coded values, a bad fit."""
     findings: list[ModelFinding] = []
     noise, fit = solution.scene.noise, solution.fit
     if solution.at_end_of_range:
@@ -146,9 +145,10 @@ def remaining(solution: Solution) -> list[ModelFinding]:
 
 
 def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, Solution] | None:
-    """The best-fitting accepted trial of the first function of alternatives that has one; none: the model stays.
+    """Returns the best accepted trial of the first of `ALTERNATIVES` that has one; none: the model stays.
 
-    What a poor fit alone calls for is not tried again once it has fitted no better: its kind is added to `no_better`.
+    Kinds whose trial fits no better, or lights no pixel, are added to `no_better`; a poor fit alone does not call for
+    them again.
     """
     tried = set(present.hypothesis.corrected)
     for propose in ALTERNATIVES:
@@ -185,7 +185,7 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
 
 
 def _trial(alternative: Alternative) -> Solution | None:
-    """Its solution; none: it leaves no pixel that is lit."""
+    """Returns the solution of an alternative; none: it leaves no pixel that is lit by two lamps."""
     hypothesis = alternative.hypothesis
     try:
         return solve(replace(hypothesis, corrected=(*hypothesis.corrected, alternative.kind)))
@@ -196,11 +196,11 @@ def _trial(alternative: Alternative) -> Solution | None:
 
 
 def _without_codings_of_roughness(accepted: list[tuple[Alternative, Solution]]) -> list[tuple[Alternative, Solution]]:
-    """Accepted trials without the codings that leave neither half of the loss of a rough surface, if one is accepted,
-    nor a smaller share of the values: an exponent resembles roughness.
+    """Drops accepted codings that fit hardly better than an accepted roughness, which an exponent resembles.
 
-    Codings leave so little in 18 of 20 captures of coded values in which both are accepted, and in two of ten others,
-    of seven rough objects: under mirrored lamps, and with a flash (design seeds 401–448, eight lights by two rings).
+    A coding is kept if it leaves at most `better_at_least` of the loss of the rough surface, or a smaller residual as a
+    share of the values. Measured: this keeps it in 18 of 20 captures of coded values in which both are accepted, and in
+    two of ten others, under mirrored lamps and with a flash (design seeds 401–448, eight lights in two rings).
     """
     rough = next((trial.fit for alternative, trial in accepted if alternative.term == "roughness"), None)
     if rough is None:
@@ -218,8 +218,9 @@ def _without_codings_of_roughness(accepted: list[tuple[Alternative, Solution]]) 
 def _without_ambiguous_images(
     accepted: list[tuple[Alternative, Solution]], losses_without: list[float]
 ) -> list[tuple[Alternative, Solution]]:
-    """Accepted trials without those that leave an image out, if of the losses of all such trials no single one is
-    clearly the least: then the model fits badly, and no image (decision 96)."""
+    """Drops trials that leave an image out, unless one of them has clearly the least loss (decision 96). Where several
+    images can be left out with similar losses, the model fits badly, not an image. `losses_without` are the losses of
+    all such trials, accepted or not."""
     least = sorted(losses_without)[:2]
     if len(least) < 2 or least[0] <= model_trial.SETTINGS.better * least[1]:
         return accepted
@@ -229,14 +230,15 @@ def _without_ambiguous_images(
 def _better_with_another(
     accepted: list[tuple[Alternative, Solution]], best: tuple[Alternative, Solution]
 ) -> tuple[Alternative, Solution] | None:
-    """The accepted trial that fits better than the best one once another is accepted, too: of other axes, with what
-    scores demand then, or with what is best without them; or where axes are the best, of a term that a score demands,
-    with another one. Not where metal is: its highlights alone fit a surface under other axes as well.
+    """Returns the accepted trial that fits better than the best one when both are corrected further; none: none does.
 
-    Under mirrored lamps gloss of any strength fitted a glossy profile better than the right axes without gloss, 53°
-    off, and once it was accepted, the right axes no better than the mirrored ones; a coding fitted a rough sheet better
-    than the right axes without roughness, 63° off. A rough profile in stray light fitted turned lamps better than stray
-    light or roughness alone, 51° off.
+    Its rivals are trials of other axes, or where these are the best, of terms that a score demands. Each rival is
+    solved again with what its scores then demand, or with the correction of the best trial, and the best trial with
+    what its scores demand. Metal has no rivals: its highlights alone fit a surface under other axes as well. Measured:
+    under mirrored lamps gloss of any strength fitted a glossy profile better than the right axes without gloss, 53°
+    off, and once it was accepted, the right axes fitted no better than the mirrored ones. A coding fitted a rough sheet
+    better than the right axes without roughness, 63° off. A rough profile in stray light fitted turned lamps better
+    than stray light or roughness alone, 51° off.
     """
     axes = lamp_alternatives.AXES
     rivals = [one for one in accepted if (one[0].step != 0 if best[0].kind == axes else one[0].kind == axes)]
@@ -253,15 +255,15 @@ def _better_with_another(
 
 
 def _residuals_with(present: Solution, alternatives: list[Alternative]) -> float:
-    """The least `_residuals` of what is accepted of some alternatives; infinite: none is."""
+    """Returns the least `_residuals` of those alternatives that are accepted; infinite: none is."""
     trials = ((alternative, _trial(alternative)) for alternative in alternatives)
     solved = ((alternative, trial) for alternative, trial in trials if trial is not None)
     return min((_residuals(one) for one in solved if one[0].accepted(present, one[1])), default=np.inf)
 
 
 def _decides(before: Solution, trial: Solution) -> bool:
-    """Whether an accepted trial is so much better, with about half the misfit and half the relative residuals, that it
-    need not be compared with others."""
+    """Returns whether an accepted trial is so much better that it need not be compared with others. Its misfit and its
+    relative residual are both at most `better_at_least`, about half, of those before."""
     most = model_trial.SETTINGS.better_at_least
     return (
         not trial.poor
@@ -271,6 +273,6 @@ def _decides(before: Solution, trial: Solution) -> bool:
 
 
 def _residuals(accepted: tuple[Alternative, Solution]) -> float:
-    """Residuals of a trial in units of the noise, times those in units of the values, as if these were not coded."""
+    """Returns misfit × relative residual of a trial, over its coding's exponent, which multiplies relative noise."""
     alternative, trial = accepted
     return trial.fit.misfit * trial.fit.relative_residual / alternative.coding

@@ -1,8 +1,7 @@
-"""A model of the images to be tried, and its solution with its fit.
+"""A model of the images on trial: the hypothesis that a descent starts from, and its solution with its fit.
 
-Tests propose alternatives (`lamp_alternatives`, `term_alternatives`, `image_alternatives`) and a selection solves them
-(`model_selection`); what both speak of is here, the hypothesis that a descent starts from and the solution, and in
-`alternative`, what makes it accepted.
+Tests propose alternatives (`lamp_alternatives`, `term_alternatives`, `image_alternatives`), and `model_selection`
+solves them. Both use the classes of this module. `alternative` says when a trial is accepted.
 """
 
 from dataclasses import dataclass, field, replace
@@ -34,75 +33,81 @@ class TrialSettings:
     """Tuned numbers of the trial of a model."""
 
     min_gain: float = tuned(6.0, "1")
-    """Gain of the log likelihood from which light from elsewhere, or a coding, is tried. Of 55 sound Lambertian
-    captures (design seeds 100–129 of eight families, 8 and 14 lights by two rings) ambient or stray light gains more
-    than 4 in ten, more than 6 in 6 and more than 8 in three. Of 18 with ambient light of 10 % and of 18 with stray
-    light of 3 % it gains more than 6 in 15 and 16; the others err by 1.0–1.5 times as much as without it. A rough
-    object of 32 pixels' width gains 6.2 (scratch evaluation, November 2026)."""
+    """Gain of the log-likelihood from which ambient light, stray light or a coding is tried. A lower value tries more
+    models on sound captures, a higher one misses weak light. Measured: of 55 sound Lambertian captures (design
+    seeds 100–129 of eight families, 8 and 14 lights in two rings) ambient or stray light gains more than 4 in ten, more
+    than 6 in six and more than 8 in three. It gains more than 6 in 15 of 18 captures with ambient light of 10 %, and in
+    16 of 18 with stray light of 3 %; errors of the others are 1.0–1.5 times those without that light (scratch
+    evaluation, November 2026)."""
     better: float = tuned(0.88, "misfit ratio")
-    """Misfit after over before, up to which what a test demands counts as better: other axes, registered images, the
-    object in its stated place, a term. Mirrored axes leave 0.2–0.7. Interreflection that is not predicted scores as
-    ambient light; the descent takes most of it back. Of true ambient light of 10 % a step promises up to 46 %, and
-    misfits fall to 0.21–0.84; an offset that a sheet's interreflection resembled left 0.85 (design seeds 20–23, 30, 31,
-    40 and 41; `python -m tests.unseen table FILE --trials`). Of relative residuals metal leaves 0.07–0.80 in 45 of 49
-    trials, anything else 1.08 and more in 56, but a glossy sheet 0.79 and 0.82 (decision 81)."""
+    """Misfit after over before, up to which an alternative that a test demands counts as better: other axes, the object
+    at its stated place, a term; of registered images the same ratio of the loss. Measured: mirrored axes leave 0.2–0.7.
+    Light from other surfaces that is not predicted scores as ambient light, but the descent takes most of it back: an
+    offset that resembled such light of a sheet left 0.85. Of true ambient light of 10 % a step promises up to 46 %, and
+    misfits fall to 0.21–0.84 (design seeds 20–23, 30, 31, 40 and 41; `python -m tests.unseen table FILE --trials`). Of
+    relative residuals metal leaves 0.07–0.80 in 45 of 49 trials, anything else 1.08 and more in 56 trials, except a
+    glossy sheet, 0.79 and 0.82 (decision 81)."""
     better_at_least: float = tuned(0.55, "misfit ratio")
-    """Misfit of a second start over that before, up to which it is accepted, and residual of least squares after over
-    before two lamps are exchanged, or without an image over that without another one, below which that is tried. A fall
-    by a hundredth once accepted ambient light on a gear, whose error rose from 3.9° to 8.3°. Of 210 captures, sound and
-    with faults (design seeds 62, 63 and 101–112), second starts that leave 0.5–0.62 of misfit and relative residuals
-    are two, both of metal, of which the one that no other beats is right. Without its worst image 0.72 is left of a
-    sound capture at least, 0.32–0.72 of most with a flash in one image (design seeds 419–425)."""
+    """Misfit after over before, up to which a trial is accepted that only a poor fit calls for; also the ratio of
+    least-squares residuals below which two lamps are exchanged, or an image is left out, on trial. If a fall by a
+    hundredth is enough, ambient light is accepted on a gear, whose error rises from 3.9° to 8.3°. Measured: in 210
+    captures, sound and with faults (design seeds 62, 63 and 101–112), two such trials leave 0.5–0.62 of misfit and
+    relative residuals, both of metal; the one that no other trial beats is right. Without its worst image a sound
+    capture keeps at least 0.72 of the residual, most captures with a flash in one image 0.32–0.72 (seeds 419–425)."""
     coded_exponent: float = tuned(0.25, "exponent")
-    """Size of ε, the exponent's score (`TermScores`): values are tried as coded by all codings where it is below −0.25,
-    by the usual one below half of that, and were coded where less than 0.25 of it is left once they are linearised. It
-    is −0.05 to 0.23 then of nine Lambertian captures of coded values, 0.34–0.79 of 45 others, Lambertian, rough,
-    glossy, with an offset or ambient light (design seeds 62 and 63, ten lights by two rings, eight families). It is
-    below −0.125 of 12 of 906 sound captures, 10 of them rough, and of 38 of 52 that are coded with 1/2.2."""
+    """Size of the exponent ε of the score test (`TermScores`) from which values count as coded. All codings are tried
+    where ε is below −0.25, the usual one where it is below half of that, and linearised values are accepted where less
+    than 0.25 of it is left. Measured: once linearised, ε is −0.05 to 0.23 of nine Lambertian captures of coded values,
+    and 0.34–0.79 of 45 others, Lambertian, rough, glossy, with an offset or ambient light (design seeds 62 and 63, ten
+    lights in two rings). ε is below −0.125 in 12 of 906 sound captures, 10 of them rough, and in 38 of 52 that are
+    coded with 1/2.2."""
     min_probability: float = tuned(0.05, "probability")
-    """Probability of the misfit below which a solution counts as poor: then second starts, swaps and moves are tried.
-    With 0.01 sound captures take a fifth less time and are solved alike (27 of design seeds 101–104), but swapped lamps
-    of two of eight objects, an offset and a move are not found (seed 62, ten lights)."""
+    """Probability of the misfit below which a solution counts as poor, so that second starts, swaps and moves are
+    tried. Measured: with 0.01 sound captures take a fifth less time and are solved alike (27 of design seeds 101–104),
+    but swapped lamps of two of eight objects, an offset and a move are not found (seed 62, ten lights)."""
     min_sound_probability: float = tuned(0.01, "probability")
-    """Probability of the misfit below which a result is named as badly fitting. The usual level of 1 %: one sound
-    capture in a hundred is named, if misfits are distributed as `goodness_of_fit` says."""
+    """Probability of the misfit below which a result is reported as badly fitting. It is the usual level of 1 %: one
+    sound capture in a hundred is reported, if misfits are distributed as `goodness_of_fit` says."""
 
     @property
     def max_intensity(self) -> float:
-        """Noise component of intensities that no sound capture reaches: three times the 1 % by which lamps are known
-        where nothing else is stated. With 0.05, the upper bound, a glossy vessel that is 25° off (design seed 102) is
-        not named."""
+        """Noise component of intensities that no sound capture reaches. It is three times the 1 % to which lamps are
+        known where nothing else is stated. With 0.05, the component's upper bound, a glossy vessel that is 25° off
+        (design seed 102) is not reported."""
         return photometry.SETTINGS.outlying_deviations * image_set.INTENSITY_SIGMA
 
     @property
     def slightly_better(self) -> float:
-        """Misfit of a sample as rough over that as Lambertian, up to which roughness is tried whatever its score:
-        halfway between better and as good. 0.71–0.93 of 16 of 32 rough captures, 0.93–1.4 of the others, 0.98 at least
-        of 85 Lambertian, glossy and translucent ones (design seeds 201–213 and 350–359, 8 and 20 lights)."""
+        """Misfit of a sample as rough over that as Lambertian, up to which roughness is tried whatever its score. It is
+        halfway between `better` and 1. Measured: 0.71–0.93 of 16 of 32 rough captures, 0.93–1.4 of the others, at least
+        0.98 of 85 Lambertian, glossy and translucent ones (design seeds 201–213 and 350–359, 8 and 20 lights)."""
         return float(np.sqrt(self.better))
 
     @property
     def clearly_worse(self) -> float:
-        """Factor that makes a fit clearly worse, the inverse of what makes it clearly better: misfit of sharpened
-        images over that before, up to which they are accepted, which noise alone raises to 1.2–1.4, since where a
-        pixel is lit, a residual does not know of blur; and noise of residuals over what the lights' stated σ explain,
-        above which no model fits: 4 and 5 on lacquer and glaze, whose normals err by 8° in a fit that looks sound,
-        0.4 on plastic and satin (`gloss_scenes`, balls)."""
+        """Ratio from which a fit is clearly worse, the inverse of `better_at_least`. Sharpened images are accepted up
+        to this ratio of misfits; noise alone raises it to 1.2–1.4, because residuals of lit pixels do not show blur. No
+        model fits if the noise of residuals is this factor above what the lights' stated σ explain: it is 4 and 5 on
+        lacquer and glaze, whose normals err by 8° in a fit that looks sound, 0.4 on plastic and satin (`gloss_scenes`,
+        balls)."""
         return 1 / self.better_at_least
 
 
 SETTINGS = TrialSettings()
 
 ROUGH = ImageTerms(roughness=0.2)
-"""Roughness of which samples are solved again, of 0.28 rad: in the middle of what is common."""
+"""Terms as which samples are solved again: a roughness of 0.28 rad, in the middle of what is common."""
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What a descent starts from: images, coarse level, depth at its pixels (N,), nominal scene, 1 σ of the terms that
-    are estimated, and of the object's shift in m; the kinds of faults that are already corrected in it, and the factors
-    (F,) that its images were divided by. `thorough`: alternatives are tried that only a poor fit calls for, and
-    translucency, which broad gloss under many lights resembles."""
+    """What a descent starts from.
+
+    - `masked`, `level`, `start_m`: images, coarse level and depth (N,) of its pixels; `nominal`: the nominal scene.
+    - `term_sigma`, `shift_sigma_m`: 1 σ of the terms that are estimated, and of the object's shift in m.
+    - `corrected`: kinds of faults that are corrected already; `factors` (F,): what the images were divided by.
+    - `thorough`: also try what only a poor fit calls for, and translucency, which gloss under many lights resembles.
+    """
 
     masked: MaskedImages
     level: PyramidLevel
@@ -115,7 +120,7 @@ class Hypothesis:
     thorough: bool = True
 
     def reread(self, images: Images) -> "Hypothesis":
-        """The same object in changed images, with their sensor noise."""
+        """Returns the hypothesis for changed images of the same object, with their sensor noise."""
         masked = replace(self.masked, images=images)
         count = int(np.count_nonzero(masked.mask))
         table = None if self.level.table is None else self.level.table.depth_m
@@ -129,14 +134,14 @@ class Hypothesis:
         )
 
     def with_axes(self, axes: FloatArray) -> "Hypothesis":
-        """The same images under lamps whose axes are multiplied by a matrix (2, 2), and the errors they share."""
+        """Returns the hypothesis with the axes of lamps and of their common errors multiplied by a matrix (2, 2)."""
         lamps, common = light_tests.transformed(self.nominal.lamps, axes), self.nominal.common_lamp_errors_m
         if common is not None:
             common = np.concatenate([np.einsum("ij,fjc->fic", axes, common[:, :2]), common[:, 2:]], axis=1)
         return replace(self, nominal=replace(self.nominal, lamps=lamps, common_lamp_errors_m=common))
 
     def with_lamps_of(self, order: np.ndarray) -> "Hypothesis":
-        """The same images, each under the lamp of the image of the number in `order` (F,)."""
+        """Returns the hypothesis with each image under the lamp of the image that `order` (F,) states."""
         lamps, common = self.nominal.lamps[order], self.nominal.common_lamp_errors_m
         common = None if common is None else common[order]
         return replace(self, nominal=replace(self.nominal, lamps=lamps, common_lamp_errors_m=common))
@@ -144,8 +149,7 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Solution:
-    """A descent's result with its scene (lamps, noise and terms as estimated), the sample of pixels that its fit is
-    judged by, the fit, and the scores of terms."""
+    """A descent's result and scene (lamps, noise and terms as estimated), with sample, fit and scores to judge it."""
 
     hypothesis: Hypothesis
     state: AlternationResult
@@ -156,56 +160,55 @@ class Solution:
 
     @property
     def moved_m(self) -> float:
-        """How far the object's mean depth is from where it was stated, m."""
+        """Shift of the object's mean depth from where it was stated, m."""
         return float(np.mean(self.state.depth_m) - np.mean(self.hypothesis.start_m))
 
     @property
     def out_of_place(self) -> bool:
-        """Whether the object is so far from where it was stated, within a step of the largest shift, that it must have
-        drifted there: the shift is 50 mm at most over 96 Lambertian captures of design seeds by two rings."""
+        """Whether the object is within a step of the largest shift, so that it must have drifted there. Shifts are
+        50 mm at most over 96 Lambertian captures of design seeds in two rings."""
         return abs(self.moved_m) >= alternation.SETTINGS.max_shift_m - alternation.MAX_SHIFT_STEP_M
 
     @property
     def at_end_of_range(self) -> bool:
-        """Whether the noise of intensities, or the object's place, is beyond what any sound capture needs. That of
-        directions detail below a pixel raises to its bound, whether lamps are where they should be or 5 mm off."""
+        """Whether the noise of intensities, or the object's place, is beyond what any sound capture needs. The noise of
+        directions does not count: detail below a pixel raises it to its bound, whether lamps are in place or 5 mm
+        off."""
         return self.scene.noise.intensity >= SETTINGS.max_intensity or self.out_of_place
 
     @property
     def intensities_scatter(self) -> bool:
-        """Whether the intensities' standard deviation is outlying: others than stated may fit a bad image."""
+        """Whether the standard deviation of the intensities is outlying: such intensities may make a bad image fit."""
         stated, counts = self.hypothesis.nominal.calibration.intensity_sigma, np.isfinite(self.fit.images)
         return bool(np.std(self.state.shared.log_intensity[counts]) > photometry.SETTINGS.outlying_deviations * stated)
 
     @property
     def unjudged(self) -> bool:
-        """Whether there are images enough, and yet hardly a pixel has four that count: of metal, its highlights."""
+        """Whether there are enough images, but hardly any pixel has four usable ones (of metal only its highlights)."""
         return self.fit.redundant and not np.isfinite(self.fit.misfit)
 
     @property
     def seems_coded(self) -> bool:
-        """Whether the score test finds an exponent well below 1, and no roughness that would gain more: of 126 sound
-        captures of Lambertian, glossy and translucent surfaces it does of none (design seeds 40–63)."""
+        """Whether the score test finds an exponent well below 1, and no roughness that gains more. Measured: in none of
+        126 sound captures of Lambertian, glossy and translucent surfaces (design seeds 40–63)."""
         return self._exponent_below(SETTINGS.coded_exponent)
 
     @property
     def may_be_coded(self) -> bool:
-        """Whether the score test finds an exponent below 1, by half of what makes values seem coded, and no roughness
-        that would gain more."""
+        """Whether the same holds as for `seems_coded` with half of its threshold."""
         return self._exponent_below(SETTINGS.coded_exponent / 2)
 
     @property
     def seems_linear(self) -> bool:
-        """Whether the values have no exponent far from 1, unless roughness explains it: above it are values that were
-        linear before they were linearised, below it those of another coding."""
+        """Whether the score test finds no exponent far from 1, or roughness explains it. Linearised values have an
+        exponent well above 1 if they were linear before, and one well below 1 if another coding applies."""
         if self.scores is None:
             return False
         return self._rather_rough or abs(self.scores.exponent.step) < SETTINGS.coded_exponent
 
     @property
     def _rather_rough(self) -> bool:
-        """Whether roughness gains more than an exponent: a rough surface is bright near the terminator, as coded values
-        are."""
+        """Whether roughness, which also brightens a surface near the terminator, gains more than an exponent."""
         scores = self.scores
         return scores is not None and scores.roughness.step > 0 and scores.roughness.gain > scores.exponent.gain
 
@@ -216,12 +219,12 @@ class Solution:
 
     @property
     def badly_fitting(self) -> bool:
-        """Whether hardly a sound capture has a misfit as large."""
+        """Whether hardly any sound capture has a misfit as large."""
         return self.fit.redundant and self.fit.probability < SETTINGS.min_probability
 
     @cached_property
     def shading(self) -> Float32Array:
-        """Shading (F, M) of the coarse pixels by lamps of nominal intensity, which the albedo multiplies."""
+        """Shading (F, M) of the coarse pixels under lamps of nominal intensity, without the albedo."""
         calibration = self.hypothesis.nominal.calibration
         return translucency.shading(
             self.hypothesis.level.coarse, self.state.depth_m, self.state.normals, self.scene.lamps, calibration
@@ -229,14 +232,14 @@ class Solution:
 
     @cached_property
     def registration(self) -> Registration:
-        """The images registered with one another on the coarse grid."""
+        """Registration of the images with one another on the coarse grid."""
         return registration.register(
             self.hypothesis.level.coarse, self.state.depth_m, self.scene, self.state.shared.log_intensity
         )
 
     @cached_property
     def leak(self) -> Leak | None:
-        """Light in cast shadows as from below the surface; none where there are too few of them."""
+        """Light that leaks into cast shadows as from below the surface; none: there are too few shadows."""
         coarse = self.hypothesis.level.coarse
         mask = coarse.image(np.ones(len(coarse.index), np.bool_))
         over = surface_diffusion.graph(mask, coarse.image(coarse.ray), coarse.image(self.state.depth_m))
@@ -245,8 +248,8 @@ class Solution:
 
     @cached_property
     def rough_misfit(self) -> float:
-        """Misfit of the sample solved again as `ROUGH` over that as Lambertian, with what pixels share as it is:
-        that may have taken up so much of the roughness that no score is left."""
+        """Misfit of the sample solved again as `ROUGH` over that as Lambertian, with the shared parameters as they are.
+        The shared parameters may have absorbed so much of the roughness that its score is small."""
         again = (replace(self.scene, terms=terms) for terms in (None, ROUGH))
         stated = self.hypothesis.nominal.noise
         plain, rough = (self.sample.fit(self.sample.solved_again(scene), stated).misfit for scene in again)
@@ -254,12 +257,14 @@ class Solution:
 
     @property
     def more_subtracted_than_measured(self) -> bool:
-        """Whether light from elsewhere, as estimated, leaves more measurements of an image clearly below zero, in the
-        median, than a sound one does: no pixel is darker than what falls on it beside the lamps' light.
+        """Whether the estimated ambient or stray light is more than what is measured.
 
-        Relief of the size of a pixel fits better where most of each image is ambient light. That leaves 13 and 1.1 %
-        of two reliefs below zero, which erred by 13 and 21°; true ambient light of 3 and 10 % leaves 0.04 % of five
-        captures at most (design seeds 371–386, eight lights by two rings). A single bad image may be darker."""
+        No pixel is darker than the light that falls on it beside the lamps'. Tested is the share of measurements
+        clearly below zero without that light, in the median over images: a single bad image may be darker. Measured:
+        relief of the size of a pixel fits better if most of each image is ambient light, which leaves 13 and 1.1 % of
+        two reliefs below zero (13 and 21° off). True ambient light of 3 and 10 % leaves 0.04 % at most in five captures
+        (design seeds 371–386, eight lights in two rings).
+        """
         solution, noise = self.sample.solution, self.hypothesis.nominal.noise.single_precision()
         elsewhere, shared = solution.estimate.beside_direct_diffuse, photometry.SETTINGS
         variance = noise.variance(np.maximum(solution.measured, 0), np.zeros_like(solution.measured))
@@ -275,6 +280,5 @@ class Solution:
 
     @property
     def poor(self) -> bool:
-        """Whether the fit is so bad, or so little of it is left to judge, that costly alternatives are worth a
-        trial."""
+        """Whether costly alternatives are worth a trial: a bad or unjudged fit, or values at the end of their range."""
         return self.hypothesis.thorough and (self.unjudged or self.badly_fitting or self.at_end_of_range)

@@ -1,12 +1,12 @@
-"""Registration of the images with one another: each image's translation against what the solution predicts (Lucas &
-Kanade 1981).
+"""Registration of the images with one another: each image's translation against the prediction (Lucas & Kanade 1981).
 
 An object or camera that moved between two images leaves a residual in the direction of the predicted image's gradient.
-One translation for each image, by least squares over the object, says how far, and that it moved once, when. Shadows'
-borders move with the lamp and not with the object, so only measurements well inside lit parts count. Weights that are
-robust against large residuals take those of the largest moves: after four rounds nine captures moved by 1 or 2 pixels
-are found 11 % short with them, 6 % without, and 8 % by OpenCV's ECC (design seeds 40, 70 and 71 of six families, ten
-lights; scratch evaluation, November 2026).
+Least squares over the object gives one translation for each image. Since it moved once, they also tell when. Borders of
+shadows move with the lamp and not with the object, so only measurements well inside lit parts count.
+
+Least squares is not made robust, because weights would reject the residuals of the largest moves. Measured, after four
+rounds: nine captures that moved by 1 or 2 pixels are found 11 % short with robust weights, 6 % without, and 8 % by
+OpenCV's ECC (design seeds 40, 70 and 71 of six families, ten lights; scratch evaluation, November 2026).
 """
 
 from dataclasses import dataclass, replace
@@ -22,26 +22,23 @@ from acquisition.normals.pixels import pixel_solve, resampling
 from acquisition.normals.pixels.pixel_solve import Pixels, Scene
 
 ROUNDS, LEAST_STEP_PX = 8, 0.03
-"""Alternations of solve and registration at most, and the step that ends them: the first solution is of the
-unregistered images. With four of them moves are found 6 % short, with eight 1 %; images that did not move end at the
-first or second."""
+"""Largest number of alternations of solve and registration, and the step that ends them. Several are needed because the
+first solution is of the unregistered images. Measured: with four of them moves are found 6 % short, with eight 1 %;
+images that did not move end at the first or second."""
 
 
 @dataclass(frozen=True)
 class Registration:
-    """Translation (F, 2), pixels of a grid in x and y, of each image's content against the first's; and the median
-    residual of pixels once that is undone, over that before."""
+    """Translation (F, 2) of each image's content against the first's, pixels of a grid in x and y. `residual_ratio` is
+    the median residual of pixels once that is undone, over that before."""
 
     translations: FloatArray
     residual_ratio: float
 
 
 def register(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intensity: FloatArray) -> Registration:
-    """Registers images with one another at pixels' depth (N,), m.
-
-    `scene` has lamps and noise as estimated, `log_intensity` (F,) is divided out of the images. Of a mosaic's sites the
-    cells are registered.
-    """
+    """Registers images with one another at pixels' depth (N,), m. `scene` has lamps and noise as estimated,
+    `log_intensity` (F,) is divided out of the images. In a mosaic the cells are registered, not the sites."""
     if pixels.channel is not None:
         of_cells_m = resampling.coarsen_values(depth_m, pixels, mosaic.CELL)
         found = register(resampling.coarsen(pixels, mosaic.CELL), of_cells_m, scene, log_intensity)
@@ -70,10 +67,10 @@ def register(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intensity:
 
 
 def single_move(translations: FloatArray) -> FloatArray:
-    """The translations (F, 2) of images that moved once, between two of them: zero before, one vector after.
+    """Returns the translations (F, 2) of images that moved once, between two of them: zero before, one vector after.
 
-    Each image's own translation is uncertain by half a pixel, because errors of its shading resemble one; medians of
-    those before and after are not. The split of least absolute deviations is taken.
+    An image's own translation is uncertain by half a pixel, because errors of its shading resemble one. Medians of
+    those before and after are not, so the split of least absolute deviations is taken.
     """
     count = len(translations)
     splits = [(translations[:k], translations[k:]) for k in range(1, count)]
@@ -88,7 +85,7 @@ def _lit(pixels: Pixels, usable: np.ndarray) -> np.ndarray:
 
 
 def _step(image: Float32Array, model: Float32Array, counted: np.ndarray) -> FloatArray:
-    """One Lucas–Kanade step by least squares: content of `image` is that of `model` moved by it."""
+    """Returns one least-squares Lucas–Kanade step: the translation from the content of `model` to that of `image`."""
     if np.count_nonzero(counted) < photometry.SETTINGS.min_sample:
         return np.zeros(2)
     slopes = -np.stack([np.gradient(model.astype(np.float64), axis=axis)[counted] for axis in (1, 0)], axis=1)

@@ -1,8 +1,7 @@
-"""Other image formation on trial: what each tested term, a coding or light below the surface would say of the images.
+"""Alternatives with other image formation: terms that a score tests, codings, metal, and light below the surface.
 
-Every function looks at a solution and gives alternatives (`alternative.Alternative`), none where no test demands any:
-terms of image formation where their scores do, codings and metal in a poor fit, sharpened images where light leaks into
-shadows.
+Every function takes a solution and returns alternatives (`alternative.Alternative`), none where no test demands any:
+terms where their scores do, codings and metal in a poor fit, sharpened images where light leaks into shadows.
 """
 
 from dataclasses import astuple, dataclass, fields, replace
@@ -29,36 +28,36 @@ class TermAlternativeSettings:
     term_sigma: ImageTerms = tuned(
         ImageTerms(roughness=0.3, ambient=0.15, offset=0.075, gloss=1.0, metal=1.0, strength=1.0), "term"
     )
-    """1 σ of the priors of terms that are estimated, of gloss, metal and strength next to nothing; what is below a
-    tenth of it, by one step from zero, is not tried. Less is not harmless but hard to tell: ambient light of 1 %
-    takes a blob from 0.39 to 0.85°, a roughness of 0.2 rad, b of 0.15, to 1.76° (audit of an earlier solver,
-    November 2026). b of 0.03 is a roughness of 0.08 rad. Of ambient light shadows tell 0.011 at most of 44 sound
-    captures but of a vessel (0.024), of an offset 0.006, and 0.027 and more of either where it is 0.03
-    (`shadow_light`). Of gloss the value is the amount, of 1 that a dielectric has: 0.11–1.3 of 84 of 95 glossy
-    captures (α 0.12–0.5), 0.09 at most of 174 others (design seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights by two
-    rings), above it in three of 106 sound Lambertian and translucent ones of seeds 45–129, all translucent. It
-    tells gloss by itself, so that strong evidence is enough of a gain: of a small glossy image, or one of a pilot,
-    it is 3–8."""
+    """1 σ of the priors of terms that are estimated; those of gloss, metal and strength are nearly flat. A term that is
+    below a tenth of it after one step from zero is not tried. Less is not harmless but hard to tell: ambient light of
+    1 % takes a blob from 0.39 to 0.85°, a roughness of 0.2 rad (b = 0.15) to 1.76° (audit of an earlier solver,
+    November 2026); b = 0.03 is a roughness of 0.08 rad. Measured for ambient light and offset: where neither is there,
+    shadows show 0.011 of ambient light at most in 44 sound captures, except a vessel (0.024), and 0.006 of an offset;
+    where either is 0.03, they show 0.027 and more of it (`shadow_light`). Measured for gloss, whose value is the
+    amount, 1 of a dielectric: 0.11–1.3 in 84 of 95 glossy captures (α 0.12–0.5), 0.09 at most in 174 others (design
+    seeds 20–22, 40–43, 50, 51, 60–63; 6–20 lights in two rings), more in three of 106 sound Lambertian and translucent
+    ones of seeds 45–129, all translucent. The amount identifies gloss by itself, so that strong evidence is enough of a
+    gain: of a small glossy image, or a pilot's, it is 3–8."""
 
     @property
     def min_step(self) -> ImageTerms:
-        """Values of the terms, by one step from zero, below which they are not tried."""
+        """Values of the terms after one step from zero below which they are not tried."""
         return ImageTerms(*(one / 10 for one in astuple(self.term_sigma)))
 
 
 SETTINGS = TermAlternativeSettings()
 
 CODED_EXPONENTS = (1.4, 1.8, 2.2)
-"""Exponents that undo codings of eight-bit images, the usual one last. As a free parameter it would explain metal."""
+"""Exponents that undo codings of eight-bit images, the usual one last. A free exponent would explain metal."""
 
 GLOSS_START = 0.2
-"""Roughness α from which gloss is estimated. From 0.12 and 0.25 it ends at the same (0.158 and 0.39, six families)."""
+"""Roughness α from which gloss is estimated. From 0.12 and 0.25 it ends alike (0.158 and 0.39, six families)."""
 
 METAL_START = 0.3
-"""Roughness α from which a metal's is estimated in a poor fit."""
+"""Roughness α from which metal is estimated in a poor fit."""
 
 SECOND_STARTS = (("ambient", 0.05), ("ambient", 0.15), ("offset", 0.03), ("offset", 0.1))
-"""Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
+"""Further starts of ambient and stray light. From zero the descent stops in a wrong shape if there is much of it."""
 
 CODED = "coded values"
 """Kind of the finding of values that are not linear."""
@@ -76,15 +75,14 @@ TERMS = {
     ),
     "gloss": ("gloss", "the surface is glossy: it is solved with microfacets, of roughness α"),
 }
-"""Kind and sentence of the finding for each of `ImageTerms`."""
+"""Kind and message of the finding for terms of `ImageTerms`."""
 
 FROM_ELSEWHERE = frozenset(kind for name, (kind, _) in TERMS.items() if name in ("ambient", "offset"))
-"""Kinds of the findings of light from elsewhere."""
+"""Kinds of the findings of ambient and stray light."""
 
 
 def other_formation(present: Solution) -> list[Alternative]:
-    """Terms, and a coding, that the score tests demand; in a poor fit also the coding, metal, and ambient and stray
-    light from other starts."""
+    """Proposes terms and codings that scores demand; in a poor fit also a coding, metal, and second starts."""
     hypothesis = present.hypothesis
     if hypothesis.nominal.terms is not None:
         return [*gloss(present), *scored_terms(present), *coded(present)]
@@ -97,14 +95,16 @@ def other_formation(present: Solution) -> list[Alternative]:
 
 
 def scored_terms(present: Solution) -> list[Alternative]:
-    """Roughness, ambient and stray light that the score tests demand; none beside metal, and no roughness beside gloss.
+    """Proposes roughness, ambient and stray light that scores demand; none beside metal, no roughness beside gloss.
 
-    Roughness from strong evidence on, which 94 % of 225 rough captures give and 2 % of 138 Lambertian and translucent
-    ones (design seeds 11–129), or where values seem coded, which it resembles, or where the sample fits better as
-    rough, whatever the score; light from elsewhere from `min_gain` on, since light between surfaces that is not
-    predicted resembles it; beside roughness from strong evidence on, since the step tells by itself (of ambient light
-    0.010, of an offset 0.003 at most of 44 sound rough captures; design seeds 401–437). Where shadows tell ambient from
-    stray light, the other one is not tried, and no ambient light where it may be indirect light.
+    Roughness needs strong evidence, which 94 % of 225 rough captures give and 2 % of 138 Lambertian and translucent
+    ones (design seeds 11–129). Any gain is enough where values seem coded, which roughness resembles, and none is
+    needed where the sample fits better as rough.
+
+    Ambient and stray light need a gain of `min_gain`, because light between surfaces that is not predicted resembles
+    them. Beside roughness strong evidence is enough, because the step separates them by itself: it is 0.010 of ambient
+    light and 0.003 of an offset at most in 44 sound rough captures (design seeds 401–437). Where shadows show which of
+    the two it is, the other one is not tried, and no ambient light is tried where it may be indirect light.
     """
     hypothesis, scores = present.hypothesis, present.scores
     known = hypothesis.nominal.terms
@@ -130,12 +130,12 @@ def scored_terms(present: Solution) -> list[Alternative]:
 
 
 def darker_than_black(present: Solution) -> list[Alternative]:
-    """Stray light below zero, of which too much was subtracted, where it gains more than any other term that would be
-    tried, with strong evidence; none beside metal.
+    """Proposes an offset below zero: too much was subtracted from the images. None is proposed beside metal.
 
-    Of 96 sound captures (design seeds 480–491, eight families, eight lights by two rings) it is tried of a glossy one,
-    in vain: a quarter of the step is found.
-    Where values are left-censored at black, shadows count as dark as the offset, and tell nothing (decision 97).
+    It has to gain more than any other term that would be tried, by strong evidence. Measured: in 96 sound captures
+    (design seeds 480–491, eight families, eight lights in two rings) it is tried once, of a glossy object, and rejected
+    because a quarter of the step is found. Where values are left-censored at black, shadows count as dark as the
+    offset, and are no evidence of it (decision 97).
     """
     hypothesis, scores = present.hypothesis, present.scores
     known = hypothesis.nominal.terms or LAMBERTIAN
@@ -153,19 +153,18 @@ def darker_than_black(present: Solution) -> list[Alternative]:
 
 
 def tried_gain(scores: TermScores, name: str) -> float:
-    """Gain of the log likelihood by one of `ImageTerms`, 0 where its step is too small to be tried."""
+    """Returns the gain of the log-likelihood by one of `ImageTerms`, 0 where its step is too small to be tried."""
     score: TermScore = getattr(scores, name)
     return score.gain if score.step > getattr(SETTINGS.min_step, name) else 0.0
 
 
 def _fits_as_rough(present: Solution) -> bool:
-    """Whether the sample fits better as rough, whatever the score."""
+    """Returns whether the sample fits better as rough, whatever the score."""
     return present.fit.redundant and present.rough_misfit <= model_trial.SETTINGS.slightly_better
 
 
 def _outdone(name: str, present: Solution) -> bool:
-    """Whether shadows tell with strong evidence that it is ambient light and no offset, or the other way round; lit
-    pixels do not tell."""
+    """Returns whether shadows, not lit pixels, give strong evidence of the other one of ambient light and offset."""
     scores = present.scores
     if scores is None or not present.state.shadows.told:
         return False
@@ -176,8 +175,8 @@ def _outdone(name: str, present: Solution) -> bool:
 
 
 def _may_be_indirect(name: str, present: Solution) -> bool:
-    """Whether so little ambient light is told that it may be an error of the predicted indirect light in shadows, which
-    one factor has of all pixels alike: inside of vessels surfaces that the camera does not see send as much."""
+    """Returns whether ambient light may be an error of the predicted indirect light in shadows, because it is so weak.
+    That error is one factor of all pixels: inside vessels, surfaces that the camera does not see send as much light."""
     shared, shadows = photometry.SETTINGS, present.state.shadows
     if name != "ambient" or present.scores is None:
         return False
@@ -185,15 +184,15 @@ def _may_be_indirect(name: str, present: Solution) -> bool:
 
 
 def vanished(accepted: Alternative, terms: ImageTerms) -> bool:
-    """Whether a term that was accepted was taken for another: so little is left of it beside one that was estimated
-    later that it would not have been tried."""
+    """Returns whether an accepted term was mistaken for one that was estimated later. So little is left of it beside
+    the later one that it would not have been tried."""
     left = abs(getattr(terms, accepted.term)) if accepted.term else np.inf
     return accepted.step != 0 and left < getattr(SETTINGS.min_step, accepted.term)
 
 
 def coded(present: Solution) -> list[Alternative]:
-    """Codings undone: the usual one in a poor fit or where the score test finds an exponent below 1, all where it finds
-    one well below."""
+    """Proposes to undo codings. The usual one is proposed in a poor fit, or where the score test finds an exponent
+    below 1; all where it finds one well below."""
     usual = CODED_EXPONENTS[-1:] if present.poor or present.may_be_coded else ()
     exponents = CODED_EXPONENTS if present.seems_coded else usual
     settings = model_trial.SETTINGS
@@ -210,7 +209,7 @@ def coded(present: Solution) -> list[Alternative]:
 
 
 def _without_light_from_elsewhere(hypothesis: Hypothesis) -> Hypothesis:
-    """The hypothesis before ambient and stray light were estimated, as which a coding, that lifts shadows, is taken."""
+    """Returns the hypothesis before ambient and stray light were estimated: a coding, too, lifts shadows."""
     terms, sigma = hypothesis.nominal.terms, hypothesis.term_sigma
     if not sigma.from_elsewhere:
         return hypothesis
@@ -224,12 +223,13 @@ def _without_light_from_elsewhere(hypothesis: Hypothesis) -> Hypothesis:
 
 
 def gloss(present: Solution) -> list[Alternative]:
-    """Gloss of a dielectric, and of any strength, where the score test finds it, also beside light from elsewhere, and
-    with any gain where one finds roughness, which few highlights resemble; in a poor fit anyway, since the wrong
-    normals that sharp highlights make leave no score.
+    """Proposes gloss of a dielectric and gloss of any strength.
 
-    A dielectric that halves the misfit decides: of 115 matt captures with a fault (gamma, ambient and stray light,
-    mirrored lamps, a flash, moved; design seeds 70, 71 and 73, eight lights) it leaves 0.60 at least.
+    It is proposed where the score test finds it, also beside ambient and stray light, and with any gain where the score
+    finds roughness, which a few highlights resemble; in a poor fit always, because the wrong normals that sharp
+    highlights make leave no score. A dielectric that halves the misfit decides. Measured: in 115 matt captures with a
+    fault (gamma, ambient and stray light, mirrored lamps, a flash, moved; design seeds 70, 71 and 73, eight lights) it
+    leaves 0.60 at least.
     """
     known = present.hypothesis.nominal.terms
     if present.scores is None or (
@@ -248,7 +248,7 @@ def gloss(present: Solution) -> list[Alternative]:
 
 
 def metal(present: Solution) -> list[Alternative]:
-    """Metal, in a poor fit of a surface that no other term describes yet."""
+    """Proposes metal, in a poor fit of a surface that no other term describes yet."""
     if present.hypothesis.nominal.terms is not None or not present.poor:
         return []
     start = ImageTerms(metal=METAL_START)
@@ -256,8 +256,8 @@ def metal(present: Solution) -> list[Alternative]:
 
 
 def _with_term(hypothesis: Hypothesis, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
-    """One of `TERMS` estimated from a start, with what else the start has and is estimated already, accepted up to
-    `most` of the misfit; roughness and metal by their loss."""
+    """Returns the alternative that estimates one of `TERMS`, beside other terms of the start and those estimated
+    already. It is accepted up to `most` of the misfit, roughness and metal by their loss."""
     estimated = {name} | {field.name for field in fields(start) if getattr(start, field.name) > 0}
     sigma = replace(hypothesis.term_sigma, **{one: getattr(SETTINGS.term_sigma, one) for one in estimated})
     changed = replace(hypothesis, nominal=replace(hypothesis.nominal, terms=start), term_sigma=sigma)
@@ -265,11 +265,11 @@ def _with_term(hypothesis: Hypothesis, name: str, start: ImageTerms, most: float
 
 
 def translucent_surface(present: Solution) -> list[Alternative]:
-    """Images sharpened, where light leaks into shadows as from below the surface.
+    """Proposes sharpened images, where light leaks into shadows as from below the surface.
 
-    Not where one image fits far worse, which alone may be blurred, nor of a glossy surface, by its score or as it is
-    solved, which mirrors lamps into shadows, nor after ambient or stray light, which falls there, too, nor of a surface
-    that has drifted away, whose shadows fall elsewhere.
+    None are proposed where something else explains the leak: one image that fits far worse and alone may be blurred; a
+    glossy surface, by its score or as it is solved, which mirrors lamps into shadows; ambient or stray light, which
+    falls there, too; or a surface that has drifted away, so that its shadows fall elsewhere.
     """
     hypothesis, level = present.hypothesis, present.hypothesis.level
     others = {translucency.KIND, TERMS["gloss"][0], TERMS["metal"][0], *FROM_ELSEWHERE}
@@ -283,7 +283,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     if leak is None or not leak.sought or image_alternatives.one_outlies(present):
         return []
     length_px = level.factor * leak.length_px
-    # Noise of neighbours alike: what a block of the coarse grid has, not a pixel's own.
+    # Noise that neighbours share is that of a block of the coarse grid, not a pixel's own.
     gain = max(surface_diffusion.noise_gain(length_px), surface_diffusion.noise_gain(leak.length_px))
     sharpened = changed_images.sharpened(hypothesis.masked.images, *_full_surface(present), length_px, gain)
     length_mm = (
@@ -298,7 +298,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
 
 
 def _full_surface(present: Solution) -> tuple[SurfaceGraph, Float32Array]:
-    """Graph and albedo (h, w) of all object pixels, from the coarse solution."""
+    """Returns graph and albedo (h, w) of all object pixels, from the coarse solution."""
     masked, level, state = present.hypothesis.masked, present.hypothesis.level, present.state
     albedo, depth = np.zeros(masked.mask.shape, np.float32), np.zeros(masked.mask.shape, np.float32)
     for rows in masked.blocks():

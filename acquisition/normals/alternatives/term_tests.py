@@ -1,9 +1,8 @@
-"""Score tests of terms that the model of the images leaves out (Rao 1948): what a parameter would gain, untried.
+"""Score tests of terms that the model of the images leaves out (Rao 1948): what a parameter gains, without a fit of it.
 
-At the solution without it, a further parameter's column is added to the normal equations of what all pixels share; all
-other parameters are eliminated under their priors. With g its remaining score and H its remaining information, the
-logarithm of the likelihood would rise by g²/2H, at the value g/H. On sound captures that is below 1 in most; of a rough
-surface or ambient light it is 5–400.
+At the solution without a parameter, its column is added to the normal equations of what all pixels share, and all other
+parameters are eliminated under their priors. With the remaining score g and information H, the log-likelihood would
+rise by g²/2H, at the value g/H: by less than 1 on most sound captures, by 5–400 on a rough surface or in ambient light.
 """
 
 from dataclasses import dataclass, replace
@@ -29,30 +28,29 @@ class TermTestSettings:
     gloss_tested: float = tuned(0.3, "α")
     """Roughness α at which gloss is tested, in the middle of what is common. Sharper gloss leaves highlights, which
     robust weights reject, and wrong normals, which make the fit poor. With 0.19, the geometric middle of
-    `image_terms.SETTINGS.gloss_range`, amounts are half of those with it, a Gaussian lobe under 96 lights gains 1 in
-    place of 7 (`distant/test_solve`), and three of eight glossy objects of α 0.12 (design seed 102) are below the
-    least step."""
+    `image_terms.SETTINGS.gloss_range`, amounts are half as large, a Gaussian lobe under 96 lights gains 1 instead of 7
+    (`distant/test_solve`), and three of eight glossy objects of α 0.12 (design seed 102) are below the least step."""
 
 
 SETTINGS = TermTestSettings()
 
 OFFSET = 2
-"""Number of the offset among the terms that are tested."""
+"""Index of the offset among the tested terms."""
 
 LEAST_SIGNAL = 1e-6
-"""Signal, of what a white surface gives, from which its logarithm is taken."""
+"""Least signal, relative to a white surface's, of which the logarithm is taken."""
 
 TURN_DIFFERENCE_DEG = 0.5
-"""Half of the turn of the lamps between which light is differentiated, degrees."""
+"""Half of the turn of the lamps, degrees, over which light vectors are differentiated."""
 
 LEAST_INFORMATION = 1e-6
-"""Share of a parameter's information, all others known, that is left when they are not, below which rounding makes it:
-under lamps that are far all normals turn with them."""
+"""Share of a parameter's information that has to be left once all others are eliminated; less is rounding error. Of a
+turn of distant lamps nothing is left, because all normals turn with the lamps."""
 
 
 @dataclass(frozen=True)
 class TermScore:
-    """Gain of the log likelihood by a parameter, and its value after one Newton step from zero."""
+    """Gain of the log-likelihood by a parameter, and its value after one Newton step from zero."""
 
     gain: float
     step: float
@@ -60,13 +58,16 @@ class TermScore:
 
 @dataclass(frozen=True)
 class TermScores:
-    """Scores of the weight of a rough diffuse term, of ambient light, and of an offset, as in `ImageTerms`; of a
-    dielectric's gloss of `gloss_tested` as a whole, whose value would be 1; of ε of values that are coded as the signal
-    to the power of 1 + ε, 0 where they are linear; of the angle, rad, by which the lamps have to be turned about
-    the viewing axis, from x towards y. Light from near tells it: under lamps turned by 10° it is 5.8–11.2° for 16
-    Lambertian objects, of 32 others, Lambertian and rough, under the right ones 2.9° at most, with gains up to 1
-    (design seeds 62, 63, 101 and 105); and of the offset as far as values above black tell, where what is darker is
-    stored as black, `excess` of what was subtracted."""
+    """Scores of parameters that the model leaves out.
+
+    - `roughness`, `ambient`, `offset`: the terms of `ImageTerms`.
+    - `gloss`: a dielectric's gloss of `gloss_tested` as a whole, whose value would be 1.
+    - `exponent`: ε of values that are coded as the signal to the power of 1 + ε; 0 where they are linear.
+    - `turn`: the angle, rad, by which the lamps have to be turned about the viewing axis, from x towards y. Near light
+      determines it. Measured: 5.8–11.2° for 16 Lambertian objects under lamps turned by 10°, 2.9° at most with gains up
+      to 1 for 32 others, Lambertian and rough, under the right ones (design seeds 62, 63, 101 and 105).
+    - `excess`: the offset by values above black alone, where darker ones are stored as black.
+    """
 
     roughness: TermScore
     ambient: TermScore
@@ -77,7 +78,7 @@ class TermScores:
     excess: TermScore
 
     def gains_most(self, one: TermScore) -> bool:
-        """Whether no term of `ImageTerms` that would be above zero gains more than this score."""
+        """Returns whether no term of `ImageTerms` that would be above zero gains more than this score."""
         terms = (self.roughness, self.ambient, self.offset, self.gloss)
         return all(one.gain >= term.gain for term in terms if term.step > 0)
 
@@ -85,14 +86,12 @@ class TermScores:
 def scores(
     estimate: Estimate, values: Float32Array, scene: Scene, shared: SharedParameters, priors: Priors
 ) -> TermScores | None:
-    """Score tests at K pixels' `estimate` from `values` (F, K) without indirect light.
-
-    `scene` has the lamps as estimated, `shared` what is divided out. None where too few pixels have enough lights.
-    """
+    """Returns score tests at K pixels' `estimate` from `values` (F, K) without indirect light. `scene` has the lamps as
+    estimated, `shared` is divided out. None where too few pixels have enough lights."""
     terms = scene.terms or LAMBERTIAN
     present, glossy = estimate.evaluated(terms), estimate.evaluated(ImageTerms(gloss=SETTINGS.gloss_tested))
     direct = np.maximum(estimate.lambertian(), 0)
-    signal = direct * (np.min(scene.noise.shot) / scene.noise.shot)[:, None]  # but for a factor, which albedo absorbs
+    signal = direct * (np.min(scene.noise.shot) / scene.noise.shot)[:, None]  # up to a factor, which albedo absorbs
     coded = np.where(estimate.usable, direct * np.log(np.maximum(signal, LEAST_SIGNAL)), 0)
     usual = estimate.by_parameter(terms)
     turned = np.where(estimate.usable, np.einsum("fck,ck->fk", _light_by_turn(estimate.point, scene), estimate.g), 0)
@@ -113,7 +112,7 @@ def scores(
         return None
     lit = found
     if scene.stores_black_as_zero:
-        # Left-censored at black; and pixels that no light reaches are black whatever is subtracted.
+        # Values are left-censored at black. Pixels that no light reaches are black whatever is subtracted.
         reached = estimate.albedo > pixel_solve.least_prior_albedo(float(np.median(estimate.albedo)))
         weights = np.where((values > 0) & reached, estimate.weights, 0).astype(np.float32)
         lit = by_term(weights, replace(priors, shadows=ShadowEquations.none()))
@@ -121,7 +120,7 @@ def scores(
 
 
 def _light_by_turn(point: Float32Array, scene: Scene) -> Float32Array:
-    """Derivative of the light vectors (F, 3, K) at points (3, K) by the angle, rad, that the lamps are turned by."""
+    """Returns the derivative of the light vectors (F, 3, K) at points (3, K) by the turn of the lamps, per rad."""
     ahead, behind = (
         photometry.light_vectors(
             point, light_tests.transformed(scene.lamps, light_tests.turned_by(turn)), scene.calibration
@@ -132,7 +131,8 @@ def _light_by_turn(point: Float32Array, scene: Scene) -> Float32Array:
 
 
 def _score(equations: Equations, tested: int) -> TermScore:
-    """Gain and step of one parameter, all others that are not held eliminated under their priors (Schur complement)."""
+    """Returns gain and step of one parameter; all others that are not held are eliminated under their priors. The
+    elimination is the Schur complement of the normal equations."""
     others = ~equations.held
     others[tested] = False
     precision = equations.precision[np.ix_(others, others)]
