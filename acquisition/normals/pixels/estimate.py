@@ -1,4 +1,4 @@
-"""A solution of pixels, as the pixel solve gives it and all later steps read it."""
+"""The solution at some pixels, as the pixel solve returns it and all later steps read it."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ class Estimate:
     light: Float32Array  # (F, 3, N) light vectors s
     point: Float32Array  # (3, N) m, view frame
     response: Float32Array | None = None  # (N,) values of white at a mosaic's sites over their mean; none: no mosaic
-    sky: Float32Array | None = None  # (N,) sky view factor of the pixels; none: they see all of it
+    sky: Float32Array | None = None  # (N,) sky view factor of the pixels; none: the whole sky
     terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
 
     def lambertian(self, dtype: type[FloatT] = np.float32) -> npt.NDArray[FloatT]:
@@ -41,12 +41,12 @@ class Estimate:
 
     @property
     def by_lamps(self) -> Float32Array:
-        """What the lamps' intensities multiply in the values (F, N): all but ambient light and offset."""
+        """The part of the values (F, N) that scales with the lamps' intensities: all but ambient light and offset."""
         return self.lambertian() if self.terms is None else self.lambertian() + self.terms.from_lamps
 
     @property
     def term_value(self) -> Float32Array | np.float32:
-        """What the terms beyond Lambert's contribute to the values (F, N); 0 without any."""
+        """Contribution of the terms beyond Lambert's to the values (F, N); 0 without any."""
         return np.float32(0) if self.terms is None else self.terms.value
 
     def evaluated(self, terms: ImageTerms) -> TermValues:
@@ -66,14 +66,13 @@ class Estimate:
 
     @property
     def beside_direct_diffuse(self) -> Float32Array | np.float32:
-        """What is no diffuse reflection of the lamps' light in the values (F, N): highlights, offset and reflected
-        ambient light; 0 without terms."""
+        """The part of the values (F, N) that is not the lamps' light reflected diffusely: highlights, offset and
+        reflected ambient light; 0 without terms."""
         return np.float32(0) if self.terms is None else self.terms.nondiffuse + self.terms.ambient
 
     @property
     def nondiffuse_value(self) -> Float32Array | np.float32:
-        """`TermValues.nondiffuse` (F, N), what is no diffuse reflection of any light, so that no other surface receives
-        as much of it; 0 without terms."""
+        """`TermValues.nondiffuse` (F, N), light that other surfaces do not receive alike; 0 without terms."""
         return np.float32(0) if self.terms is None else self.terms.nondiffuse
 
     @property

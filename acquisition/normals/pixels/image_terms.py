@@ -2,19 +2,18 @@
 
     y = |s| (ρ (n·l) L + S + b ρ K(n, l, v)) + a ψ ρ + o
 
-b is the weight of Oren and Nayar's azimuthal term K (Oren & Nayar 1994, eq. 30) relative to Lambert's, L and S the
-layer and the lobe of a glossy dielectric of roughness α (`microfacet`; without gloss 1 and 0; gloss that is no
-dielectric's has a lobe of a strength of its own beside diffuse light that lacks nothing, L = 1), a the irradiance of
-ambient light from all round, ψ the sky view factor, what other surfaces leave of it (`interreflection.sky_view`), o an
-offset that is the same everywhere: a black level, stray light in the lens. Plaster, paper and clay are rough surfaces,
-paint, plastic and glaze glossy ones; ambient light stays in images without a lamp-off frame. All are zero unless a test
-demands them (`term_tests`): estimated on sound captures they cost 20–50 % of accuracy, because they resemble wrong
-normals.
+- b weighs Oren and Nayar's azimuthal term K (Oren & Nayar 1994, eq. 30) against Lambert's: plaster, paper, clay.
+- L and S are layer and lobe of a glossy dielectric of roughness α (`microfacet`), 1 and 0 without gloss: paint,
+  plastic, glaze. Other gloss has a lobe of its own strength, beside diffuse light that lacks nothing, L = 1.
+- a is the irradiance of ambient light from all directions, as in images without a lamp-off frame; ψ is the sky view
+  factor, the share that other surfaces leave of it (`interreflection.sky_view`).
+- o is an offset that is the same everywhere: a black level, stray light in the lens.
 
-All but lobe and offset are homogeneous of first degree in g = ρn, so T(g) = ∂T/∂g · g: a solve takes them into account
-by adding ∂T/∂g to the light vectors, and nothing to the values. The lobe, of degree zero, has ∂S/∂g · g = 0: it is
-subtracted, and its derivative added, too. Of a metal, the lobe times ρ takes the place of the diffuse light, and is of
-first degree.
+All are zero unless a test demands them (`term_tests`): estimated on sound captures they cost 20–50 % of accuracy,
+because they resemble wrong normals. All but lobe and offset are homogeneous of first degree in g = ρn, so T(g) =
+∂T/∂g · g: a solve adds ∂T/∂g to the light vectors and leaves the values as they are. The lobe is of degree zero,
+∂S/∂g · g = 0: a solve subtracts it from the values and adds its derivative, too. Of a metal, the lobe times ρ replaces
+the diffuse light; it is of first degree.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -32,7 +31,7 @@ class ImageTermSettings:
     """Tuned numbers of the terms of the image."""
 
     gloss_range: tuple[float, float] = tuned((0.05, 0.7), "α")
-    """Roughness α that an estimate of gloss may reach. Below it highlights are smaller than the grid of lights
+    """Range of the roughness α of an estimate of gloss. Below it highlights are smaller than the grid of lights
     resolves: half vectors within 3° of the normal, lamps within 6°. Above it the lobe is as flat as the diffuse base: a
     dielectric's is 0.02 high there, with an exponent of 2 (`microfacet.blinn_phong`)."""
 
@@ -48,21 +47,22 @@ ROUGH_WEIGHTS = (
 A = 1 − 0.5 σ²/(σ² + 0.33) and B = 0.45 σ²/(σ² + 0.09) (Oren & Nayar 1994, eq. 30)."""
 
 LEAST_ALBEDO = 1e-3
-"""Albedo below which the highlight's derivative by g is evaluated as at that albedo; it divides."""
+"""Least albedo by which the highlight's derivative by g is divided."""
 
 NEARLY_DIFFUSE = 0.9
-"""Share of the largest α from which a lobe has run to the end of its range: of accepted metals α was 0.53 at most of
-148 true ones, 0.68 at least of 15 others (decision 96)."""
+"""Share of the largest α from which a lobe counts as at the end of its range. Measured: α of accepted metals is 0.53 at
+most in 148 true ones, 0.68 at least in 15 others (decision 96)."""
 
 MAX_GLOSS_STEP = 0.4
-"""Largest relative change of α, or of the lobe's strength, in one step: the lobe is far from linear in α."""
+"""Largest relative change of α, or of the lobe's strength, in one step, because the lobe is far from linear in α."""
 
 
 @dataclass(frozen=True)
 class ImageTerms:
-    """Weight b of the rough diffuse term, irradiance a of ambient light and offset o, the last two in units of y, and
-    roughness α of a glossy surface, or of a metal, which has no diffuse light; 0 for none. `strength` of the glossy
-    lobe over a dielectric's of the same α, beside diffuse light that lacks nothing; 0 for a dielectric."""
+    """Terms of image formation; 0 for none. `roughness` is the weight b of the rough diffuse term; irradiance a of
+    `ambient` light and `offset` o are in units of y. `gloss` and `metal` are the roughness α of a glossy surface and of
+    a metal, which has no diffuse light. `strength` is the glossy lobe's over a dielectric's of the same α, beside
+    diffuse light that lacks nothing; 0 for a dielectric."""
 
     roughness: float = 0.0
     ambient: float = 0.0
@@ -73,7 +73,7 @@ class ImageTerms:
 
     @property
     def lobe_factor(self) -> np.float32:
-        """The glossy lobe over a dielectric's."""
+        """Ratio of the glossy lobe to a dielectric's."""
         return np.float32(self.strength if self.strength > 0 else 1)
 
     @property
@@ -93,14 +93,15 @@ class ImageTerms:
 
 
 LAMBERTIAN = ImageTerms()
-"""Lambertian reflection, neither ambient nor stray light; as 1 σ of a prior: all are held."""
+"""Lambertian reflection without ambient or stray light; as 1 σ of a prior: all terms are held."""
 
 
 @dataclass(frozen=True)
 class TermValues:
-    """The terms at N pixels: the sum of all (F, N), of it what is no diffuse reflection (F, N), the reflected ambient
-    light (N,), the lobe of gloss (F, N) and the offset, the variance (F, N) of what is mirrored, as it is predicted,
-    and derivatives by g (F, 3, N)."""
+    """The terms at N pixels, with their derivatives. `value` (F, N) is the sum of all, `nondiffuse` (F, N) of it what
+    is no diffuse reflection, `ambient` (N,) the reflected ambient light, `lobe` (F, N) that of gloss.
+    `highlight_variance` (F, N) is the variance of the predicted mirrored light, `by_g` (F, 3, N) are derivatives by
+    g."""
 
     value: Float32Array
     nondiffuse: Float32Array
@@ -112,12 +113,12 @@ class TermValues:
 
     @property
     def from_lamps(self) -> Float32Array:
-        """What scales with the lamp (F, N): all but ambient light and offset."""
+        """The part (F, N) that scales with the lamps' intensities: all but ambient light and offset."""
         return self.value - self.ambient - np.float32(self.offset)
 
     @property
     def constant(self) -> Float32Array:
-        """What does not scale with |g| (F, N): derivatives by g say nothing of it."""
+        """The part (F, N) that does not scale with |g|, lobe and offset, which is not in `by_g` · g."""
         return self.lobe + np.float32(self.offset)
 
 
@@ -125,11 +126,11 @@ def evaluate(
     terms: ImageTerms, g: Float32Array, light: Float32Array, usable: BoolArray, view: Float32Array,
     response: Float32Array | None = None, sky: Float32Array | None = None,
 ) -> TermValues:  # fmt: skip
-    """Values and derivatives of the terms at g = albedo × normal (3, N) and light vectors (F, 3, N).
+    """Evaluates the terms and their derivatives at g = albedo × normal (3, N) and light vectors (F, 3, N).
 
-    `usable` (F, N) measurements have a rough term and gloss; `view` (3, N) are unit directions to the camera;
-    `response` (N,) are values of white at a mosaic's sites, by which the lobe of gloss differs, `sky` (N,) sky view
-    factors; none: ones.
+    Only `usable` (F, N) measurements have a rough term and gloss. `view` (3, N) are unit directions to the camera.
+    `response` (N,) are values of white at a mosaic's sites, which multiply gloss, `sky` (N,) sky view factors; none:
+    ones.
     """
     albedo, normal, strength, lamp = _directions(g, light)
     irradiance = np.float32(terms.ambient) * (np.float32(1) if sky is None else sky)
@@ -177,7 +178,7 @@ def by_parameter(
     terms: ImageTerms, g: Float32Array, light: Float32Array, usable: BoolArray, view: Float32Array,
     response: Float32Array | None = None, sky: Float32Array | None = None,
 ) -> Float32Array:  # fmt: skip
-    """Derivatives (F, 6, N) of the terms by b, a, o, either α and the strength; arguments as of `evaluate`."""
+    """Returns derivatives (F, 6, N) of the terms by b, a, o, both α and the strength; arguments as of `evaluate`."""
     albedo, normal, strength, lamp = _directions(g, light)
     rough, _ = _azimuthal_term(normal, lamp, view, usable)
     out = np.zeros((len(light), len(fields(ImageTerms)), light.shape[2]), np.float32)
@@ -194,7 +195,7 @@ def by_parameter(
 
 
 def _directions(g: Float32Array, light: Float32Array) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
-    """Albedo (N,), unit normal (3, N), |s| (F, N) and unit directions to the lamps (F, 3, N)."""
+    """Returns albedo (N,), unit normal (3, N), |s| (F, N) and unit directions to the lamps (F, 3, N)."""
     albedo = np.sqrt(np.sum(g * g, axis=0))
     strength = photometry.strength(light)
     lamp = np.asarray(light / np.maximum(strength, np.float32(1e-9))[:, None], np.float32)
@@ -202,14 +203,14 @@ def _directions(g: Float32Array, light: Float32Array) -> tuple[Float32Array, Flo
 
 
 def nearly_diffuse(terms: ImageTerms) -> bool:
-    """Whether α has run to the upper end of its range, where a lobe is as flat as diffuse light and explains what is
-    none."""
+    """Returns whether α has run to the upper end of its range, where a lobe is as flat as diffuse light. Such a lobe
+    explains light that is no highlight."""
     return max(terms.gloss, terms.metal) > NEARLY_DIFFUSE * SETTINGS.gloss_range[1]
 
 
 def stepped(present: ImageTerms, step: ImageTerms) -> ImageTerms:
-    """The terms after a Gauss–Newton step, within their ranges; gloss changes by `MAX_GLOSS_STEP` at most, none stays
-    none."""
+    """Returns the terms after a Gauss–Newton step, within their ranges. α and strength change by `MAX_GLOSS_STEP` at
+    most, relatively, and stay zero if they are zero."""
 
     def changed(before: float, by: float) -> float:
         return before * (1 + float(np.clip(by / max(before, 1e-6), -MAX_GLOSS_STEP, MAX_GLOSS_STEP)))
@@ -228,7 +229,7 @@ def stepped(present: ImageTerms, step: ImageTerms) -> ImageTerms:
 
 
 def chosen(where: BoolArray, one: TermValues | None, other: TermValues | None) -> TermValues | None:
-    """`one` at some pixels (N,), elsewhere the `other`; none of none."""
+    """Returns `one` at some pixels (N,) and the `other` elsewhere; none if either is none."""
     if one is None or other is None:
         return None
     names = ("value", "nondiffuse", "ambient", "lobe", "highlight_variance", "by_g")

@@ -13,18 +13,15 @@ from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED,
 from acquisition.normals.pixels.pixel_solve import Estimate
 
 ATTACHED_COSINE = SolveSettings().shadow_threshold
-"""Predicted cosine to the light below which a dark measurement is in attached shadow, or as dark as in one: the share
-of the peak below which the solver uses none."""
+"""Predicted cosine to the light below which a dark measurement is in attached shadow, or as dark as in one. It is the
+share of the peak below which the solver uses no measurement."""
 
 
 def classify(
     estimate: Estimate, measured: Float32Array, indirect: Float32Array, clipped: BoolArray, noise: Noise
 ) -> np.ndarray:
-    """Classifies each measurement by thresholds on the solution's prediction: bit fields (F, N).
-
-    `measured` (F, N) are values of nominal lamps. Predicted `indirect` light (F, N) is no highlight, nor is its
-    uncertainty.
-    """
+    """Classifies each measurement by thresholds on the solution's prediction: bit fields (F, N). `measured` (F, N) are
+    values under nominal lamps. Neither predicted `indirect` light (F, N) nor its uncertainty counts as highlight."""
     flags, shared = np.empty(measured.shape, np.uint8), photometry.SETTINGS
     _classify(
         estimate.light,
@@ -64,7 +61,7 @@ def _classify(
     highlight_deviations: float,  # σ above the prediction
     flags: np.ndarray,  # (F, N) uint8
 ) -> None:
-    """Bit fields of all measurements, into `flags`."""
+    """Writes the bit fields of all measurements into `flags`."""
     for n in numba.prange(measured.shape[1]):
         gx, gy, gz = g[0, n], g[1, n], g[2, n]
         albedo = np.sqrt(gx * gx + gy * gy + gz * gz)

@@ -4,13 +4,14 @@ Per unit of |s| a dielectric with a diffuse base of albedo ρ gives
 
     y/|s| = ρ (n·l) L + S,   L = (1 − F(n·l)) (1 − F(n·v)),   S = α² F(v·h) (n·l) / (q² m(n·l) m(n·v))
 
-with the half vector h of lamp l and camera v, q = 1 − (1 − α²)(n·h)² of the distribution of facets (Walter et al. 2007,
-eq. 33), m(c) = c + √(α² + (1 − α²) c²) of Smith's masking in separable form (eq. 34; the cosines of the microfacet
-equation cancel), and F(c) = F₀ + (1 − F₀)(1 − c)⁵ (Schlick 1994). Plastics, paints, glazes and skin have refractive
-indices of 1.4–1.6, so F₀ = 0.04 is no parameter, and the roughness α is the only one. A metal has S alone, of F₀ = 0.9,
-times the albedo.
+with the half vector h of lamp l and camera v, and
 
-Kernels compile at import, into numba's cache.
+- q = 1 − (1 − α²)(n·h)² of the distribution of facets (Walter et al. 2007, eq. 33);
+- m(c) = c + √(α² + (1 − α²) c²) of Smith's separable masking (eq. 34; the microfacet equation's cosines cancel);
+- F(c) = F₀ + (1 − F₀)(1 − c)⁵ (Schlick 1994).
+
+Plastics, paints, glazes and skin have refractive indices of 1.4–1.6, so F₀ = 0.04 is fixed, and the roughness α is the
+only parameter. A metal has S alone, of F₀ = 0.9, times the albedo. Kernels compile at import, into numba's cache.
 """
 
 from dataclasses import dataclass
@@ -32,8 +33,8 @@ LEAST_COSINE = photometry.SETTINGS.min_view_cosine
 
 @dataclass(frozen=True)
 class Reflection:
-    """Lobe S and layer factor L − 1 of N pixels (F, N), their gradients by the unit normal (F, 3, N), tangential to it,
-    and ∂S/∂ log α (F, N); zero where the lamp is below the horizon."""
+    """Lobe S and layer factor L − 1 (F, N) of N pixels, with derivatives; zero where the lamp is below the horizon.
+    Gradients (F, 3, N) are by the unit normal, tangential to it; `lobe_by_log_alpha` (F, N) is ∂S/∂ log α."""
 
     lobe: Float32Array
     lobe_by_normal: Float32Array
@@ -45,10 +46,8 @@ class Reflection:
 def reflection(
     normal: Float32Array, lamp: Float32Array, view: Float32Array, usable: BoolArray, alpha: float, f0: float = F0
 ) -> Reflection:
-    """Reflection at unit normals (3, N) with unit directions to the lamps (F, 3, N) and to the camera (3, N).
-
-    Zero where a measurement is not `usable` (F, N). `f0` is the reflectance at normal incidence.
-    """
+    """Evaluates the reflection at unit normals (3, N), with unit directions to lamps (F, 3, N) and camera (3, N). Zero
+    where a measurement is not `usable` (F, N). `f0` is the reflectance at normal incidence."""
     count, pixels = usable.shape
     out = Reflection(
         *(np.empty(shape, np.float32) for shape in (
@@ -64,8 +63,8 @@ def reflection(
 
 
 def blinn_phong(alpha: float) -> tuple[float, float]:
-    """Strength, in units of albedo, and exponent of the Blinn–Phong lobe of a dielectric's height and width where it
-    faces lamp and camera: F₀/(4α²) and 2/α² − 2 (Walter et al. 2007, eq. 25 and 33)."""
+    """Returns strength, in units of albedo, and exponent of the Blinn–Phong lobe of a dielectric's height and width.
+    They are F₀/(4α²) and 2/α² − 2, where the surface faces lamp and camera (Walter et al. 2007, eq. 25 and 33)."""
     return F0 / (4 * alpha**2), 2 / alpha**2 - 2
 
 

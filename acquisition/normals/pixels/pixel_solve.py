@@ -1,10 +1,10 @@
 """Per-pixel near-light photometric stereo: iteratively reweighted least squares of albedo × normal.
 
-A measurement is dropped where it is saturated or in shadow, that is below a share of the pixel's own peak normalised
-value y/|s|. The threshold is low, because a high one throws away good grazing light. Penumbrae, which a high threshold
-would catch, lie beside shadowed pixels, and measurements there get extra variance instead: on path-traced objects this
-has a fifth less error than a threshold of 15 % without it. A weak Gaussian prior on g = albedo × normal, with its mean
-on the viewing axis, decides where the images do not, and σ says so.
+Measurements that are saturated or in shadow are dropped. In shadow are those below a share of the pixel's own peak
+normalised value y/|s|. The threshold is low, because a high one throws away good grazing light. It does not exclude
+penumbrae, which lie beside shadowed pixels; measurements there get extra variance. On path-traced objects this has a
+fifth less error than a threshold of 15 % without extra variance. Where the images do not decide, a weak Gaussian prior
+on g = albedo × normal does, with its mean on the viewing axis, and σ shows it.
 """
 
 from dataclasses import dataclass, field, replace
@@ -38,14 +38,15 @@ SETTINGS = PixelSolveSettings()
 
 @dataclass(frozen=True)
 class Scene:
-    """What solves take as given: lamps (F, 6 or 9) as of `photometry.lamps`, calibration, noise model, settings, and
-    terms of image formation beyond Lambert's.
+    """What solves take as given.
 
-    `stated_noise` is what sensor and calibration state where `noise` is estimated; none: `noise` is. Terms that are
-    none are not solved for, nor are their derivatives. `median_albedo` is that of the whole object where the pixels at
-    hand are but a part of it; none: theirs. `common_lamp_errors_m` (F, 3, C) is by how much 1 σ of each
-    error of the calibration that all lamps share displaces each lamp, as of `lamp_pose.common_errors`; none: unknown.
-    `shadows_informative`: of light from elsewhere; not where it is darker than black, and left-censored there.
+    - `lamps` (F, 6 or 9): as of `photometry.lamps`.
+    - `noise`: the noise model; `stated_noise`: that of sensor and calibration if `noise` is estimated; none: `noise`.
+    - `terms`: those beyond Lambert's; none: neither they nor their derivatives are solved for.
+    - `median_albedo`: that of the whole object if the pixels at hand are a part of it; none: theirs.
+    - `common_lamp_errors_m` (F, 3, C): displacement of each lamp by 1 σ of each error of the calibration that all lamps
+      share, as of `lamp_pose.common_errors`; none: unknown.
+    - `shadows_informative`: whether shadows show ambient and stray light; not if it is below black and censored there.
     """
 
     lamps: Float32Array
@@ -60,16 +61,16 @@ class Scene:
 
     @property
     def stores_black_as_zero(self) -> bool:
-        """Whether values are left-censored at black: no black level leaves room for what is darker."""
+        """Whether values are left-censored at black, because without a black level nothing darker can be stored."""
         return self.calibration.sensor.black_level_dn == 0
 
     def response(self, channel: Sites | None) -> Float32Array | None:
-        """Values (N,) of white at a mosaic's sites of these channels (N,), over the mean; none without a mosaic."""
+        """Returns values (N,) of white at a mosaic's sites of these channels (N,), over the mean; none: no mosaic."""
         return None if channel is None else mosaic.white(self.calibration)[channel]
 
     @property
     def cauchy_scale(self) -> float | None:
-        """Of Cauchy's weights as the settings want them; none: not robust."""
+        """Scale of Cauchy's weights by the settings; none: least squares."""
         return photometry.CAUCHY_SCALE if self.settings.robust else None
 
 
@@ -82,8 +83,8 @@ class Pixels:
     ray: Float32Array  # (2, N) X/Z and Y/Z
     values: Float32Array  # (F, N) normalised values y
     clipped: BoolArray  # (F, N) saturated
-    channel: Sites | None = None  # (N,) of a mosaic's sites; none: all pixels see alike
-    sky: Float32Array | None = None  # (N,) sky view factor; none: they see all of it
+    channel: Sites | None = None  # (N,) of a mosaic's sites; none: no mosaic
+    sky: Float32Array | None = None  # (N,) sky view factor; none: the whole sky
     extra: Float32Array | None = None  # (F, N) sensor variance beyond the noise model's; none: zero
 
     def image(self, values: np.ndarray, outside: float = 0.0) -> np.ndarray:
@@ -97,7 +98,7 @@ class Pixels:
         return np.take(image.reshape(*image.shape[:-2], -1), self.index, axis=-1)
 
     def subset(self, chosen: np.ndarray) -> "Pixels":
-        """The pixels with the numbers `chosen` (K,)."""
+        """Returns the pixels with the numbers `chosen` (K,)."""
         return replace(
             self,
             index=self.index[chosen],
@@ -110,17 +111,15 @@ class Pixels:
         )
 
     def plus_extra(self, variance: Float32Array) -> Float32Array:
-        """A variance (F, N) beside the noise model's, and the sensor's own beyond it."""
+        """Returns the sum of a variance (F, N) beside the noise model's and the sensor's own beyond that model."""
         return variance if self.extra is None else variance + self.extra
 
 
 def depth_derivative(
     light: Float32Array, point: Float32Array, ray_direction: Float32Array, lamps: Float32Array
 ) -> Float32Array:
-    """Derivative ∂s/∂Z (F, 3, N) of near-light vectors with respect to depth, the lobe's fall-off held constant.
-
-    Light vectors `light` (F, 3, N) at `point` (3, N), `ray_direction` = ∂x/∂Z (3, N), lamps (F, 6 or 9).
-    """
+    """Returns the derivative ∂s/∂Z (F, 3, N) of near-light vectors by depth, with the lobe's fall-off held constant.
+    Light vectors `light` (F, 3, N) are at `point` (3, N), `ray_direction` (3, N) is ∂x/∂Z, lamps are (F, 6 or 9)."""
     out = np.empty(light.shape, np.float32)
     pixel_solve_kernels.depth_derivative(
         np.ascontiguousarray(light, np.float32),
@@ -144,7 +143,7 @@ class Lighting:
 
     @classmethod
     def at(cls, pixels: Pixels, depth_m: Float32Array, scene: Scene) -> "Lighting":
-        """Those of pixels at depth (N,) in m."""
+        """Returns the lighting of pixels at depth (N,) in m."""
         ray_direction = photometry.ray_directions(pixels.ray)
         point = ray_direction * depth_m
         light = photometry.light_vectors(point, scene.lamps, scene.calibration)
@@ -152,10 +151,10 @@ class Lighting:
 
 
 def classify_measurements(pixels: Pixels, values: Float32Array, light: Float32Array, threshold: float) -> Classified:
-    """Shadow and saturation test by a threshold relative to each pixel's peak.
+    """Classifies measurements as usable, shadowed or saturated, by a threshold relative to each pixel's peak.
 
-    From `values` y (F, N) and light vectors s (F, 3, N) it gives the usable measurements (F, N), the variance (F, N)
-    of those of them that have a shadowed pixel among their eight neighbours, and the peak y/|s| (N,).
+    Takes `values` y (F, N) and light vectors s (F, 3, N). Returns the usable measurements (F, N), the variance (F, N)
+    of those with a shadowed pixel among their eight neighbours, and the peak y/|s| (N,).
     """
     peak = _peak_ratio(values, light, pixels.clipped)
     row, column = np.divmod(pixels.index, pixels.shape[1])
@@ -169,7 +168,7 @@ def classify_measurements(pixels: Pixels, values: Float32Array, light: Float32Ar
 
 
 def _peak_ratio(values: Float32Array, light: Float32Array, clipped: BoolArray) -> Float32Array:
-    """Each pixel's largest y/|s| (N,) that is not clipped, from values (F, N) and light vectors s (F, 3, N)."""
+    """Returns each pixel's largest y/|s| (N,) that is not clipped, from values (F, N) and light vectors s (F, 3, N)."""
     out = np.empty(values.shape[1], np.float32)
     pixel_solve_kernels.peak_ratio(
         np.ascontiguousarray(values, np.float32), light, np.ascontiguousarray(clipped), out
@@ -178,12 +177,12 @@ def _peak_ratio(values: Float32Array, light: Float32Array, clipped: BoolArray) -
 
 
 def median_albedo(estimate: Estimate, values: Float32Array, clipped: BoolArray) -> float:
-    """Median over pixels of the peak y/|s|, a lower bound of the albedo; from values (F, N) and which are `clipped`."""
+    """Returns a lower bound of the albedo: the median over pixels of the largest y/|s| that is not `clipped`."""
     return float(np.median(_peak_ratio(values, estimate.light, clipped)))
 
 
 def least_prior_albedo(median: float) -> float:
-    """Least albedo that the prior of a pixel's g is given, where that of the object has this median: a fifth of it."""
+    """Returns the least albedo of the prior of a pixel's g: a fifth of the object's median."""
     return max(0.2 * median, 1e-6)
 
 
@@ -196,9 +195,9 @@ def solve(
     iterations: int = robust_solve.IRLS_ITERATIONS,
     extra_variance: Float32Array | None = None,
 ) -> Estimate:
-    """Iteratively reweighted least squares (Cauchy weights) of g at each of N pixels at depth (N,).
+    """Solves for g at each of N pixels at depth (N,) by iteratively reweighted least squares (Cauchy weights).
 
-    `values` (F, N) replaces the measured ones where intensities were divided out or light subtracted; `extra_variance`
+    `values` (F, N) replace the measured ones where intensities were divided out or light subtracted. `extra_variance`
     (F, N) is added to the noise model's and the pixels' own.
     """
     lighting = Lighting.at(pixels, depth_m, scene)
@@ -214,7 +213,7 @@ def solve_lit(
     iterations: int = robust_solve.IRLS_ITERATIONS,
     extra_variance: Float32Array | None = None,
 ) -> Estimate:
-    """`solve` in a known `lighting`, which serves for all solves at one depth."""
+    """Solves as `solve`, in a known `lighting`, which serves for all solves at one depth."""
     light = lighting.light
     if scene.terms is None:
         return _solve(pixels, values, lighting, light, scene, iterations, extra_variance)
@@ -235,8 +234,8 @@ def _solve(
     pixels: Pixels, values: Float32Array, lighting: Lighting, bent: Float32Array, scene: Scene,
     iterations: int, extra_variance: Float32Array | None, terms: TermValues | None = None,
 ) -> Estimate:  # fmt: skip
-    """One solve with given design rows `bent` (F, 3, N), s + ∂h/∂g; `terms` are subtracted from the values where
-    measurements are classified."""
+    """Solves once with given design rows `bent` (F, 3, N), s + ∂h/∂g. The value of the `terms` is subtracted to
+    classify measurements, its constant part to solve."""
     lambertian = values if terms is None else values - terms.value
     values = values if terms is None else values - terms.constant
 
@@ -265,9 +264,9 @@ def clamp_to_visible(normals: Float32Array, ray_direction: Float32Array) -> Floa
 
 
 def normal_perturbation(estimate: Estimate, right: FloatArray) -> FloatArray:
-    """First-order rotation (N, 3, K) of the normals, rad, by errors δy of the measurements (implicit differentiation).
+    """Returns first-order rotations (N, 3, K) of normals, rad, by measurement errors δy (implicit differentiation).
 
-    `right` = Σ w r δy (N, 3, K), r the design rows, is what these errors add to the right-hand side of the normal
+    `right` = Σ w r δy (N, 3, K), with the design rows r, is what they add to the right-hand side of the normal
     equations.
     """
     s, w, g = (part.astype(np.float64) for part in (estimate.rows, estimate.weights, estimate.g))
@@ -280,8 +279,8 @@ def normal_perturbation(estimate: Estimate, right: FloatArray) -> FloatArray:
 
 
 def normal_equations(estimate: Estimate, values: Float32Array) -> Float32Array:
-    """Normal equations (N, 9) of g by the values (F, N) that it was solved from, with the weights used and no prior:
-    the matrix's xx, xy, xz, yy, yz, zz, and the right-hand side's x, y, z."""
+    """Returns the normal equations (N, 9) of g by the values (F, N) it was solved from, with the weights used and no
+    prior. Columns are the matrix's xx, xy, xz, yy, yz, zz, and the right-hand side's x, y, z."""
     rows, terms = estimate.rows, estimate.terms
     if terms is not None:
         values = values - terms.constant
@@ -295,7 +294,7 @@ def normal_equations(estimate: Estimate, values: Float32Array) -> Float32Array:
 def fisher_information(
     estimate: Estimate, chosen: np.ndarray, lamps: Float32Array, ray_direction: Float32Array
 ) -> FloatArray:
-    """Fisher information (K, 4, 4) of (g, Z) at the chosen pixels, from the images alone, with the weights used."""
+    """Returns the Fisher information (K, 4, 4) of (g, Z) at chosen pixels by images alone, with the weights used."""
     light = estimate.light[:, :, chosen]
     change = depth_derivative(light, estimate.point[:, chosen], ray_direction[:, chosen], lamps)
     slope = np.einsum("fck,ck->fk", change, estimate.g[:, chosen])

@@ -1,12 +1,12 @@
 """Fused kernel of the pixel solve: iteratively reweighted least squares (Cauchy) of albedo × normal.
 
-State of a pixel: g = albedo × normal (3). Image i gives the row s_i; each iteration is a Gauss–Newton step and a
+The state of a pixel is g = albedo × normal (3). Image i gives the row s_i. Each iteration is a Gauss–Newton step and a
 reweighting at once.
 
-Pixels are the inner loops and images the outer ones, in blocks that stay in the cache. What a block needs is copied
-into two arrays of known width first: compilers vectorise loops over these, while among a dozen arrays they cannot prove
-that none overlaps another. Both together are an order of magnitude faster than the obvious order. Kernels
-compile at import, into numba's cache.
+Images are the outer loops and pixels the inner ones, in blocks that stay in the cache. What a block needs is first
+copied into two arrays of known width: compilers vectorise loops over these, while among a dozen arrays they cannot
+prove that none overlaps another. This is an order of magnitude faster than the obvious order. Kernels compile at
+import, into numba's cache.
 """
 
 import numba
@@ -15,11 +15,11 @@ import numpy as np
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 
 BLOCK_PIXELS = 128
-"""Pixels of a block: its arrays stay in the cache."""
+"""Pixels of a block, so few that its arrays stay in the cache."""
 
 CAUCHY_COVARIANCE_FACTOR = np.float32(0.95)
-"""Factor of the covariance, which Cauchy's weights inflate: of Gaussian noise their mean is 0.88 to 0.92, by leverage,
-and their efficiency 0.95. The constants of σ are fitted with it (`error_variance`)."""
+"""Factor of the covariance, which Cauchy's weights inflate: on Gaussian noise their mean is 0.88 to 0.92, by leverage,
+and their efficiency is 0.95. The constants of σ are fitted with it (`error_variance`)."""
 
 
 @numba.njit(
@@ -46,7 +46,7 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     residual: Float32Array,  # (N,) rms of whitened residuals
     weights: Float32Array,  # (F, N) robust weight / variance; 0 where not usable
 ) -> None:
-    """Gauss–Newton and Cauchy reweighting of all pixels at once; results go to the last four arrays."""
+    """Solves all pixels at once by Gauss–Newton steps with Cauchy reweighting, into the last four arrays."""
     count = values.shape[0]
     pixels = values.shape[1]
     one = np.float32(1.0)
@@ -58,9 +58,9 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     for block in numba.prange((pixels + BLOCK_PIXELS - 1) // BLOCK_PIXELS):
         start = block * BLOCK_PIXELS
         size = min(BLOCK_PIXELS, pixels - start)
-        # Of images: s 0–2, y 3, its variance but for directions 4, |s|² 5, usable 6, what w starts from 7, w 8
+        # Rows of `image`: s 0–2, y 3, its variance without directions 4, |s|² 5, usable 6, start of w 7, w 8
         image = np.empty((count, 9, BLOCK_PIXELS), dtype=np.float32)
-        # Of pixels: M 0–5 (00 01 02 11 12 22), b 6–8, g 9–11, ρ² 12, prior 13–15 and its precision 16, variance 17
+        # Rows of `pixel`: M 0–5 (00 01 02 11 12 22), b 6–8, g 9–11, ρ² 12, prior 13–15, its precision 16, variance 17
         pixel = np.empty((18, BLOCK_PIXELS), dtype=np.float32)
         for p in range(size):
             pixel[16, p] = precision[start + p]
@@ -89,8 +89,8 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                 s2 = sx * sx + sy * sy + sz * sz
                 image[f, 4, p] += shot_f * lit + floor_f + c2 * y * y
                 image[f, 5, p] = s2
-                # Residuals against the prior say nothing, so the first round is least squares; it counts bright
-                # measurements most, because those left over in shadow by indirect light are dark.
+                # Residuals against the prior mean nothing, so the first round is least squares. It weighs bright
+                # measurements most, because those in shadow that indirect light keeps usable are dark.
                 share = lit * lit / (pixel[12, p] * s2 + tiny)
                 image[f, 7, p] = image[f, 6, p] * (share * share if inverse_cauchy2 > zero else one)
         for iteration in range(rounds):
@@ -122,7 +122,7 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                     for p in range(size):
                         image[f, 7, p] = image[f, 6, p]
             for p in range(size):
-                # LDLᵀ of M, whose pivots are no less than the prior's precision, though rounded they may be: one bright
+                # LDLᵀ of M. Its pivots are at least the prior's precision, but may be less by rounding: one bright
                 # highlight can weigh 10⁷ times as much.
                 m1, m2, m4, least = pixel[1, p], pixel[2, p], pixel[4, p], pixel[16, p]
                 b0 = pixel[6, p]
@@ -193,7 +193,7 @@ def depth_derivative(
     lamp: Float32Array,  # (F, 6 or 9)
     out: Float32Array,  # (F, 3, N) ∂s/∂Z = −|s|/r (a − 3 d̂ (d̂·a)), d̂ = s/|s|
 ) -> None:
-    """Derivative of near-light vectors by depth, but for the lobe's fall-off, into `out`."""
+    """Writes the derivative of near-light vectors by depth, without the lobe's fall-off, into `out`."""
     for block in numba.prange((light.shape[2] + BLOCK_PIXELS - 1) // BLOCK_PIXELS):
         start = block * BLOCK_PIXELS
         stop = min(start + BLOCK_PIXELS, light.shape[2])
@@ -235,7 +235,7 @@ def peak_ratio(
     clipped: BoolArray,  # (F, N)
     out: Float32Array,  # (N,)
 ) -> None:
-    """Each pixel's largest y/|s| that is not clipped, at least 0."""
+    """Writes each pixel's largest y/|s| that is not clipped, at least 0, into `out`."""
     for block in numba.prange((len(out) + BLOCK_PIXELS - 1) // BLOCK_PIXELS):
         start = block * BLOCK_PIXELS
         stop = min(start + BLOCK_PIXELS, len(out))
@@ -265,7 +265,7 @@ def classify(
     usable: BoolArray,  # (F, N)
     variance: Float32Array,  # (F, N)
 ) -> None:
-    """Which measurements are usable, and the variance of those that have a shadowed pixel among eight neighbours."""
+    """Finds the usable measurements, and the variance of those with a shadowed pixel among their eight neighbours."""
     size = place[-1] + width + 2 if len(place) else 0
     for f in numba.prange(len(values)):
         shadow = np.zeros(size, np.uint8)
@@ -310,8 +310,8 @@ def forward_substitution(lower: FloatArray, columns: FloatArray) -> None:
 
 @numba.njit("void(float64[:,::1], float64[::1], float64[:,::1])", cache=True, fastmath=True, error_model="numpy")
 def orthonormalise(rows: FloatArray, precision: FloatArray, inner: FloatArray) -> None:
-    """Orthonormalises whitened rows (M, F) in place, L⁻¹ rows: what they explain is the projection onto the result. A
-    prior of `precision` (M,) counts; L (M, M) goes to `inner`."""
+    """Orthonormalises whitened rows (M, F) in place, L⁻¹ rows, so that what they explain is the projection onto the
+    result. A prior of `precision` (M,) counts. L (M, M) goes to `inner`."""
     for i in range(len(rows)):
         for j in range(i + 1):
             total = 0.0

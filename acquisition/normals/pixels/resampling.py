@@ -1,7 +1,7 @@
 """Resampling between the full grid of pixels and a coarse one: block means down, bilinear interpolation up.
 
-Only object pixels enter the means, and values are extrapolated over the object's border before interpolation, so that
-the table's never mix in.
+Only object pixels enter the means. Values are extrapolated over the object's border before interpolation, so that the
+table's never mix in.
 """
 
 import math
@@ -15,14 +15,12 @@ from acquisition.models.base import Float32Array
 from acquisition.normals.pixels.pixel_solve import Pixels
 
 EXTRAPOLATION_PX = 5
-"""Width of the box, coarse pixels, by whose mean values are extrapolated over the border."""
+"""Width of the box, coarse pixels, whose mean extrapolates values over the border."""
 
 
 def coarsen(pixels: Pixels, factor: int) -> Pixels:
-    """Block means over factor × factor pixels, of object pixels only; a block with a clipped pixel is clipped.
-
-    Blocks larger than a pixel have no channel: of a mosaic they hold all.
-    """
+    """Returns block means over factor × factor pixels, of object pixels only; a block with a clipped pixel is clipped.
+    Blocks larger than a pixel have no channel, because in a mosaic they hold all channels."""
     if factor == 1:
         return pixels
     index, number = np.unique(_blocks(pixels, factor), return_inverse=True)
@@ -42,7 +40,7 @@ def coarsen(pixels: Pixels, factor: int) -> Pixels:
 
 
 def coarsen_values(values: Float32Array, pixels: Pixels, factor: int) -> Float32Array:
-    """Block means (..., M) of values (..., N) at the pixels, in the order of those of `coarsen`."""
+    """Returns block means (..., M) of values (..., N) at the pixels, in the order of `coarsen`."""
     return _means(values, np.unique(_blocks(pixels, factor), return_inverse=True)[1]).astype(np.float32)
 
 
@@ -53,7 +51,7 @@ def _blocks(pixels: Pixels, factor: int) -> np.ndarray:
 
 
 def _means(values: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """Means (..., M) of values (..., N) with each of the numbers (N,), 0 to M − 1."""
+    """Means (..., M) of the values (..., N) that have each of the numbers (N,), 0 to M − 1."""
     share = 1.0 / np.bincount(number)
     means = [np.bincount(number, one) * share for one in values.reshape(math.prod(values.shape[:-1]), len(number))]
     return np.reshape(means, (*values.shape[:-1], len(share)))
@@ -93,7 +91,7 @@ def interpolate(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixel
     around = cv2.blur(weight, (EXTRAPOLATION_PX, EXTRAPOLATION_PX))
     height, width = coarse.shape
     rows, columns = pixels.shape
-    # With a coarse row more on either side, interpolation does not know that there are others.
+    # With one more coarse row on either side, the rows that are left out do not change the interpolation.
     first, last = max(top // factor - 1, 0), min(-(-(top + rows) // factor) + 1, height)
     size, skipped = (width * factor, (last - first) * factor), top - first * factor
     out = np.empty((*values.shape[:-1], len(pixels.index)), np.float32)

@@ -1,16 +1,19 @@
-"""Robust solve of single pixels from two starts: the lower minimum of Cauchy's loss (Black and Rangarajan 1996).
+"""Robust solve of single pixels from several starts: the lowest minimum of Cauchy's loss (Black and Rangarajan 1996).
 
 Cauchy's loss is not convex, and iterative reweighting ends in the minimum that is nearest to its start. The first start
-is least squares that counts bright measurements most, which shadows and indirect light, being dark, do not disturb. A
-highlight on a dark surface does: it is ten times as bright as the diffuse light and draws normal and albedo to itself,
-and what remains in the other images is then taken for shadow. So where residuals stay large, or images count that were
-in shadow beside the brightest, a pixel is solved a second time without its brightest measurement, and the solution of
-less loss is kept; the measurement then has the weight of its own residual. Under many lights a highlight is in more
-than one image, and a third solve is without the brightest quarter: without it six glossy scenes of 96 lights are solved
-as well, in two thirds of the time, but a Gaussian lobe of twice the diffuse light is not noticed (8° off in place of
-1°; `distant/test_solve`). On 24 unseen shapes of GGX 0.1 the second start lowered the mean error to 0.76 ± 0.09 of
-what it was, on the same with their own reflectances to 0.96 ± 0.02 (`python -m tests.unseen run --families all --seeds
-2:5 --lights 8 --patterns two-rings`, with `--reflectance ggx:0.1` and without).
+is least squares that weighs bright measurements most, so that shadows and indirect light, which are dark, do not
+disturb it. A highlight on a dark surface does: it is ten times as bright as the diffuse light, draws normal and albedo
+to itself, and the other images are then taken for shadow.
+
+So a pixel is solved a second time without its brightest measurement if residuals stay large, or if images count then
+that were in shadow beside the brightest. The solution of less loss is kept, and the measurement gets the weight of its
+own residual. On 24 unseen shapes of GGX 0.1 the second start lowers the mean error to 0.76 ± 0.09, on the same with
+their own reflectances to 0.96 ± 0.02 (`python -m tests.unseen run --families all --seeds 2:5 --lights 8 --patterns
+two-rings`, with `--reflectance ggx:0.1` and without).
+
+Under many lights a highlight is in more than one image, so a third solve leaves out the brightest quarter. Without it
+six glossy scenes of 96 lights are solved as well, in two thirds of the time, but a Gaussian lobe of twice the diffuse
+light is not noticed (8° off instead of 1°; `distant/test_solve`).
 """
 
 from collections.abc import Callable
@@ -40,26 +43,25 @@ class RobustSettings:
     """Tuned numbers of the second start."""
 
     highlight_ratio: float = tuned(1.5, "ratio")
-    """Ratio of the brightest y/|s| to the next from which it may be a highlight, and of the brightest measurement to
-    what the others predict from which the second solution may be kept. Set on
-    three matt and three glossy design scenes: without it one with steps has 6 % more error, at 2.5 the glossy ones lose
-    half of the gain."""
+    """Ratio of the brightest y/|s| to the next from which it may be a highlight; also that of the brightest measurement
+    to the prediction by the others from which the second solution may be kept. Measured on three matt and three glossy
+    design scenes: without it a scene with steps has 6 % more error, at 2.5 the glossy ones lose half of the gain."""
 
 
 SETTINGS = RobustSettings()
 
 IRLS_ITERATIONS = 6
-"""Reweightings of a solve. One of fewer is preliminary, and has one start: errors of 42 captures of design seeds
-205–225 (eight lights by two rings) are 0.989 ± 0.008 of those with two (scratch evaluation, November 2026)."""
+"""Reweightings of a solve. A solve of fewer is preliminary and has one start: its errors are 0.989 ± 0.008 of those
+with two, in 42 captures of design seeds 205–225 (eight lights in two rings; scratch evaluation, November 2026)."""
 
 
 @dataclass(frozen=True)
 class PixelProblem:
     """Measurements of N pixels and what explains them, as arrays of the kernels.
 
-    Values y (F, N), their derivatives by g (F, 3, N), light vectors, points and directions to the camera (3, N),
-    variance beside the noise model's (F, N). `least_albedo` bounds that of the prior; without a `cauchy_scale` it is
-    least squares.
+    `values` are y (F, N), `by_g` their derivatives by g and `light` light vectors (F, 3, N), `point` and `view`, the
+    direction to the camera, (3, N), `extra` is variance beside the noise model's (F, N). `least_albedo` is the prior's
+    least albedo. Without a `cauchy_scale` the solve is least squares.
     """
 
     values: Float32Array
@@ -77,7 +79,7 @@ class PixelProblem:
     iterations: int
 
     def at(self, chosen: np.ndarray) -> "PixelProblem":
-        """The pixels with the numbers `chosen` (K,), whose terms are in values and derivatives already."""
+        """Returns the pixels with the numbers `chosen` (K,); their terms are in values and derivatives already."""
         return replace(
             self,
             **{
@@ -91,7 +93,7 @@ class PixelProblem:
         )
 
     def solve(self, classified: Classified) -> Estimate:
-        """Gauss–Newton steps with Cauchy's weights from a start that counts bright measurements most."""
+        """Solves by Gauss–Newton steps with Cauchy's weights, from a start that weighs bright measurements most."""
         usable, added, peak = classified
         if self.extra is not None:
             added = added + self.extra
@@ -130,8 +132,8 @@ class PixelProblem:
         return out
 
     def loss_and_weights(self, g: Float32Array, scale: float) -> tuple[FloatArray, Float32Array]:
-        """Cauchy's loss c² ln(1 + r²/(c² v)) and weight 1/(v + r²/c²) of each measurement (F, N), for scale c; light
-        that the solution does not have, since a surface turns away from the lamp, is none."""
+        """Returns Cauchy's loss c² ln(1 + r²/(c² v)) and weight 1/(v + r²/c²) of each measurement (F, N), for scale c.
+        A prediction below zero, of a surface that turns away from the lamp, counts as zero."""
         predicted = np.maximum(np.einsum("fck,ck->fk", self.by_g, g), 0)
         squared = (self.values - predicted) ** 2 / np.float32(scale**2)
         strength = np.sqrt(np.sum(g * g, axis=0) * np.sum(self.light * self.light, axis=1))
@@ -143,10 +145,10 @@ class PixelProblem:
 def solve(
     problem: PixelProblem, clipped: BoolArray, classified: Classified, classify: Callable[[BoolArray], Classified]
 ) -> Estimate:
-    """The solution of each pixel with the least of Cauchy's loss, from one start, two, or three under many lights.
+    """Returns the solution of each pixel with the least Cauchy loss, from one start, two, or three under many lights.
 
-    `clipped` (F, N) are measurements that do not count, `classified` the others, and `classify` tells which are usable
-    without some more.
+    `clipped` (F, N) measurements do not count; `classified` are the others; `classify` finds the usable ones without
+    more.
     """
     first, scale = problem.solve(classified), problem.cauchy_scale
     if scale is None or problem.iterations < IRLS_ITERATIONS:
@@ -177,8 +179,9 @@ def solve(
 def _keep_better(
     first: Estimate, problem: PixelProblem, scale: float, others: Classified, removed: BoolArray, doubtful: np.ndarray
 ) -> None:
-    """Solves the `doubtful` pixels (K,) without the `removed` measurements (F, N), and writes what has less loss over
-    `first`; `others` are the measurements usable then, `scale` is Cauchy's."""
+    """Solves the `doubtful` pixels (K,) without the `removed` measurements (F, N), and writes better solutions into
+    `first`. Better is less loss, if at least a quarter of the removed measurements are highlights by it. `others` are
+    the measurements usable then, `scale` is Cauchy's."""
     part, removed = problem.at(doubtful), removed[:, doubtful]
     usable, variance = np.ascontiguousarray(others.usable[:, doubtful]), others.variance[:, doubtful]
     second = part.solve(Classified(usable, np.ascontiguousarray(variance), others.peak[doubtful]))

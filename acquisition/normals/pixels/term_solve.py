@@ -1,10 +1,10 @@
-"""Gauss–Newton solve of pixels with terms beyond Lambert's; glossy ones and metal from several starts, the best counts.
+"""Gauss–Newton solve of pixels with terms beyond Lambert's; gloss and metal from several starts, the best counts.
 
 Each round solves with the terms' values and derivatives at the normals of the round before. Roughness and ambient light
-change slowly with the normal, so these rounds converge from anywhere. A highlight does not: beside it the image says
-nothing of where it would be, and a pixel whose highlight was taken for diffuse light stays wrong. So a glossy pixel is
-solved from its Lambertian solution and from where its brightest images would be mirrored, with the normal at the half
-vector of lamp and camera, and the solution of least robust cost is taken.
+change slowly with the normal, so these rounds converge from anywhere. A highlight does not: beside it the image does
+not show where it would be, and a pixel whose highlight was taken for diffuse light stays wrong. So a glossy pixel is
+solved from its Lambertian solution, and from the half vectors of the camera and the lamps of its brightest images, the
+normals that would mirror these. The solution of least robust cost is taken.
 """
 
 from collections.abc import Callable
@@ -25,12 +25,12 @@ ROUNDS = 3
 
 METAL_ROUNDS = 6
 """The same for metal, whose Lambertian solution is of little use. Without noise (α = 0.35, eight lights, slants to 34°)
-three rounds from three images leave 3.8°, six rounds 0.6°, from five images 0.1°."""
+the error is 3.8° by three rounds from three images, 0.6° by six rounds, and 0.1° from five images."""
 
 HIGHLIGHT_STARTS = 2
-"""Images, the brightest first, whose half vector is another start of a glossy pixel's normal. On a knot and a turned
-profile (design seed 2, α = 0.16, eight lights, known depth) the mean error is 5.1° and 5.8° without, 3.1° and 3.2° with
-two; a third changes nothing."""
+"""Images, the brightest first, whose half vectors are further starts of a glossy pixel's normal. On a knot and a turned
+profile (design seed 2, α = 0.16, eight lights, known depth) the mean error is 5.1° and 5.8° without any, 3.1° and 3.2°
+with two; a third changes nothing."""
 
 METAL_STARTS = 4
 """Images that give starts on metal."""
@@ -38,9 +38,9 @@ METAL_STARTS = 4
 
 @dataclass(frozen=True)
 class TermProblem:
-    """Pixels to solve with terms: values and which are clipped (F, N), light vectors (F, 3, N), unit directions to the
-    camera (3, N), noise, the terms, the solve `once` with given values of the terms; values (N,) of white at a mosaic's
-    sites and the pixels' sky view factors (N,), none: ones."""
+    """Pixels to solve with terms. `values` and `clipped` are (F, N), light vectors `light` (F, 3, N), unit directions
+    `view` to the camera (3, N). `once` solves with given values of the terms. `response` (N,) are values of white at a
+    mosaic's sites, `sky` (N,) sky view factors; none: ones."""
 
     values: Float32Array
     clipped: BoolArray
@@ -54,12 +54,12 @@ class TermProblem:
 
 
 def rounds(terms: ImageTerms) -> int:
-    """Solves of a pixel with these terms from one start, one after another."""
+    """Returns the number of successive solves of a pixel with these terms from one start."""
     return METAL_ROUNDS if terms.metal > 0 else ROUNDS
 
 
 def solve(problem: TermProblem) -> Estimate:
-    """The pixels' estimates with their terms: from facing the camera, of gloss and metal from several starts."""
+    """Solves the pixels with their terms, from normals that face the camera; gloss and metal also from others."""
     light = problem.light
     strength = np.maximum(photometry.strength(light), np.float32(1e-9))
     ratio = np.where(problem.clipped, 0, problem.values / strength)
@@ -70,7 +70,7 @@ def solve(problem: TermProblem) -> Estimate:
         return out
     least = _robust_cost(problem, out)
     level = np.maximum(np.median(ratio, axis=0), np.float32(SolveSettings().shadow_threshold) * peak)
-    if problem.terms.metal > 0:  # at the half vector all of the brightest value is the lobe's, F₀/(4α²) high
+    if problem.terms.metal > 0:  # at the half vector the brightest value is all lobe, F₀/(4α²) high
         level = np.float32(4 * problem.terms.metal**2 / microfacet.METAL_F0) * peak
     for image in np.argsort(-ratio, axis=0)[: METAL_STARTS if problem.terms.metal > 0 else HIGHLIGHT_STARTS]:
         toward = np.take_along_axis(light, image[None, None], axis=0)[0]
@@ -83,7 +83,7 @@ def solve(problem: TermProblem) -> Estimate:
 
 
 def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) -> Estimate:
-    """All rounds of solves; the first with the terms `first` at g of `start` (3, N)."""
+    """Runs all rounds of solves, the first one with the terms `first` at g = `start` (3, N)."""
 
     def values(terms: ImageTerms, g: Float32Array, usable: BoolArray) -> TermValues:
         return image_terms.evaluate(terms, g, problem.light, usable, problem.view, problem.response, problem.sky)
@@ -95,7 +95,7 @@ def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) ->
 
 
 def _robust_cost(problem: TermProblem, estimate: Estimate) -> Float32Array:
-    """Sum (N,) over images of Cauchy's loss of the residuals; what counts as shadow costs as an outlier."""
+    """Returns the sum (N,) over images of Cauchy's loss of residuals; what counts as shadow costs as an outlier."""
     strength = photometry.strength(estimate.light) * estimate.albedo
     residual = problem.values - estimate.lambertian() - estimate.term_value
     variance = problem.noise.variance(np.maximum(problem.values, 0), strength) + estimate.highlight_variance
@@ -106,7 +106,7 @@ def _robust_cost(problem: TermProblem, estimate: Estimate) -> Float32Array:
 
 
 def _chosen(where: BoolArray, one: Estimate, other: Estimate) -> Estimate:
-    """`one` at some pixels (N,), elsewhere the `other`; their light vectors and points are the same."""
+    """Returns `one` at some pixels (N,) and the `other` elsewhere; their light vectors and points are the same."""
     names = ("g", "variance", "residual", "weights", "usable")
     parts = {name: np.where(where, getattr(one, name), getattr(other, name)) for name in names}
     return replace(one, **parts, terms=image_terms.chosen(where, one.terms, other.terms))
