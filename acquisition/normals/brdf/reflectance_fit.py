@@ -1,9 +1,9 @@
-"""BRDF fit under many distant lights: GGX lobes per pixel, the form of the diffuse term common to the object.
+"""BRDF fit under many distant lights: GGX lobes of each pixel, and a form of the diffuse term that all pixels share.
 
-In one pixel, the diffuse falloff with the angle of incidence and a tilt of the normal are not separable, but all pixels
-of an object share one falloff at different normals. So of a few forms, Lambert's law, a smooth dielectric's and a rough
-relief's, that one is taken at which a sample of pixels, each with its own best normal and strengths, has the least
-loss (decision 35).
+In one pixel the diffuse fall-off with the angle of incidence cannot be separated from a tilt of the normal, but all
+pixels of an object share one fall-off at different normals. Lambert's law, a smooth dielectric's form and a rough
+relief's are compared: that with the least loss on a sample of pixels, each with its own best normal and strengths, is
+taken (decision 35).
 """
 
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ class ReflectanceFitSettings:
     """Tuned numbers of the fit of a reflectance."""
 
     dark_share: float = tuned(0.2, "of the pixel's brightness")
-    """Share of a pixel's brightness below which a measurement may be light from other surfaces: it is omitted (of the
-    80th percentile, since the largest may be a highlight), and the weights 1/(y + share), y over the median, hardly
-    rise further; they lie between those of constant noise and of noise in proportion to y."""
+    """Share of a pixel's brightness below which a measurement is omitted, because it may be light from other surfaces.
+    Brightness is the 80th percentile, since the largest value may be a highlight. The share also bounds the weights
+    1/(y + share), y over the median, which lie between those of constant noise and of noise in proportion to y."""
 
 
 SETTINGS = ReflectanceFitSettings()
@@ -78,8 +78,8 @@ def fit(
 
 
 def best_diffuse_form(values: Float32Array, clipped: BoolArray, table: FloatArray, initial: Float32Array) -> FloatArray:
-    """The one of DIFFUSE_FORMS (2,) with the least loss at a sample of pixels (N, F), from initial normals (N, 3): the
-    mean logarithm of the pixels' own losses, each with its own best normal and strengths."""
+    """Returns the one of `DIFFUSE_FORMS` (2,) with the least loss on a sample of pixels (N, F), from initial normals
+    (N, 3). The loss is the mean logarithm of the pixels' own losses, each with its own best normal and strengths."""
 
     def loss(form: FloatArray) -> float:
         return float(np.mean(np.log(fit(values, clipped, table, form, initial, iterations=6).loss + 1e-4)))
@@ -88,10 +88,10 @@ def best_diffuse_form(values: Float32Array, clipped: BoolArray, table: FloatArra
 
 
 def neighbour_deviation(normals: Float32Array, pixel_numbers: np.ndarray, width: int) -> Float32Array:
-    """Deviation (N,) in rad of normals (N, 3) from the mean of the two neighbours on either side, times √(2/3).
+    """Returns √(2/3) of the deviation (N,), rad, of normals (N, 3) from the mean of two neighbours on either side.
 
     Constant curvature cancels in that mean; noise, edges and wrong local minima do not. The factor takes off the noise
-    of the neighbours themselves. Of rows and columns the larger counts, zero where a pixel has no such neighbours;
+    of the neighbours themselves. The larger value of row and column counts, zero where a pixel has no such neighbours;
     `pixel_numbers` (N,) are the pixels' numbers in rows of `width`.
     """
     row, column = np.divmod(pixel_numbers, width)
@@ -108,12 +108,12 @@ def neighbour_deviation(normals: Float32Array, pixel_numbers: np.ndarray, width:
 
 
 def usable(values: Float32Array, clipped: BoolArray) -> BoolArray:
-    """Mask (N, F) of the measurements that are used: neither clipped nor dark."""
+    """Returns the mask (N, F) of the measurements that are used: neither clipped nor dark."""
     return (values >= np.quantile(values, 0.8, axis=1, keepdims=True) * SETTINGS.dark_share) & ~clipped
 
 
 def diffuse(normals: np.ndarray, table: FloatArray, diffuse_form: FloatArray) -> Float32Array:
-    """Brightness (N, F) of the diffuse term of strength 1 at normals (N, 3)."""
+    """Returns the brightness (N, F) of the diffuse term of strength 1 at normals (N, 3)."""
     return _basis(normals, table, diffuse_form)[:, 0]
 
 

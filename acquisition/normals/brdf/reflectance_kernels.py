@@ -1,13 +1,13 @@
 """Joint fit of normal and BRDF per pixel: a diffuse term and GGX lobes with non-negative strengths.
 
-A camera near the lights' axis sees angles between half vector and light below 30°, where Fresnel's factor is constant
-and the reflectance of an isotropic material is a function of n·l, n·h and n·v only. Its specular part is then a
-non-negative sum of lobes in n·h of fixed roughness, which represents long and short tails of real lobes. So for a given
-normal the model is linear in non-negative strengths, and only the two tangential directions of the normal are left to
-search: variable projection (Golub & Pereyra 1973, Kaufman 1975) with Levenberg–Marquardt.
+A camera near the lights' axis sees angles between half vector and light below 30°. There Fresnel's factor is constant,
+and the reflectance of an isotropic material is a function of n·l, n·h and n·v only. Its specular part is a non-negative
+sum of lobes in n·h of fixed roughness, which represents short and long tails of real lobes. So for a given normal the
+model is linear in non-negative strengths, and only the two tangential directions of the normal have to be searched:
+variable projection (Golub & Pereyra 1973, Kaufman 1975) with Levenberg–Marquardt.
 
-The falloff of the diffuse term with n·l cannot be fitted in each pixel, since it is not separable from a tilt of the
-normal there. Its form is therefore that of the whole object, see `reflectance_fit`.
+The fall-off of the diffuse term with n·l cannot be fitted in each pixel, because it is not separable from a tilt of the
+normal. All pixels of an object share its form (`reflectance_fit`).
 """
 
 import numba
@@ -147,7 +147,7 @@ def _tangents(normal: FloatArray, out: FloatArray) -> None:
 
 @numba.njit("void(float64[::1], float64[:,::1], float64, float64, float64[::1])", cache=True, error_model="numpy")
 def _perturbed(normal: FloatArray, tangent: FloatArray, first: float, second: float, out: FloatArray) -> None:
-    """Normal displaced by two tangential amounts (rad), kept facing the camera (n_z ≥ 0.02 before normalisation)."""
+    """Displaces a normal by two tangential amounts (rad), still facing the camera (n_z ≥ 0.02 before normalisation)."""
     for i in range(3):
         out[i] = normal[i] + first * tangent[0, i] + second * tangent[1, i]
     out[2] = max(out[2], 0.02)
@@ -203,7 +203,7 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     for i in range(3):
         n[i] = start[p, i]
         best[i] = n[i]
-    if used == 0:  # nothing tells, and there is no spread of residuals either
+    if used == 0:  # without measurements there is no spread of residuals either
         normals[p] = start[p]
         strengths[p] = 0
         statistics[p, 0], statistics[p, 1], statistics[p, 2] = 0, 0, np.inf

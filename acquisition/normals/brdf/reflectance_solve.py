@@ -1,6 +1,6 @@
 """Solve with a reflectance of its own for each pixel: for materials that no model of the whole object fits.
 
-A metal of a broad lobe, or layers of gloss, leave Lambert's law and one lobe far off, but dozens of distant lights
+Lambert's law and one lobe are far off on a metal of a broad lobe or on layers of gloss, but dozens of distant lights
 determine the lobes of each pixel (`reflectance_fit`). Intensities are those stated, because those found with the wrong
 model absorb its errors.
 """
@@ -17,18 +17,18 @@ from acquisition.normals.images import memory_mapped
 from acquisition.normals.images.normalised_images import Images, row_blocks
 
 HIGHLIGHT_SHARE = 0.1
-"""Share of the albedo by which a highlight exceeds the diffuse light, for the flags alone."""
+"""Share of the albedo by which a highlight exceeds the diffuse light; for the flags alone."""
 
 SAMPLE_PIXELS = 400
-"""Pixels that the shared diffuse parameters are fitted to."""
+"""Pixels that the shared form of the diffuse term is fitted to."""
 
 UNKNOWN_VARIANCE_RAD2 = np.float32(np.radians(60.0) ** 2)
-"""Upper bound of the variance (rad²): 60°."""
+"""Upper bound of the variance, rad²: that of 60°."""
 
 
 def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMap:
-    """Normals, albedo, σ and flags of the pixels of `before` by reflectance fits, block of rows by block of rows, under
-    unit `directions` (F, 3)."""
+    """Solves normals, albedo, σ and flags of the pixels of `before` by reflectance fits, under unit `directions`
+    (F, 3). Blocks of rows are solved one after another."""
     table = reflectance_fit.light_table(directions)
     window = (images.rows, images.columns)
     mask = before.mask[window]
@@ -47,7 +47,7 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
         strength = np.sum(fits.strengths, axis=1)
         found = {
             "normals": fits.normals,
-            # A pixel that is all gloss has a normal too, though next to no diffuse albedo.
+            # A pixel that is all gloss has a normal, too, although almost no diffuse albedo.
             "albedo": np.maximum(fits.strengths[:, 0], np.float32(1e-6) * strength),
             "residual": fits.spread,
         }
@@ -60,8 +60,8 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
         for image, one in zip(flags, classified, strict=True):
             image[window][rows][inside] = one
         memory_mapped.release(flags)
-    # Ambiguity between lobes and diffuse term, and penumbrae, show in deviations from the neighbours, if anywhere.
-    # Noise shows there as well as in the residuals, so that the larger of the two holds both.
+    # Ambiguity between lobes and diffuse term, and penumbrae, show in deviations from the neighbours, if at all. Noise
+    # shows there as well as in the residuals, so that the larger of the two variances covers both.
     apart = reflectance_fit.neighbour_deviation(maps["normals"][window][mask], np.flatnonzero(mask), mask.shape[1])
     total = np.maximum(variance[mask], apart**2) + np.float32(photometry.SETTINGS.flat_field_sigma**2)
     maps["sigma_deg"][window][mask] = np.degrees(np.sqrt(np.minimum(total, UNKNOWN_VARIANCE_RAD2)))
@@ -73,7 +73,7 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
 
 
 def _measurements(images: Images, rows: slice, chosen: np.ndarray) -> tuple[Float32Array, BoolArray]:
-    """Values and clipped measurements (K, F) at pixels of rows of the window by their numbers."""
+    """Returns values and clipped measurements (K, F) at pixels of rows of the window, by their numbers."""
     block = images.read(rows.start, rows.stop)
     values = block.values.reshape(len(block.values), -1)[:, chosen].T
     clipped = block.clipped.reshape(len(block.clipped), -1)[:, chosen].T
@@ -81,8 +81,8 @@ def _measurements(images: Images, rows: slice, chosen: np.ndarray) -> tuple[Floa
 
 
 def _sample(images: Images, mask: BoolArray) -> tuple[Float32Array, BoolArray, np.ndarray, np.ndarray]:
-    """Values and clipped measurements (K, F) of about SAMPLE_PIXELS pixels from evenly spread rows, and the rows (K,)
-    and columns (K,) of these."""
+    """Returns values and clipped measurements (K, F) of about `SAMPLE_PIXELS` pixels, and their rows and columns (K,).
+    The pixels are on evenly spread rows."""
     lines = np.flatnonzero(np.any(mask, axis=1))
     lines = lines[np.linspace(0, len(lines) - 1, min(len(lines), 48)).astype(int)]
     rng = np.random.default_rng(0)
@@ -99,7 +99,7 @@ def _flags(
     values: Float32Array, clipped: BoolArray, diffuse: Float32Array, fits: reflectance_fit.ReflectanceFits,
     directions: FloatArray,
 ) -> np.ndarray:  # fmt: skip
-    """Flags (F, K), as in `models.result`; the sign of n·l tells attached shadows from cast ones."""
+    """Returns the flags (F, K) as in `models.result`; the sign of n·l distinguishes attached from cast shadows."""
     lit = reflectance_fit.usable(values, clipped)
     highlight = lit & (values > diffuse + HIGHLIGHT_SHARE * (diffuse + fits.strengths[:, :1]))
     dark = np.where(fits.normals @ directions.T < 0, ATTACHED, CAST)
