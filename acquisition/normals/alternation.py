@@ -1,10 +1,10 @@
 """Alternating estimation of depth, indirect light, lamps, terms and noise: block-coordinate descent on a coarse grid.
 
-Each quantity is estimated with the others held: per-pixel normals, depth by integration (cut at discontinuities), light
-from other surfaces, lamp intensities and positions with the object's depth and the terms of image formation, and the
-noise scales. None of them needs every pixel, so the loop runs on means over blocks of pixels. Intensities are
-calibrated only after indirect light is gone, which they would absorb otherwise. The noise is estimated last, from the
-residuals that remain.
+Each step estimates one group of quantities and holds the others fixed: the normals of single pixels; depth by
+integration, cut at discontinuities; light from other surfaces; lamp intensities and positions with the object's depth
+and the terms of image formation; and the noise scales. None of them needs every pixel, so the loop runs on means over
+blocks of pixels. Intensities are calibrated after indirect light is subtracted, because they would absorb it. The noise
+is estimated last, from the residuals that remain.
 """
 
 from collections.abc import Callable
@@ -35,12 +35,14 @@ class AlternationSettings:
     """Tuned numbers of the alternation over what all pixels share."""
 
     shift_sigma_m: float = tuned(0.03, "m")
-    """1 σ of the object's mean depth as the caller gives it, m. A judgement. Shifts of 96 Lambertian captures of
-    design seeds by two rings are 50 mm at most, of which half of it would allow 45 (`max_shift_m`)."""
+    """1 σ of the object's mean depth as the caller gives it, m. The shift of the object is limited to three times this
+    (`max_shift_m`). A judgement. Measured: the largest shift of 96 Lambertian captures of design seeds by two rings is
+    50 mm; with half of this value 45 mm would be allowed."""
     least_metal_albedo: float = tuned(0.33, "of the upper quartile")
-    """Albedo of metal below which no lamp counts as mirrored in a pixel. Of eleven captures of metal (design seeds 44
-    and 62, eight lights by two rings) 74 % of such pixels err by more than 15° and 17 % of the others; with 0.2 81 and
-    22 %, with 0.5 51 and 15 %, since surfaces of two albedos then lose half of their pixels."""
+    """Albedo of metal below which no lamp counts as mirrored in a pixel; it then counts as hardly lit. Measured on
+    eleven captures of metal (design seeds 44 and 62, eight lights by two rings): 74 % of such pixels err by more than
+    15°, and 17 % of the others; with 0.2 it is 81 and 22 %; with 0.5 51 and 15 %, because surfaces of two albedos then
+    lose half of their pixels."""
 
     @property
     def max_shift_m(self) -> float:
@@ -54,34 +56,34 @@ MAX_SHIFT_STEP_M = 0.02
 """Largest change of the shift in one Gauss–Newton step, m."""
 
 EXTRA_ROUNDS = 2
-"""Rounds beyond the settings' where indirect light or gloss is significant."""
+"""Rounds beyond `SolveSettings.depth_rounds` if indirect light or gloss is significant."""
 
 CONVERGED_DEG = 0.5
-"""Mean rotation of the normals between rounds, degrees, below which the loop ends: the next would be a fifth of it."""
+"""Mean rotation of the normals between rounds, degrees, below which the loop ends; the next would be a fifth of it."""
 
 INITIAL_DISCONTINUITY_ROUNDS = 4
-"""Rounds of discontinuity detection in the first turn; later turns start from its result with one each."""
+"""Rounds of discontinuity detection in the first turn; each later turn needs one, from the result of the last."""
 
 MAX_COARSE_PIXELS = 12_000
-"""Object pixels of the coarse grid at most, about."""
+"""Approximate upper limit of the coarse grid's object pixels."""
 
 SAMPLE_PIXELS = 2500
-"""Pixels that lamps, terms and noise are estimated from."""
+"""Pixels from which lamps, terms and noise are estimated."""
 
 PROBE_PIXELS = 1000
-"""Pixels for which indirect light is predicted first, to see whether it is significant."""
+"""Pixels for which indirect light is predicted first, to decide whether it is significant."""
 
 
 @dataclass(frozen=True)
 class AlternationResult:
     """The state that the final solve starts from, at N pixels: those of the coarse grid, or interpolated to others.
 
-    Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities;
-    `mixed` (N,), 1 at pixels that are left out of what follows because they mix surfaces, 0 at others; the sky view
-    factors (N,) of pixels, and what shadows say of ambient and stray light; the parameters shared by all pixels; the
-    variance (N,), rad², of the normals by errors that all pixels share and by indirect light; indirect irradiance
-    (F, N) or none where it is insignificant; the median of the pixels' albedo; the noise of coarse pixels; normals
-    (3, M) of the coarse pixels, never others.
+    `continuity_weight` (N,) is 1 where the surface is continuous and 0 at depth discontinuities. `mixed` (N,) is 1 at
+    pixels that are left out of later estimates because they mix surfaces, 0 at others. `sky` (N,) are sky view factors,
+    `shadows` the equations of ambient and stray light from shadows. `shared_variance` (N,), rad², is the variance of
+    the normals by errors that all pixels share and by indirect light. `indirect_irradiance` (F, N) is none if it is
+    insignificant. `typical_albedo` is the median, for metal that of the brighter half. `noise` is that of coarse
+    pixels. `normals` (3, M) are always those of the coarse pixels.
     """
 
     depth_m: Float32Array
@@ -97,7 +99,7 @@ class AlternationResult:
     normals: Float32Array
 
     def resampled(self, interpolate: Callable[[Float32Array], Float32Array]) -> "AlternationResult":
-        """The same at other pixels, to which `interpolate` takes values (..., N)."""
+        """Returns the state at other pixels, to which `interpolate` takes values (..., N)."""
         return replace(
             self,
             depth_m=interpolate(self.depth_m),
@@ -111,8 +113,7 @@ class AlternationResult:
 
 @dataclass(frozen=True)
 class _Sample:
-    """The sample pixels of the shared parameters, their ∂x/∂Z (3, K) and depth (K,), and the scene with nominal lamps
-    and noise."""
+    """Sample pixels for the shared parameters, their ∂x/∂Z (3, K) and depth (K,), and the nominal scene."""
 
     pixels: Pixels
     ray_direction: Float32Array
@@ -122,25 +123,24 @@ class _Sample:
 
 @dataclass(frozen=True)
 class _IndirectLight:
-    """Light from other surfaces: irradiance received and radiance sent to the camera (F, N); none and zero where it is
-    not significant."""
+    """Light from other surfaces (F, N): irradiance received and radiance to the camera; insignificant: none and 0."""
 
     irradiance: Float32Array | None
     radiance: Float32Array
 
 
 def coarse_factor(count: int, multiple: int = 1) -> int:
-    """Block size in pixels of the coarse grid for an object of `count` pixels: 1, or a `multiple` of the side of a
-    mosaic's cell, so that blocks hold all channels in one share."""
+    """Returns the side of the coarse grid's blocks in pixels for an object of `count` pixels. It is 1 or a multiple of
+    `multiple`; with the side of a mosaic's cell, every block holds the channels in the same shares."""
     least = int(np.ceil(np.sqrt(count / MAX_COARSE_PIXELS)))
     return 1 if least <= 1 else multiple * -(-least // multiple)
 
 
 def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Priors) -> AlternationResult:
-    """Block-coordinate descent from depth (N,) in m at the level's coarse pixels.
+    """Runs block-coordinate descent from depth (N,) in m at the level's coarse pixels.
 
-    `scene` has the nominal lamps, the noise of single pixels, and the terms beyond Lambert's to begin with; what all
-    pixels share is estimated with `priors`; the level's table is what surrounds the object.
+    `scene` has the nominal lamps, the noise of single pixels, and the initial terms beyond Lambert's. `priors` are
+    those of the parameters that all pixels share. The level's table is the surroundings of the object.
     """
     coarse = level.coarse
     ray_direction, depth = photometry.ray_directions(coarse.ray), depth_m
@@ -213,8 +213,8 @@ def _integrated(
     coarse: Pixels, normals: Float32Array, variance: Float32Array, depth_m: Float32Array,
     shadows: ShadowImages | None, cuts: int,
 ) -> tuple[Float32Array, Float32Array, bool]:  # fmt: skip
-    """Depth (N,) by integration of normals (3, N) of a variance (N,), rad², from the depth before, its continuity
-    weight (N,), and whether the `shadows` show discontinuities, at which it is cut in so many rounds."""
+    """Integrates normals (3, N) of a variance (N,), rad². If the `shadows` show discontinuities, the surface is cut
+    there in `cuts` rounds. Returns depth (N,), continuity weight (N,), and whether they do."""
     mask = coarse.image(np.ones(len(coarse.index), np.bool_))
     confidence = integration.confidence(variance)
     start = coarse.image(depth_m, float(np.mean(depth_m)))
@@ -228,7 +228,7 @@ def _integrated(
 
 
 def _mean_angle_deg(before: Float32Array, normals: Float32Array) -> float:
-    """Mean angle between unit normals (3, N)."""
+    """Returns the mean angle between two sets of unit normals (3, N)."""
     return float(np.degrees(np.mean(np.arccos(np.clip(np.sum(before * normals, axis=0), -1, 1)))))
 
 
@@ -236,11 +236,9 @@ def _indirect_light(
     level: PyramidLevel, measured: Float32Array, direct: Float32Array, estimate: Estimate, depth_m: Float32Array,
     normals: Float32Array, scene: Scene, *, expected: bool,
 ) -> _IndirectLight:  # fmt: skip
-    """Predicts interreflection from images (F, N); `direct` (F, N) gave the estimate. What its terms say is no diffuse
-    reflection is taken from both.
-
-    Unless it is `expected`, a few pixels decide first whether it is significant.
-    """
+    """Predicts interreflection from `measured` images (F, N); the estimate was solved from `direct` (F, N). The
+    non-diffuse part by the estimate's terms is subtracted from both. Unless indirect light is `expected`, a few pixels
+    decide first whether it is significant."""
     coarse = level.coarse
     lit_by_lamps = measured - estimate.beside_direct_diffuse
     diffuse, direct = measured - estimate.nondiffuse_value, direct - estimate.nondiffuse_value
@@ -272,7 +270,7 @@ def _indirect_light(
 def _shadow_equations(
     coarse: Pixels, sky: Float32Array, values: Float32Array, indirect: Float32Array, estimate: Estimate, scene: Scene
 ) -> ShadowEquations:
-    """`shadow_light.equations`; none where shadows tell nothing."""
+    """Returns `shadow_light.equations`, empty ones if the scene's shadows are not informative."""
     if not scene.shadows_informative:
         return ShadowEquations.none()
     return shadow_light.equations(coarse, sky, values, indirect, estimate, scene.noise)
@@ -282,9 +280,9 @@ def hardly_lit(
     received: Float32Array | None, values: Float32Array, estimate: Estimate, terms: ImageTerms | None,
     typical_albedo: float,
 ) -> BoolArray:  # fmt: skip
-    """`interreflection.hardly_lit` (N,) by the diffuse part of values (F, N); none where
-    no irradiance is `received` (F, N). Of metal, which has no diffuse light, pixels that no lamp is mirrored in: what
-    little they reflect fits a dark surface that mirrors one, and bare metal is of one albedo."""
+    """`interreflection.hardly_lit` (N,) by the diffuse part of values (F, N); no pixel if `received` (F, N) is none.
+    Metal has no diffuse light; there, pixels that mirror no lamp count. Their faint light would fit a dark surface that
+    mirrors one, but bare metal has one albedo, so that a low one shows them."""
     if terms is not None and terms.metal > 0:
         return estimate.albedo < np.float32(SETTINGS.least_metal_albedo * typical_albedo)
     if received is None:
@@ -293,9 +291,9 @@ def hardly_lit(
 
 
 def _mixed(coarse: Pixels, normals: Float32Array, variance: Float32Array, dark: BoolArray) -> BoolArray:
-    """Pixels (N,) that mix surfaces, to which light answers as no term describes: those on a line that is narrower
-    (`error_variance.line_deg`), by normals (3, N) of a variance (N,), rad². None where too few others are left that are
-    not `dark` (N,)."""
+    """Pixels (N,) on a line narrower than a pixel (`error_variance.line_deg`), by normals (3, N) of variance (N,),
+    rad². They mix surfaces, so that no term describes how they reflect light. No pixel counts if fewer than
+    SAMPLE_PIXELS others were left that are not `dark` (N,)."""
     known = coarse.image(np.ones(len(coarse.index), np.bool_))
     variance_deg2 = np.float32(np.degrees(1) ** 2) * coarse.image(variance)
     line = error_variance.line_deg(np.moveaxis(coarse.image(normals), 0, -1), known, variance_deg2)
@@ -304,7 +302,7 @@ def _mixed(coarse: Pixels, normals: Float32Array, variance: Float32Array, dark: 
 
 
 def _typical_albedo(estimate: Estimate, terms: ImageTerms) -> float:
-    """Median albedo; of metal that of the brighter half, since pixels that no lamp is mirrored in may be the other."""
+    """Median albedo; of metal the median of the brighter half, as the others may be pixels that mirror no lamp."""
     median = np.median(estimate.albedo)
     return float(median if terms.metal == 0 else np.median(estimate.albedo[estimate.albedo >= median]))
 
@@ -313,24 +311,24 @@ def _shared_normal_variance(
     estimate: Estimate, shared: SharedParameters, ray_direction: Float32Array, lamps: Float32Array,
     indirect: Float32Array,
 ) -> Float32Array:  # fmt: skip
-    """Variance (N,) in rad² of the normals by errors that pixels share (lamps, depth, terms) or images share (indirect
-    light)."""
+    """Variance (N,), rad², of the normals by errors of lamps, depth and terms, which pixels share, and of indirect
+    light, which images share."""
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, lamps)
     by_parameters = self_calibration.normal_variance(estimate, by_depth, lamps, shared)
     return by_parameters + interreflection.normal_variance(estimate, indirect)
 
 
 def divide_intensity(values: Float32Array, log_intensity: FloatArray) -> Float32Array:
-    """Values (F, N) normalised to lamps of nominal intensity, by log intensity factors (F,)."""
+    """Normalises values (F, N) to lamps of nominal intensity, by log intensity factors (F,)."""
     return values / np.exp(log_intensity).astype(np.float32)[:, None]
 
 
 def _self_calibrate(
     sample: _Sample, values: Float32Array, before: SharedParameters, noise: Noise, stated: Priors, *, hold: bool
 ) -> tuple[SharedParameters, Noise]:
-    """Three Gauss–Newton steps of the shared parameters on K sample pixels, and the noise scales from the residuals.
+    """Takes three Gauss–Newton steps of the shared parameters on K sample pixels; estimates noise from the residuals.
 
-    `values` (F, K) and the sample's depth are those of the parameters `before`; `hold` leaves the lamps as they are.
+    `values` (F, K) and the sample's depth belong to the parameters `before`; `hold` leaves the lamps as they are.
     """
     nominal, depth_sigma_m = sample.nominal, photometry.SETTINGS.integrated_depth_sigma_m
     if len(nominal.lamps) < photometry.OVERDETERMINED:

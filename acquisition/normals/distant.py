@@ -1,8 +1,9 @@
 """Photometric stereo under distant lights: the limit of near light, and plain least squares to compare with.
 
-Camera and lamps stand so far away (`CAMERA_M`, a thousand times the object's size) that directions and irradiance are
-the same all over the object, while depth still casts shadows; `near_light` solves that like any other images. An object
-of unknown scale counts as `OBJECT_SIZE_M` wide and its brightest parts as nearly white, on which only priors depend.
+Camera and lamps are placed so far away (`CAMERA_M`, a thousand times the object's size) that directions and irradiance
+are the same all over the object, while its relief still casts shadows. `near_light` solves these images like any
+others. An object of unknown scale counts as `OBJECT_SIZE_M` wide, and its brightest parts as nearly white; only priors
+and indirect light depend on these two values.
 """
 
 from dataclasses import replace
@@ -34,33 +35,35 @@ Solver = Literal["auto", "ls"]
 
 
 OBJECT_SIZE_M = 0.1
-"""Size that the longer side of an object of unknown scale counts as; shadows do not depend on it."""
+"""Assumed length of the longer side of an object of unknown scale; shadows do not depend on it."""
 
 DIRECTION_SIGMA_RAD = POSITION_SIGMA_M / (4 * OBJECT_SIZE_M)
-"""1 σ of a light's direction: that of near light's default at four object sizes."""
+"""1 σ of a light's direction: the default position error of a near light at four object sizes."""
 
 CAMERA_M, LAMPS_M = 100.0, 90.0
-"""Distances of camera and lamps that stand for infinity: irradiance varies by 0.2 % over the object and directions by
-0.03° at its edges, and single precision still resolves 8 µm of depth. No lamp is where the camera is."""
+"""Distances of camera and lamps from the object that stand for infinity. Irradiance varies by 0.2 % over the object and
+directions by 0.03° at its edges, and single precision still resolves 8 µm of depth. The two differ, so that no lamp is
+at the camera."""
 
 BRIGHT_ALBEDO = 0.8
-"""Albedo that the brightest percent of the object counts as: images do not tell the light's absolute strength."""
+"""Assumed albedo of the brightest percent of the object; images do not determine the light's absolute strength."""
 
 SAMPLE_ROWS = 48
-"""Rows of each image that its brightness is taken from."""
+"""Rows of each image from which its brightness is estimated."""
 
 LUMA = np.array([0.2989, 0.5870, 0.1140])
-"""Weights of R, G, B: luma of ITU-R BT.601, as the field's plain least squares mixes colours."""
+"""Weights of R, G, B: luma of ITU-R BT.601, as usual in photometric stereo by plain least squares."""
 
 
 def solve(images: ImageSet, solver: Solver = "auto", *, keep_steps: bool = False) -> NormalMap:
-    """Solves an image set with DistantLights for normals, albedo, σ and depth; without a mask, where it is lit.
+    """Solves an image set with DistantLights for normals, albedo, σ and depth.
 
-    `auto` is the near-light solver, and where many lights show that no model of it fits, `reflectance_solve`; `ls` is
-    plain least squares of all measurements (Woodham 1980), a baseline. Albedo is the brightness of a surface that faces
-    a light of intensity 1, in fractions of full scale; depth is in pixels, its mean 0 over each connected part
-    (`notes["depth_unit"]`). `keep_steps` lets depth jump where normals disagree with their neighbours, see
-    `integration.depth`. Raises RigError normals.infeasible as `image_set.check` and `solve_stack` do.
+    `auto` uses the near-light solver and, if many lights show that none of its models fits, `reflectance_solve`. `ls`
+    is plain least squares of all measurements (Woodham 1980), a baseline. Without a mask, `silhouette.propose` finds
+    the object where it is lit. Albedo is the brightness of a surface that faces a light of intensity 1, as a fraction
+    of full scale. Depth is in pixels (`notes["depth_unit"]`) and has mean 0 over each connected part. `keep_steps` lets
+    depth jump where normals disagree with their neighbours, see `integration.depth`. Raises RigError normals.infeasible
+    as `image_set.check` and `solve_stack` do.
     """
     check(images)
     notes = {"solver": solver, "depth_unit": "pixel"}
@@ -87,9 +90,9 @@ def solve(images: ImageSet, solver: Solver = "auto", *, keep_steps: bool = False
 
 
 def _unexplained(solved: NormalMap) -> bool:
-    """Whether no model of the whole object fits: by a finding, by residuals beyond what lights' errors explain, or as
-    gloss that is no dielectric's, which has many shapes: of a Gaussian lobe on a ball of 96 lights GGX of any strength
-    leaves 0.69°, lobes of each pixel 0.51°."""
+    """Whether a finding is not corrected, residuals exceed what lights' errors explain, or gloss is no dielectric's.
+    The lobes of such gloss have many shapes: on a ball with a Gaussian lobe under 96 lights GGX of any strength leaves
+    an error of 0.69°, lobes fitted to each pixel 0.51°."""
     return (
         any(not finding.corrected for finding in solved.findings)
         or not solved.notes["lobe"]["dielectric"]
@@ -99,8 +102,8 @@ def _unexplained(solved: NormalMap) -> bool:
 
 
 def from_afar(images: ImageSet) -> ImageSet:
-    """The same images as of near light: a camera and lamps at CAMERA_M and LAMPS_M from the object. Raises RigError
-    normals.infeasible where the lights are no directions."""
+    """Converts the images to near light, with the camera at CAMERA_M and the lamps at LAMPS_M from the object.
+    Raises RigError normals.infeasible if the lights are not directions."""
     lights, (rows, columns) = _distant(images), photometry.bounding_box(images.mask)
     focal = CAMERA_M * max(rows.stop - rows.start, columns.stop - columns.start) / OBJECT_SIZE_M
     middle = (columns.start + columns.stop - 1) / 2, (rows.start + rows.stop - 1) / 2
@@ -126,8 +129,7 @@ def _distant(images: ImageSet) -> DistantLights:
 
 
 def _white(images: ImageSet) -> float:
-    """Value of a white surface that faces a light of intensity 1: the median image's brightest percent has
-    BRIGHT_ALBEDO."""
+    """Returns the value of white facing a light of intensity 1, if BRIGHT_ALBEDO is that of the brightest percent."""
     rows = np.flatnonzero(np.any(images.mask, axis=1))
     rows = rows[np.linspace(0, len(rows) - 1, min(SAMPLE_ROWS, len(rows))).astype(int)].tolist()
     bright: list[float] = []
@@ -138,7 +140,7 @@ def _white(images: ImageSet) -> float:
 
 
 def _least_squares_map(images: ImageSet) -> NormalMap:
-    """Lambertian least squares (Woodham 1980) of the mask's pixels, by blocks of rows; colours are mixed by LUMA."""
+    """Solves the mask's pixels by Lambertian least squares (Woodham 1980), by blocks of rows; LUMA mixes colours."""
     lights, size = _distant(images), (images.height, images.width)
     maps: dict[str, Any] = {name: np.zeros(size, np.float32) for name in ("albedo", "residual", "depth")}
     maps |= {"normals": np.zeros((*size, 3), np.float32), "sigma_deg": np.full(size, np.nan, np.float32)}
@@ -179,8 +181,8 @@ def _least_squares_map(images: ImageSet) -> NormalMap:
 
 
 def _least_squares(values: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Albedo × normal (3, N) of values (F, N) under unit directions (F, 3); the mean square residual (N,) and the
-    variance (N,), rad², of the normals over both tangential directions."""
+    """Solves values (F, N) under unit directions (F, 3) for albedo × normal (3, N). Also returns the mean square
+    residual (N,) and the variance (N,), rad², of the normals over both tangential directions."""
     scaled = np.linalg.pinv(directions) @ values
     squared = np.sum((values - directions @ scaled) ** 2, axis=0)
     inverse, count = np.linalg.inv(directions.T @ directions), len(directions)
@@ -188,6 +190,6 @@ def _least_squares(values: FloatArray, directions: FloatArray) -> tuple[FloatArr
     if count > photometry.PIXEL_UNKNOWNS:
         leverage = np.trace(inverse) - np.einsum("an,ab,bn->n", scaled, inverse, scaled) / power
         variance = squared / (count - photometry.PIXEL_UNKNOWNS) * leverage / power
-    else:  # no residual is left that would tell
+    else:  # no residual is left to estimate the noise from
         variance = np.full_like(power, np.radians(photometry.SETTINGS.unchecked_sigma_deg) ** 2)
     return scaled, squared / count, variance

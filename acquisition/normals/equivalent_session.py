@@ -1,7 +1,7 @@
-"""A folder's solved capture in a session's terms: normal map, shots and calibration, which the planner reads.
+"""A solved folder as a session that the planner can read: normal map, shots and calibration.
 
-Near light has all of it but a calibration, for which `near_light` has defaults; distant light is near light from afar
-(`distant.from_afar`).
+A folder of near light lacks only a calibration, for which `near_light` has defaults. Distant light is converted to near
+light first (`distant.from_afar`).
 """
 
 from dataclasses import dataclass, replace
@@ -19,12 +19,12 @@ from acquisition.normals import near_light
 from acquisition.normals.images.image_set import ImageSet
 
 EXPOSURE = 0.8
-"""Fraction of full scale that the brightest pixels of images from elsewhere count as exposed to."""
+"""Assumed level of the brightest pixels of a folder's images, as a fraction of full scale."""
 
 
 @dataclass(frozen=True)
 class EquivalentSession:
-    """What the planner reads of a capture."""
+    """The parts of a session that the planner reads."""
 
     normal_map: NormalMap
     observations: Observations
@@ -32,7 +32,7 @@ class EquivalentSession:
 
     @property
     def center(self) -> FloatArray:
-        """Mean (3,) of the solved surface's points, m, view frame. Raises RigError normals.infeasible without any."""
+        """Mean (3,) of the solved points, m, view frame. Raises RigError normals.infeasible if there are none."""
         mask, known = self.normal_map.mask, self.calibration
         if not np.any(mask):
             raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no pixel has a normal: check mask and images")
@@ -42,13 +42,13 @@ class EquivalentSession:
 
 
 def of_near(images: ImageSet, normal_map: NormalMap) -> EquivalentSession:
-    """Near-light images and the normal map that they were solved to. Raises RigError normals.infeasible without lights'
-    positions or camera."""
+    """Builds the session of near-light images and the normal map solved from them. Raises RigError normals.infeasible
+    if the lights' positions or the camera are missing."""
     lights = near_light.lights_of(images)
     nothing = EquivalentSession(
         normal_map, Observations(shots=[], darks={}, frames=_NoFrames()), near_light.calibration_of(images)
     )
-    # An image of a lamp of intensity i is one of i s with a lamp of intensity 1 per s.
+    # A lamp of intensity i is equivalent to an exposure of i seconds with a lamp of intensity 1 per second.
     shots = [
         _shot(images, number, lamp_pose.light_at(lights.positions_m[number], nothing.center), float(seconds))
         for number, seconds in enumerate(lights.intensity)
@@ -69,7 +69,7 @@ def _shot(images: ImageSet, number: int, light: Light, exposure_s: float) -> Sho
 
 
 class _NoFrames:
-    """The planner reads no frames, and those of an image set are read by the set."""
+    """Refuses to read frames: the planner reads none, and those of an image set are read through the set."""
 
     def rows(self, frame: FrameRef, start: int, stop: int) -> np.ndarray:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, f"{frame.path}: read it through its image set")

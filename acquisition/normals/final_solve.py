@@ -1,12 +1,14 @@
 """Final solve at full resolution: every pixel once, with σ from its covariance.
 
 The mean of the weak prior is the viewing axis, not the neighbours' normals, which are wrong beside walls and in holes.
-Blocks of rows are solved one after another and put into maps of the whole frame. A pixel depends on its neighbours only
-by which of them are in shadow, once for each time that light is subtracted, so a block solved with as many rows around
-it comes out as all rows together would. So blocks may be solved anywhere (`BlockMap`), by default here in turn. A pixel
-with fewer than two usable lights gets no normal; one with two gets one that the prior decides along one direction, and
-a σ that says so. Then the normals are made those of an integrable surface, σ is evaluated, and uncertain ones go on
-from those around.
+A pixel with fewer than two usable lights gets no normal. With two lights the prior determines the normal along one
+direction, and σ is accordingly large.
+
+Blocks of rows are solved separately, in any process (`BlockMap`). A pixel depends on its neighbours only through which
+of them are in shadow, and this reaches one row further with each solve after light is subtracted. With a margin of as
+many rows on either side, a block gets the same result as all rows together. Afterwards the normals are projected onto
+those of an integrable surface and regressed on their neighbours, σ is evaluated, and uncertain normals are regularised
+by those around.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -29,17 +31,17 @@ from acquisition.normals.uncertainty import error_variance, goodness_of_fit, res
 from acquisition.normals.uncertainty.goodness_of_fit import Fit
 
 PRELIMINARY_ITERATIONS = 3
-"""Iterations of a solve whose albedo and normals only serve to subtract light."""
+"""Iterations of a solve whose albedo and normals serve only to subtract light."""
 
 SAMPLE_PIXELS = 4000
-"""Pixels that the noise is estimated from, and pixels at most whose Fisher information the planner is given."""
+"""Pixels from which the noise is estimated, and most pixels whose Fisher information the planner gets."""
 
 
 @dataclass(frozen=True)
 class PixelSolution:
-    """A final solve of some pixels: the estimate, values of nominal lamps (F, N), the values that it was solved from
-    (F, N), their variance beside the noise model's (F, N), the indirect light that was subtracted (F, N), and which
-    pixels hardly any lamp reaches (N,)."""
+    """Final solve of N pixels: the estimate, `measured` values of nominal lamps (F, N), the `values` that were solved
+    after subtraction of `indirect` light (F, N), their variance beyond the noise model's (F, N), and the pixels that
+    hardly any lamp reaches (N,)."""
 
     estimate: Estimate
     measured: Float32Array
@@ -50,14 +52,13 @@ class PixelSolution:
 
     @property
     def variance(self) -> Float32Array:
-        """Variance (N,), rad², of the normals: of pixels that hardly any lamp reaches that of a random one."""
+        """Variance (N,), rad², of the normals; that of a random normal where hardly any lamp reaches."""
         return np.where(self.hardly_lit, np.float32(photometry.RANDOM_NORMAL_VARIANCE), self.estimate.variance)
 
 
 @dataclass(frozen=True)
 class Block:
-    """Rows of the window that are solved at once, and the numbers (K,) of those of its pixels whose Fisher information
-    is wanted."""
+    """Rows of the window that are solved at once, and numbers (K,) of the pixels that need Fisher information."""
 
     rows: slice
     chosen: np.ndarray
@@ -65,7 +66,7 @@ class Block:
 
 @dataclass(frozen=True)
 class BlockResult:
-    """The solution of a block's own pixels: maps by name (N, ...), flags (F, N), sums of all and of indirect light, and
+    """Solution of a block's own pixels: maps by name (N, ...), flags (F, N), sums of all and of indirect light, and
     Fisher information (K, 4, 4) of the pixels with the numbers `sampled` (K,)."""
 
     maps: dict[str, np.ndarray]
@@ -78,8 +79,8 @@ class BlockResult:
 
 @dataclass(frozen=True)
 class BlockSolver:
-    """Solves blocks, given what all pixels share; picklable. `masked` begins at the row `top` of the window, and holds
-    `margin` rows on either side of the blocks, where the window has them."""
+    """Solves blocks, given what all pixels share; picklable. `masked` begins at the window's row `top` and has `margin`
+    rows on either side of the blocks, as far as the window has them."""
 
     masked: MaskedImages
     level: PyramidLevel
@@ -89,10 +90,10 @@ class BlockSolver:
     top: int = 0
 
     def within(self, rows: slice) -> "BlockSolver":
-        """The same for blocks within some rows of the window: it holds no more than these need."""
+        """Returns a solver of blocks within some rows of the window that holds only what these need."""
         first = max(rows.start - self.top - self.margin, 0)
         last = min(rows.stop - self.top + self.margin, self.masked.mask.shape[0])
-        level = replace(self.level, parts=(), table=None)  # of the estimates that are made already
+        level = replace(self.level, parts=(), table=None)  # needed only by estimates already made
         return replace(self, masked=self.masked.part(slice(first, last)), level=level, top=self.top + first)
 
     def __call__(self, block: Block) -> BlockResult:
@@ -102,28 +103,28 @@ class BlockSolver:
 
 
 BlockMap = Callable[[BlockSolver, Sequence[Block]], Iterable[BlockResult]]
-"""Applies a solver to blocks and gives the results in their order, as `map` does."""
+"""Applies a solver to blocks and returns the results in the order of the blocks, as `map` does."""
 
 
 def noise_sample(count: int) -> np.ndarray:
-    """Random numbers (K,) out of `count` pixels, sorted, for the noise estimate; the seed is fixed."""
+    """Draws the numbers (K,), sorted, of the pixels among `count` that estimate the noise; the seed is fixed."""
     return np.sort(np.random.default_rng(1).permutation(count)[:SAMPLE_PIXELS])
 
 
 @dataclass(frozen=True)
 class SolvedSample:
-    """A sample's pixels (K) that lamps reach and that mix no surfaces, the state there, and their solution."""
+    """Sample pixels (K) that lamps reach and that do not mix surfaces, the state there, and their solution."""
 
     pixels: Pixels
     state: AlternationResult
     solution: PixelSolution
 
     def solved_again(self, scene: Scene) -> PixelSolution:
-        """The solution in another scene: normals and albedo anew, all that pixels share as it is."""
+        """Solves normals and albedo again in another scene; what pixels share stays as it is."""
         return _solve_pixels(self.pixels, self.state, scene)
 
     def fit(self, solution: PixelSolution, stated: image_values.Noise) -> Fit:
-        """Fit of a solution of the sample in the stated noise."""
+        """Returns the goodness of fit of a solution of the sample in the stated noise."""
         ray = self.pixels.ray
         low, high = ray.min(axis=1, keepdims=True), ray.max(axis=1, keepdims=True)
         place = ((ray - low) / np.maximum(high - low, 1e-9))[::-1]
@@ -131,11 +132,11 @@ class SolvedSample:
 
 
 def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> tuple[Scene, SolvedSample]:
-    """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, and the
-    sample with the solution that they are estimated from."""
+    """Estimates noise scales and median albedo from a sample at full resolution: the scene with them, and the solved
+    sample without pixels that hardly any lamp reaches or that mix surfaces."""
 
     def step(noise: image_values.Noise) -> tuple[image_values.Noise, PixelSolution]:
-        """Solves the sample in a noise, and estimates the noise from its residuals."""
+        """Solves the sample with a noise model, and estimates the noise anew from the residuals."""
         solution = _solve_pixels(sample, state, replace(scene, noise=noise))
         estimated = residual_noise.estimate(
             solution.estimate, solution.values, noise, scene.noise, solution.extra_variance
@@ -159,8 +160,8 @@ def solve(
 ) -> NormalMap:  # fmt: skip
     """Solves all object pixels block by block, projects and integrates them; maps of the whole frame (H, W) of `size`.
 
-    `state` is that of the level's coarse pixels; `scene` has lamps and noise as estimated; `capture_sigma_deg`: 1 σ of
-    all normals by what was found of the capture; `sharpened`: the images were; `block_map` solves the blocks.
+    `state` is that of the level's coarse pixels; `scene` has the estimated lamps and noise. `capture_sigma_deg` is 1 σ
+    of all normals due to the capture's findings; `sharpened`: the images were sharpened. `block_map` solves the blocks.
     """
     images, shape = masked.images, masked.mask.shape
     window = (images.rows, images.columns)
@@ -201,7 +202,7 @@ def solve(
         maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window], facing,
         capture_deg=capture_sigma_deg, sharpened=sharpened,
     )  # fmt: skip
-    # That nothing checks a normal of three lights does not make its images tell less.
+    # With fewer than four lights E is taken off again: that nothing checks them does not make images less informative.
     known_deg = np.square(errors.sigma_deg)
     known_deg[lights_used < photometry.OVERDETERMINED] -= photometry.SETTINGS.unchecked_sigma_deg**2
     np.sqrt(np.maximum(known_deg, np.square(maps["sigma_deg"][window]), out=known_deg), out=known_deg)
@@ -260,7 +261,7 @@ def solve(
 
 
 def _empty_maps(size: tuple[int, int]) -> dict[str, np.ndarray]:
-    """Maps (H, W, ...) by name with the values that they have outside of the object."""
+    """Returns maps (H, W, ...) by name with their values outside the object."""
     maps: dict[str, np.ndarray] = {name: np.zeros(size, np.float32) for name in ("albedo", "residual", "indirect")}
     maps |= {name: np.zeros(size, np.bool_) for name in ("mask", "silhouette", "doubtful")}
     maps["normals"] = np.zeros((*size, 3), np.float32)
@@ -269,15 +270,14 @@ def _empty_maps(size: tuple[int, int]) -> dict[str, np.ndarray]:
 
 
 def _integration_inputs(shape: tuple[int, int], *, discontinuous: bool) -> dict[str, np.ndarray]:
-    """Further maps (h, w) of the window that the projection and integration need, with their values outside of the
-    object."""
+    """Returns the window's maps (h, w) that only projection, σ and integration need, with values outside the object."""
     maps: dict[str, np.ndarray] = {name: np.ones(shape, np.float32) for name in ("start", "stated_share")}
     maps |= {"variance": np.zeros(shape, np.float32), "lights": np.zeros(shape, np.uint8)}
     return maps | ({"continuity_weight": np.ones(shape, np.float32)} if discontinuous else {})
 
 
 def _blocks(masked: MaskedImages, samples: np.ndarray) -> list[Block]:
-    """The blocks with object pixels; `samples` (K,), sorted, are the numbers of the pixels of all that are chosen."""
+    """Returns the blocks with object pixels; `samples` (K,), sorted, are the chosen pixels' numbers in the window."""
     found: list[Block] = []
     before = 0
     for rows in masked.blocks():
@@ -290,8 +290,8 @@ def _blocks(masked: MaskedImages, samples: np.ndarray) -> list[Block]:
 
 
 def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockResult:
-    """Solves a block of rows of the solver's images with its margin on either side; `chosen` (K,) of its pixels give
-    their information."""
+    """Solves a block of rows of the solver's images with its margin on either side. The result has the Fisher
+    information of those of its pixels `chosen` (K,) that are solved and that lamps reach."""
     masked, scene, margin = solver.masked, solver.scene, solver.margin
     read = slice(max(rows.start - margin, 0), min(rows.stop + margin, masked.mask.shape[0]))
     pixels = masked.pixels(read)
@@ -315,7 +315,7 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
         "sigma_deg": np.where(solved, sigma, np.nan),
         "mask": solved,
         "silhouette": np.ones_like(solved),
-        # More light from other surfaces than from the lamps: what is predicted of it decides.
+        # With more than half indirect light the normal depends mainly on the prediction of that light.
         "doubtful": solved & ((used < 3) | (share > 0.5) | solution.hardly_lit),
         "variance": solution.variance,
         "start": local.depth_m,
@@ -336,7 +336,7 @@ def _solve_block(solver: BlockSolver, rows: slice, chosen: np.ndarray) -> BlockR
 
 
 def _stated_share(solution: PixelSolution, scene: Scene) -> Float32Array:
-    """Stated over estimated variance (N,), at most 1, mean over the usable measurements of each pixel."""
+    """Mean ratio (N,) of stated to estimated variance, at most 1, over the usable measurements of each pixel."""
     estimate, usable = solution.estimate, solution.estimate.usable
     if scene.stated_noise is None:
         return np.ones(usable.shape[1], np.float32)
@@ -350,7 +350,7 @@ def _stated_share(solution: PixelSolution, scene: Scene) -> Float32Array:
 
 
 def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> PixelSolution:
-    """Solves pixels by fixed-point iteration: indirect light depends on the albedo."""
+    """Solves pixels by fixed-point iteration, because indirect light depends on the albedo."""
     pixels = replace(pixels, sky=state.sky)
     measured = alternation.divide_intensity(pixels.values, state.shared.log_intensity)
     lighting = Lighting.at(pixels, state.depth_m, scene)
@@ -379,7 +379,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
 
 
 def _stratified_sample(count: int) -> np.ndarray:
-    """Stratified sample of at most SAMPLE_PIXELS of `count` pixels: a random one of each run along the rows."""
+    """Draws a stratified sample of at most SAMPLE_PIXELS of `count` pixels, a random one of each run along the rows."""
     if count <= SAMPLE_PIXELS:
         return np.arange(count)
     edges = np.linspace(0, count, SAMPLE_PIXELS + 1)

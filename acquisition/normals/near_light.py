@@ -1,9 +1,9 @@
 """Near-light images of any source for the session's own solver: normalised values, a camera, uncertainties.
 
-A folder has no sensor model, and mostly no uncertainty of its lights. The sensor's noise is estimated from how
-neighbouring residuals differ, else it is what the image set assumes; so is the uncertainty of the lights, which the
-solver corrects by the residuals. The three channels of colour images are measurements of one normal with an albedo each
-(`colour_channels`).
+A folder has no sensor model and usually states no uncertainty of its lights. The sensor's noise is estimated from
+differences between residuals of neighbouring pixels; if that fails, the image set's assumption stays. The uncertainty
+of the lights is the image set's assumption as well, which the solver corrects by the residuals. The three channels of
+colour images are measurements of one normal with one albedo each (`colour_channels`).
 """
 
 from dataclasses import dataclass, replace
@@ -23,11 +23,11 @@ from acquisition.normals.uncertainty import pixel_noise
 
 
 def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -> NormalMap:
-    """Near-light photometric stereo of images with NearLights and a camera.
+    """Solves images with NearLights and a camera by near-light photometric stereo.
 
-    A mask that is given is taken as the object's whole silhouette; else the object is found in the images. `thorough`
-    as of `Hypothesis`. Raises RigError normals.infeasible as `solve_stack` does, and where lights, camera or depth are
-    missing.
+    A given mask is taken as the object's whole silhouette; otherwise the object is segmented in the images. `thorough`
+    is explained in `Hypothesis`. Raises RigError normals.infeasible as `solve_stack` does, and if lights' positions,
+    camera or depth are missing or no pixel can be solved.
     """
     calibration = calibration_of(images)
     depth = images.rough_depth_m
@@ -55,7 +55,7 @@ def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -
 
 
 def _with_colours(normal_map: NormalMap, images: ImageSet) -> NormalMap:
-    """The result with each channel's albedo (H, W, 3), from lit measurements without highlights."""
+    """Adds each channel's albedo (H, W, 3) to the result, from lit measurements without highlights."""
     light = lights_of(images).of_channels(images.channels)
     colours = np.zeros((images.height, images.width, 3), np.float32)
     for rows in row_blocks(images.height):
@@ -70,7 +70,7 @@ def _with_colours(normal_map: NormalMap, images: ImageSet) -> NormalMap:
 
 
 def windowed_images(images: ImageSet) -> Images:
-    """Normalises the images within the mask's window: y = 1 is a white surface facing the lamp at its reference."""
+    """Normalises the images within the mask's window: y = 1 is white facing the lamp at its reference distance."""
     lights = lights_of(images)
     rows, columns = photometry.bounding_box(images.mask)
     read = images.read_noise_e / images.full_well_e / lights.intensity
@@ -90,7 +90,7 @@ def windowed_images(images: ImageSet) -> Images:
 
 
 def lights_of(images: ImageSet) -> NearLights:
-    """The images' lights. Raises RigError normals.infeasible where they are directions."""
+    """Returns the near lights of the images. Raises RigError normals.infeasible if the lights are directions."""
     if not isinstance(images.lights, NearLights):
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE, "near light needs the lamps' positions, these lights are directions"
@@ -99,14 +99,14 @@ def lights_of(images: ImageSet) -> NearLights:
 
 
 def _quantisation_step(images: ImageSet) -> FloatArray:
-    """Quantisation step (F,) of each image's values; floats have none."""
+    """Returns the quantisation step (F,) of each image's values, 0 for floating-point values."""
     intensity = lights_of(images).intensity
     return np.zeros_like(intensity) if images.full_scale <= 1 else 1 / (images.full_scale * intensity)
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Rows of a window of images, each per unit of its light (F, C), colours combined to one value."""
+    """Reads rows of a window of images, divided by their light (F, C), with colours combined to one value."""
 
     images: ImageSet
     light: FloatArray
@@ -127,9 +127,9 @@ class _Rows:
 
 
 def calibration_of(images: ImageSet) -> Calibration:
-    """Calibration from camera and lights: isotropic lamps.
+    """Builds a calibration with isotropic lamps from an image set's camera and lights.
 
-    Raises RigError normals.infeasible where one of them is missing.
+    Raises RigError normals.infeasible if there is no camera or if the lights are directions.
     """
     lights, camera = lights_of(images), images.camera
     if camera is None:
@@ -157,6 +157,6 @@ def calibration_of(images: ImageSet) -> Calibration:
         ),
         intensity_sigma=lights.intensity_sigma,
         lamp_position_sigma_m=lights.position_sigma_m,
-        made_at="1970-01-01T00:00:00+00:00",  # unknown, and of no use here
+        made_at="1970-01-01T00:00:00+00:00",  # unknown, and not needed here
         valid_days=1.0,
     )

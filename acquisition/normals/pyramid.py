@@ -1,7 +1,7 @@
 """Masked images of a window in blocks of rows, and the coarse level of their pyramid.
 
-Only a block of rows of the images is held at a time. The coarse grid and a sample of full-resolution pixels are
-gathered in one pass over them.
+Only one block of rows of the images is held at a time. One pass over them gathers both the coarse grid and a sample of
+full-resolution pixels.
 """
 
 from collections.abc import Iterator
@@ -19,16 +19,16 @@ from acquisition.normals.pixels import resampling
 from acquisition.normals.pixels.pixel_solve import Pixels
 
 BLOCK_VALUES = 1 << 22
-"""Values of all images in a block; the final solve takes about ninety bytes for each."""
+"""Number of values of all images in a block; the final solve takes about ninety bytes for each."""
 
 MIN_BLOCK_ROWS = 16
-"""Rows of a block at least: a margin above and below is read and solved with each block."""
+"""Least number of rows of a block, because a margin above and below is read and solved with each block."""
 
 
 @dataclass(frozen=True)
 class MaskedImages:
-    """Images with the object's mask (h, w) in their window and each pixel's ray (2, h, w), X/Z and Y/Z; of a mosaic
-    sensor each site's channel (h, w)."""
+    """Images with the object's mask (h, w) in their window, each pixel's ray (2, h, w), X/Z and Y/Z, and, for a mosaic
+    sensor only, the channel (h, w) of each site."""
 
     images: Images
     mask: BoolArray
@@ -43,7 +43,7 @@ class MaskedImages:
         return (slice(start, min(start + step, height)) for start in range(0, height, step))
 
     def part(self, rows: slice) -> "MaskedImages":
-        """The rows of a window as a window of their own, whose images are read through the whole window's."""
+        """Returns some rows as a window of their own, whose images are read through the whole window's reader."""
         whole, channel = self.images, None if self.channel is None else self.channel[rows]
 
         def read(start: int, stop: int) -> ImageBlock:
@@ -70,9 +70,9 @@ class MaskedImages:
         )
 
     def level(self, factor: int, chosen: np.ndarray, table_depth_m: Float32Array | None) -> "PyramidLevel":
-        """Block means on a grid `factor` times coarser, and the pixels with the numbers `chosen` (K,), sorted.
+        """Returns block means on a grid `factor` times coarser, and the pixels with the numbers `chosen` (K,), sorted.
 
-        `table_depth_m` is the depth of what surrounds the object on that grid, none: nothing does.
+        `table_depth_m` is the depth of the object's surroundings on that grid; none: there are no surroundings.
         """
         coarse: list[Pixels] = []
         sample: list[tuple[int, Pixels]] = []
@@ -96,8 +96,8 @@ class MaskedImages:
 
 @dataclass(frozen=True)
 class PyramidLevel:
-    """The object's block means (`coarse`), its surroundings' or none (`table`), and a sample of full-resolution pixels
-    (`parts`, each with the first row of its block)."""
+    """Block means of the object (`coarse`) and of its surroundings, if any (`table`), and a sample of full-resolution
+    pixels (`parts`, those of each block with the block's first row)."""
 
     coarse: Pixels
     factor: int
@@ -121,8 +121,9 @@ class PyramidLevel:
 def albedo_bound(
     masked: MaskedImages, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration
 ) -> Float32Array:
-    """Lower bound of the albedo (h, w) of a surface at depth (h, w): each pixel's largest value as a share of a white
-    surface's, infinite where one is clipped; of a mosaic its least mean over the channels."""
+    """Returns a lower bound of the albedo (h, w) of a surface at depth (h, w): each pixel's largest value as a share of
+    a white surface's, infinite if one is clipped. Of a mosaic it is the least mean over the 2 × 2 cells round the
+    pixel."""
     out = np.empty(masked.mask.shape, np.float32)
     for rows in masked.blocks():
         values, clipped, _ = masked.images.read(rows.start, rows.stop)

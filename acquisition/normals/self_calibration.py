@@ -1,13 +1,13 @@
 """Self-calibration: lamp intensities, lamp positions and the object's depth, estimated by all pixels together.
 
-Each pixel with more than four usable lights has redundant measurements. Its own unknowns (albedo × normal and a depth
-offset) are eliminated (Schur complement); what is left is linear in the few parameters that all pixels share, which are
-stepped by Gauss–Newton with Gaussian priors from the calibration. The depth column keeps wrong depth at discontinuities
-from being explained by wrong intensities. Model errors of neighbouring pixels are correlated, so the pixels'
-information is divided by `effective_sample_divisor` before it meets the priors.
+Each pixel with at least four usable lights has redundant measurements. Its own unknowns (albedo × normal and a depth
+offset) are eliminated (Schur complement). The rest is linear in the few parameters that all pixels share; Gauss–Newton
+steps solve for them with Gaussian priors from the calibration. The depth offset keeps wrong depth at discontinuities
+from being explained by wrong intensities. Model errors of neighbouring pixels are correlated, so the information of the
+pixels is divided by `effective_sample_divisor` before it is combined with the priors.
 
-Lamp positions are unknowns because a lamp that is a millimetre off rotates all normals, and without them its effect is
-explained by intensities: with them errors of smooth objects fall by a twentieth, and those of unlucky draws by a fifth.
+Lamp positions are unknowns because a position error of a millimetre rotates all normals and would otherwise be
+explained by intensities. With them errors of smooth objects fall by a twentieth, those of unlucky draws by a fifth.
 
 Kernels compile at import, into numba's cache.
 """
@@ -29,25 +29,25 @@ from acquisition.normals.pixels.pixel_solve import Estimate
 
 @dataclass(frozen=True)
 class SelfCalibrationSettings:
-    """Tuned numbers of the self-calibration of lamps."""
+    """Tuned number of the self-calibration of lamps."""
 
     effective_sample_divisor: float = tuned(20.0, "pixels")
-    """Pixels whose model errors are correlated, errors of lamp positions included, which all pixels of an image share.
-    With 10 the object's shift is wrong by up to 8 mm where few lights determine it, with 30 discontinuities calibrate
-    worse."""
+    """Number of pixels whose model errors are correlated and which together count as one; errors of lamp positions,
+    which all pixels of an image share, are included. Measured: with 10 the object's shift is wrong by up to 8 mm where
+    few lights determine it; with 30 objects with discontinuities are calibrated worse."""
 
     @property
     def independent_sample(self) -> float:
-        """Measurements among which there are as many independent ones as a statistic needs. With 50 measurements σ_d
-        of a hollow vessel (design seed 20, six lights, 48 pixels) is 0.05 in place of 0.004 rad, and σ of its pixels
-        that no lamp reaches a sixth too small (`tests/unseen/test_hardly_lit.py`)."""
+        """Least number of measurements for a statistic, so that `min_sample` of them are independent. Measured: with
+        only 50, σ_d of a hollow vessel (design seed 20, six lights, 48 pixels) is 0.05 instead of 0.004 rad, and σ of
+        its pixels that no lamp reaches is a sixth too small (`tests/unseen/test_hardly_lit.py`)."""
         return photometry.SETTINGS.min_sample * self.effective_sample_divisor
 
 
 SETTINGS = SelfCalibrationSettings()
 
 SIGMA_FACTORS = np.geomspace(1, 4, 21)
-"""Factors of the stated σ of intensities that `evidence_maximised_sigma` compares."""
+"""Factors of the stated σ of intensities among which `evidence_maximised_sigma` chooses."""
 
 STRONG_EVIDENCE = 3.0
 """Log Bayes factor from which evidence counts as strong (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995)."""
@@ -55,9 +55,12 @@ STRONG_EVIDENCE = 3.0
 
 @dataclass(frozen=True)
 class SharedParameters:
-    """Parameters that all pixels share: log intensity factor per image (F,), each lamp's offset from its nominal
-    position (F, 3) in m, view frame, the object's shift along the rays in m, and the terms beyond Lambert's; and their
-    covariance (4F + 7, 4F + 7): log intensities first, then all x, all y and all z, the shift, and the terms."""
+    """Parameters that all pixels share, and their covariance.
+
+    They are the log intensity factor of each image (F,), each lamp's offset (F, 3) from its nominal position in m, view
+    frame, the object's shift along the rays in m, and the terms beyond Lambert's. The covariance (4F + 7, 4F + 7) has
+    the log intensities first, then all x, all y and all z, the shift, and the terms.
+    """
 
     log_intensity: FloatArray
     lamp_offset_m: FloatArray
@@ -67,12 +70,12 @@ class SharedParameters:
 
     @classmethod
     def nominal(cls, count: int) -> "SharedParameters":
-        """The parameters of `count` lamps as calibrated: no offsets, and no covariance yet."""
+        """Returns the parameters of `count` lamps as calibrated: no offsets, and a covariance of zeros."""
         size = 4 * count + 1 + len(fields(ImageTerms))
         return cls(np.zeros(count), np.zeros((count, 3)), 0.0, np.zeros((size, size)))
 
     def lamps(self, nominal: Float32Array) -> Float32Array:
-        """Lamps (F, 6 or 9) at their estimated positions, from `nominal` ones (F, 6 or 9)."""
+        """Moves `nominal` lamps (F, 6 or 9) to their estimated positions."""
         moved = nominal.copy()
         moved[:, :3] += self.lamp_offset_m
         return moved
@@ -80,12 +83,11 @@ class SharedParameters:
 
 @dataclass(frozen=True)
 class Priors:
-    """1 σ of log intensities, lamp positions along each axis in m, the shift in m, and the terms beyond Lambert's; zero
-    holds a parameter fixed.
+    """1 σ of log intensities, lamp positions per axis, m, shift, m, and terms beyond Lambert's; 0 holds a parameter.
 
-    `position_m` is independent from lamp to lamp; on top of it come the errors that all lamps share, where they are not
-    held: `common_position_m` (F, 3, C) is by how much 1 σ of each displaces each lamp, view frame (`lamp_pose`).
-    `shadows` is what shadowed measurements say of ambient and stray light.
+    `position_m` is independent from lamp to lamp. Unless positions are held, errors that all lamps share are added:
+    `common_position_m` (F, 3, C) is the displacement of each lamp, view frame, by 1 σ of each (`lamp_pose`). `shadows`
+    are the equations of ambient and stray light by shadowed measurements.
     """
 
     intensity: float
@@ -96,7 +98,7 @@ class Priors:
     shadows: ShadowEquations = field(default_factory=ShadowEquations.none)
 
     def position_covariance(self, count: int) -> FloatArray:
-        """Covariance (3F, 3F), m², of the positions of `count` lamps: all x, all y, all z."""
+        """Returns the covariance (3F, 3F), m², of the positions of `count` lamps: all x, all y, all z."""
         covariance = self.position_m**2 * np.eye(3 * count)
         if self.common_position_m is None or self.position_m == 0:
             return covariance
@@ -106,10 +108,10 @@ class Priors:
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations of the shared parameters: `matrix` x = `right` (M, M), the prior's `precision` (M, M), what it
-    pulls back by (M,), which are `held` fixed (M,), and which are `terms` (M,).
+    """Normal equations `matrix` x = `right` of a change of the shared parameters, and the prior's `precision` (M, M).
 
-    Log intensities (F) come first, then lamp positions (3F), shift and terms.
+    `before` (M,) are the present parameters, which the prior pulls towards zero; `held` ones are fixed, and `terms`
+    (M,) marks the terms. Log intensities (F) come first, then lamp positions (3F), shift and terms.
     """
 
     matrix: FloatArray
@@ -120,12 +122,13 @@ class Equations:
     terms: BoolArray
 
     def posterior(self) -> tuple[FloatArray, FloatArray]:
-        """Change (M,) of the parameters to the maximum a posteriori, and their covariance (M, M).
+        """Returns the change (M,) of the parameters to the maximum a posteriori, and their covariance (M, M).
 
-        Of lamps and shift images tell `effective_sample_divisor` times as much as they are weighed by, since pixels err
-        by themselves where the model holds: given the terms, the covariance is that of the errors which then remain
-        (sandwich estimator). A term approximates what surfaces do, so that pixels err together. What a model that
-        does not hold adds is `error_variance`'s to say.
+        Where the model holds, the errors of pixels are independent, and the images hold `effective_sample_divisor`
+        times the information on lamps and shift that they are weighted with. Given the terms, the covariance is that of
+        the errors which then remain (sandwich estimator). The terms' own covariance keeps the divisor, because a term
+        only approximates the reflectance and errors are correlated. The contribution of a wrong model is part of
+        `error_variance`.
         """
         total = self.matrix + self.precision
         covariance = np.asarray(np.linalg.inv(total), np.float64)
@@ -141,12 +144,12 @@ def normal_equations(
     estimate: Estimate, by_depth: Float32Array, values: Float32Array, lamps: Float32Array, present: SharedParameters,
     priors: Priors, offset_sigma_m: float, tested: Float32Array | None = None,
 ) -> Equations | None:  # fmt: skip
-    """Linearised least squares of the shared parameters from estimates at K pixels, each pixel's own eliminated.
+    """Linearises least squares of the shared parameters at estimates of K pixels, each pixel's own unknowns eliminated.
 
-    `by_depth` (∂s/∂Z) (F, 3, K), `values` (F, K), `lamps` (F, 6 or 9) as estimated with; what is `present` is already
-    divided out of `values`, and in lamps and depth. Priors pull all towards zero; that of the intensities is widened by
-    `evidence_maximised_sigma`. `tested` (F, L, K) are derivatives by parameters that are held at zero and stand in
-    place of the terms'. None where too few pixels have enough lights.
+    `by_depth` (F, 3, K) is ∂s/∂Z; `values` (F, K) and `lamps` (F, 6 or 9) are those of the estimate. The `present`
+    parameters are already contained in the values (divided out), the lamps and the depth. Priors pull all parameters
+    towards zero; that of the intensities is widened by `evidence_maximised_sigma`. `tested` (F, L, K) are derivatives
+    by parameters that are held at zero and replace the terms. Returns none if too few pixels have enough lights.
     """
     count = len(values)
     enough = np.count_nonzero(estimate.weights > 0, axis=0) >= photometry.OVERDETERMINED
@@ -178,7 +181,7 @@ def normal_equations(
         np.array([1e-6] * photometry.PIXEL_UNKNOWNS + [offset_sigma_m**-2]),
         sums,
     )
-    if len(parameters):  # ambient light and offset stand second and third
+    if len(parameters):  # ambient light and offset are the second and third term
         elsewhere, shadows = slice(4 * count + 2, 4 * count + 4), priors.shadows
         said = np.array([present.terms.ambient, present.terms.offset])
         sums[elsewhere, elsewhere] += shadows.matrix
@@ -201,10 +204,9 @@ def gauss_newton_step(
     estimate: Estimate, by_depth: Float32Array, values: Float32Array, lamps: Float32Array, present: SharedParameters,
     priors: Priors, offset_sigma_m: float,
 ) -> SharedParameters:  # fmt: skip
-    """Gauss–Newton step of the shared parameters from estimates at K pixels: the fields of the result are changes, but
-    the covariance, which is that after the step.
+    """Returns a Gauss–Newton step of the shared parameters from estimates at K pixels, as changes of the fields.
 
-    Arguments as of `normal_equations`.
+    The covariance is that after the step. Arguments are those of `normal_equations`.
     """
     count = len(values)
     nothing = SharedParameters.nominal(count)
@@ -228,7 +230,7 @@ def gauss_newton_step(
 
 
 def position_derivative(estimate: Estimate, lamps: Float32Array) -> Float32Array:
-    """Derivatives of values (F, 3, K) by lamp positions, per m; lamps (F, 6 or 9) keep facing the object."""
+    """Derivatives (F, 3, K) of values by lamp positions, per m; lamps (F, 6 or 9) keep facing the object."""
     away = lamps[:, :3, None] - estimate.point
     square = np.sum(away * away, axis=1, keepdims=True)
     strength = np.sqrt(np.sum(estimate.light**2, axis=1, keepdims=True) / square)
@@ -237,12 +239,12 @@ def position_derivative(estimate: Estimate, lamps: Float32Array) -> Float32Array
 
 
 def evidence_maximised_sigma(matrix: FloatArray, right: FloatArray, others: FloatArray, stated: float) -> float:
-    """Evidence maximisation (MacKay 1992, Bayesian interpolation) of the 1 σ of log intensities.
+    """Estimates the 1 σ of log intensities by evidence maximisation (MacKay 1992, Bayesian interpolation).
 
-    It is `stated`, unless there is STRONG_EVIDENCE of a larger one. The images' normal equations `matrix` x = `right`
-    are in the log intensities (F,) and then the other shared parameters (M,), of which the prior has precision `others`
-    (M, M). These are marginalised, and so are the intensities, for each σ. Directions that images do not determine, the
-    scale of all intensities and the tilt of a plane, add no evidence.
+    The `stated` value stays unless there is STRONG_EVIDENCE of a larger one. The images' normal equations `matrix` x =
+    `right` are in the log intensities (F,), followed by the other shared parameters (M,), whose prior has the precision
+    `others` (M, M). Both are marginalised for each σ. Directions that images do not determine, such as the scale of all
+    intensities and the tilt of a plane, add no evidence.
     """
     count = len(right) - len(others)
     across, last = matrix[:count, count:], matrix[count:, count:] + others
@@ -258,12 +260,12 @@ def evidence_maximised_sigma(matrix: FloatArray, right: FloatArray, others: Floa
 
 
 def _precision(sigma: FloatArray) -> FloatArray:
-    """Precision of priors from their σ; zero holds a parameter fixed."""
+    """Returns the precision of priors from their σ; zero holds a parameter fixed."""
     return np.where(sigma > 0, 1.0 / np.maximum(sigma, 1e-12) ** 2, 1e18)
 
 
 def _position_precision(priors: Priors, count: int) -> FloatArray:
-    """Precision (3F, 3F) of the prior of the lamps' positions."""
+    """Returns the precision (3F, 3F) of the prior of the lamps' positions."""
     if priors.position_m == 0:
         return np.diag(_precision(np.zeros(3 * count)))
     return np.asarray(np.linalg.inv(priors.position_covariance(count)), np.float64)
@@ -272,10 +274,10 @@ def _position_precision(priors: Priors, count: int) -> FloatArray:
 def normal_variance(
     estimate: Estimate, by_depth: Float32Array, lamps: Float32Array, shared: SharedParameters
 ) -> Float32Array:
-    """First-order propagation of errors of the shared parameters to the normals: variance (N,), rad², both tangential
-    directions.
+    """Propagates errors of the shared parameters to the normals, to first order.
 
-    `by_depth` (∂s/∂Z) (F, 3, N); lamps (F, 6 or 9) as estimated.
+    Returns the variance (N,), rad², over both tangential directions. `by_depth` (F, 3, N) is ∂s/∂Z; lamps (F, 6 or 9)
+    are the estimated ones.
     """
     of_each_lamp = [
         estimate.by_lamps,
@@ -315,9 +317,9 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
 ) -> None:
     """Sums the normal equations of the shared parameters, each pixel's own unknowns eliminated (Schur complement).
 
-    With a pixel's whitened rows O (F, 4) of its own unknowns and C (F, M + 1) of the shared ones and, last, of the
-    residuals, these are CᵀC − CᵀO (OᵀO + prior)⁻¹ OᵀC. Only its own row has anything in a lamp's columns, so that CᵀC
-    is kept lamp by lamp until the end.
+    A pixel has whitened rows O (F, 4) of its own unknowns, and C (F, M + 1) of the shared ones with the residuals as
+    last column; it adds CᵀC − CᵀO (OᵀO + prior)⁻¹ OᵀC. The columns of a lamp are non-zero only in that lamp's row, so
+    CᵀC is summed lamp by lamp and spread at the end.
     """
     count, terms, size = light.shape[0], by_term.shape[1], len(sums)
     lamp_columns, wide = 4 * count, 6 + terms  # columns of the lamps; columns of one of them, and those of all

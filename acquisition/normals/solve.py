@@ -1,8 +1,8 @@
 """Near-light photometric stereo from images to a normal map: window, mask, alternation, final solve.
 
-However many images there are, only a block of rows of them is held: what a pixel shares with distant ones is estimated
-on a coarse grid, whose block means are gathered block by block. So the images are read two or three times: for the
-silhouette where it is not given, for the coarse grid, and for the final solve.
+The solver works on one block of rows at a time, however many images there are. Quantities that distant pixels share are
+estimated on a coarse grid, whose block means are gathered block by block. The images are therefore read two or three
+times: for the silhouette if it is not given, for the coarse grid, and for the final solve.
 """
 
 from dataclasses import dataclass, replace
@@ -34,11 +34,11 @@ from acquisition.normals.uncertainty import sensor_estimate
 
 @dataclass(frozen=True)
 class SolveCheckSettings:
-    """Tuned numbers of the check of what is solved."""
+    """Tuned number of the check that there is an object to solve."""
 
     min_pixels: int = tuned(16, "pixels")
-    """Object pixels below which nothing is solved. A mirror's cap of 32 pixels has a median error below 1.5°
-    (`test_solve_purely_specular_surface_recovers_normals`)."""
+    """Least number of object pixels; with fewer the solve is refused. Measured: the cap of a mirror sphere, 32 pixels,
+    has a median error below 1.5° (`test_solve_purely_specular_surface_recovers_normals`)."""
 
 
 SETTINGS = SolveCheckSettings()
@@ -46,11 +46,11 @@ SETTINGS = SolveCheckSettings()
 
 @dataclass(frozen=True)
 class ObjectPlace:
-    """Where the object is, as known before its images: (H, W) of the calibration's size.
+    """Position of the object as known before its images; maps (H, W) have the calibration's size.
 
-    `depth_m` is its rough depth along OpenCV's z (a number or a map; 30 mm off is fine); `region` where it can be,
-    none: the whole image; `silhouette` which pixels show it, none: they are segmented in the images, within the region;
-    `table_depth_m` the depth of the table it stands on, none: it stands on nothing that reflects light.
+    `depth_m` is its rough depth along OpenCV's z, a number or a map, and may be wrong by 30 mm. `region` is where the
+    object can be; none: the whole image. `silhouette` are the pixels that show it; none: they are segmented in the
+    images, within the region. `table_depth_m` is the depth of the table below it; none: nothing there reflects light.
     """
 
     depth_m: float | Float32Array
@@ -68,13 +68,13 @@ def solve(
     grey_tile: GreyTile | None = None,
     block_map: BlockMap = map,
 ) -> NormalMap:
-    """Solves the images of a session by near-light photometric stereo; the sensor's noise is estimated from them first.
+    """Solves the images of a session by near-light photometric stereo.
 
-    Gain and read noise are estimated from repeated and lamp-off frames where there are enough, else they are the
-    calibration's. `grey_tile` gives each image's intensity, with its σ in place of the calibration's; none: there is
-    none. `block_map` solves the blocks of the final solve, by default one after another in this process. Raises
-    RigError normals.infeasible when fewer than three lights are usable, the lights are parallel or in one plane, or
-    nothing is lit.
+    Gain and read noise are first estimated from repeated and lamp-off frames; if these are too few, the calibration's
+    values stay. `grey_tile`, if there is one, gives the lamp intensity of each image, and its σ replaces the
+    calibration's. `block_map` solves the blocks of the final solve, by default one after another in this process.
+    Raises RigError normals.infeasible if fewer than three lights are usable, the lights are parallel or in one plane,
+    or nothing is lit.
     """
     rows, columns = _window(place.region, calibration.height, calibration.width)
     sensor = sensor_estimate.estimate(observations, calibration, rows, columns)
@@ -113,8 +113,8 @@ def solve_stack(
 ) -> NormalMap:
     """Solves images of any source within their window by near-light photometric stereo.
 
-    `common_lamp_errors_m` (F, 3, C) as of `lamp_pose.common_errors`; `thorough` as of `Hypothesis`. The rest as for
-    `solve`. Raises RigError normals.infeasible as `solve` does.
+    `common_lamp_errors_m` (F, 3, C) are those of `lamp_pose.common_errors`; `thorough` is explained in `Hypothesis`.
+    Other arguments, and errors that are raised, are those of `solve`.
     """
     rows, columns = images.rows, images.columns
     size = (calibration.height, calibration.width)
@@ -164,7 +164,7 @@ def solve_stack(
 
 
 def _window(region: BoolArray | None, height: int, width: int) -> tuple[slice, slice]:
-    """The bounding box of the region."""
+    """Returns the bounding box of the region, rows and columns; without a region the whole image."""
     if region is None:
         return slice(0, height), slice(0, width)
     if region.shape != (height, width) or not np.any(region):
@@ -175,7 +175,7 @@ def _window(region: BoolArray | None, height: int, width: int) -> tuple[slice, s
 
 
 def _centroid(masked: MaskedImages, depth_m: Float32Array) -> Float32Array:
-    """The mean (3,) of the points at a depth (h, w)."""
+    """Returns the mean (3,) of the object's points at a depth (h, w)."""
     if not np.any(masked.mask):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "the mask of the object is empty: draw it round the object")
     total = np.zeros(3)
