@@ -1,5 +1,5 @@
-"""The surface that normals belong to: depth by integration, discontinuities, and what neighbours know of a normal.
+"""The surface that normals belong to: depth, discontinuities, and normals improved by their neighbours.
 
-`integrability`, then `local_regression`, then `markov_field`: a surface's constraint, the noise of all normals, and the
-normals that stay uncertain.
+Three modules improve normals, in this order: `integrability` imposes the constraint of a surface, `local_regression`
+reduces the noise of all normals, and `markov_field` regularises those that stay uncertain.
 """

@@ -1,15 +1,18 @@
 """Weighted least-squares normal integration (Quéau, Durou & Aujol 2018) with depth equations from cast shadows, IRLS.
 
-Least squares over normals alone smears a depth discontinuity that the camera sees edge-on, since no normal shows it.
-Its cast shadow does: the ray from the lamp grazes the occluding edge and ends at the shadow's tip, so that the depth at
-the edge follows from the depth at the tip (shape from shadows). Each run of dark pixels between two sharp borders,
-along the image of the lamp's ray, is such an equation. The tip need not be seen: a shadow may leave the object, or end
-on a wall that hides its end. Its last dark pixel still lies behind the grazing ray, which bounds the depth at the edge
-from one side: a squared hinge in the least squares. Somewhere on the run the surface may be discontinuous: where the
-camera sees it most edge-on, which is the occluding contour of what is round, else right behind the edge. Only there is
-the prior weight of a pair of neighbours lowered, so that the equation lifts the whole surface behind the edge and not
-a single pixel. Discontinuities without a shadow are left to iteratively reweighted least squares (Cauchy weights). The
-grid is coarse, so the sparse normal equations are solved directly.
+Least squares over normals alone smears a depth discontinuity that the camera sees edge-on, because no normal shows it.
+Its cast shadow does: the ray from the lamp grazes the occluding edge and ends at the shadow's tip, so the depth at the
+edge follows from the depth at the tip (shape from shadows). Each run of dark pixels between two sharp borders, along
+the image of the lamp's ray, gives such an equation.
+
+The tip may be invisible, if the shadow leaves the object or ends on a wall that hides its end. The last dark pixel
+still lies behind the grazing ray and bounds the depth at the edge from one side: a squared hinge in the least squares.
+
+The surface may be discontinuous at one place of the run: where the camera sees it most edge-on, which is the occluding
+contour of a round part, else right behind the edge. Only there is the prior weight of a pair of neighbours lowered. The
+equation then lifts the whole surface behind the edge and not a single pixel. Discontinuities without a shadow are left
+to iteratively reweighted least squares (Cauchy weights). The grid is coarse, so the sparse normal equations are solved
+directly.
 """
 
 from dataclasses import dataclass
@@ -31,39 +34,40 @@ class DiscontinuitySettings:
     """Tuned numbers of the search for depth discontinuities."""
 
     shadow_weight: float = tuned(0.03, "1")
-    """Weight of a shadow's depth equation against a normal's slope, half a pixel against three degrees; and of the
-    slope of a pair of neighbours between which it shows that the surface may be discontinuous. Three degrees change a
-    slope by 0.05 where it faces the camera and by 0.10 at 45°: squared ratios to half a pixel are 0.01–0.04."""
+    """Weight of a shadow's depth equation relative to a normal's slope, and of the slope of a pair of neighbours
+    between which a shadow shows that the surface may be discontinuous. It is the squared ratio of errors, three degrees
+    of a normal to half a pixel of a shadow: three degrees change a slope by 0.05 facing the camera and by 0.10 at 45°,
+    which gives 0.01–0.04."""
     robust_scale_px: float = tuned(0.6, "px")
-    """Cauchy scale of the slope error, in pixels, beyond which a pair of neighbours counts as discontinuous. With 1
-    errors of sound captures are 0.996 ± 0.009 of those with it (28 of design seeds 101–104), but of eight objects from
-    which 3 % too much was subtracted (seed 62) two are no longer recognised."""
+    """Cauchy scale of the slope error, in pixels, beyond which a pair of neighbours counts as discontinuous. Measured:
+    with 1 errors of 28 sound captures (design seeds 101–104) are 0.996 ± 0.009 of those with this value, but of eight
+    objects from whose images 3 % too much was subtracted (seed 62) two are no longer recognised."""
     occluding_contour_cosine: float = tuned(0.8, "cosine")
-    """Cosine to the viewing ray below which a surface may be near its occluding contour. With 1 errors are 2–3 % larger
-    on two of two machined parts (design seeds 45 and 62) and those of six other families as they are."""
+    """Cosine to the viewing ray below which a surface may be near its occluding contour. Measured: with 1 errors of
+    both machined parts (design seeds 45 and 62) are 2–3 % larger, and those of six other families unchanged."""
 
 
 SETTINGS = DiscontinuitySettings()
 
 LEAST_LAMP_M = 1e-9
-"""Distance of a lamp from the camera or its plane, m, that counts as none."""
+"""Distance of a lamp from the camera or its plane, m, that counts as zero."""
 
 WEIGHT_FLOOR = 1e-3
-"""Least continuity weight of a pair of neighbours, which keeps the system well conditioned."""
+"""Least continuity weight of a pair of neighbours; it keeps the system well conditioned."""
 
 LEAST_START_WEIGHT = 1e-7
-"""Weight of the starting depth, which makes the system regular."""
+"""Weight of the starting depth; it makes the system regular."""
 
 NEIGHBOUR_SINE = 0.38
-"""Sine of the angle, that of 22.5°, from which a shadow's direction also crosses rows or columns."""
+"""Sine of 22.5°, the angle from which a shadow's direction also crosses rows or columns."""
 
 
 @dataclass(frozen=True)
 class ShadowImages:
     """Images in which cast shadows are sought, at N pixels under F lamps.
 
-    `measured` (F, N) are the values, `estimate` is their present solution, `indirect` (F, N) the indirect radiance in
-    them, and `lamp` (F, 6 or 9) positions and axes in the view frame, m.
+    `measured` (F, N) are the values, `indirect` (F, N) is the indirect radiance in them, `estimate` their present
+    solution, and `lamp` (F, 6 or 9) holds positions and axes in the view frame, m.
     """
 
     pixels: Pixels
@@ -73,12 +77,13 @@ class ShadowImages:
     lamp: Float32Array
 
     def lit_share(self, dark: float) -> Float32Array:
-        """Each pixel's value over its largest one, by strength of the light (F, N), 0–1: less than `dark` in shadow.
+        """Ratio (F, N), 0–1, of each value to the pixel's largest one, per strength of the light; shadows: below
+        `dark`.
 
-        Without highlights but with indirect light: taken out by a depth that is still wrong, it would move all shadow
-        borders the same way, by up to a pixel. Under lamps more slanted than is usual, surfaces that face the camera
-        are as dark as shadows; their share is at least `dark` where direct light is three quarters of what normals and
-        albedo reflect.
+        Highlights are subtracted, but indirect light is not: predicted by a depth that is still wrong, it would move
+        all shadow borders the same way, by up to a pixel. Under very slanted lamps, surfaces that face the camera are
+        as dark as shadows. Their share is set to `dark` at least where direct light exceeds three quarters of what
+        normals and albedo predict.
         """
         light, clipped, ray = self.estimate.light, self.pixels.clipped, photometry.ray_directions(self.pixels.ray)
         strength = np.maximum(photometry.strength(light), np.float32(1e-9))
@@ -94,8 +99,8 @@ class ShadowImages:
 
 @dataclass(frozen=True)
 class _Equations:
-    """log Z at `edge` − log Z at `tip` is `step`, for E pairs of pixels (flat indices in the window), or at most that
-    where it is a `bound`."""
+    """Equations log Z at `edge` − log Z at `tip` = `step`, or ≤ `step` for a `bound`, of E pairs of pixels (flat
+    indices in the window)."""
 
     edge: np.ndarray
     tip: np.ndarray
@@ -103,17 +108,17 @@ class _Equations:
     bound: BoolArray
 
     def contradicted(self, log_depth: np.ndarray, least: float) -> BoolArray:
-        """Which equations (E,) a surface (h w,) misses, and which bounds it exceeds, by more than `least`."""
+        """Marks the equations (E,) that a surface (h w,) misses, and bounds that it exceeds, by more than `least`."""
         residual = log_depth[self.edge] - log_depth[self.tip] - self.step
         return np.where(self.bound, residual, np.abs(residual)) > least
 
     def subset(self, chosen: BoolArray) -> "_Equations":
-        """Those of them that are chosen (E,)."""
+        """Returns the equations that are chosen (E,)."""
         return _Equations(self.edge[chosen], self.tip[chosen], self.step[chosen], self.bound[chosen])
 
     def discontinuities(self, cosine: Float32Array) -> tuple[BoolArray, BoolArray]:
-        """Whether the surface may be discontinuous between a pixel and its neighbour below, and to its right, each
-        (h w,), from its cosine (h, w) to the viewing ray."""
+        """Marks where the surface may be discontinuous between a pixel and its neighbour below, and to its right, each
+        (h w,), from the cosine (h, w) of the surface to the viewing ray."""
         width = cosine.shape[1]
         (row, column), (tip_row, tip_column) = (np.divmod(index, width) for index in (self.edge, self.tip))
         down, across = tip_row - row, tip_column - column
@@ -140,11 +145,11 @@ def discontinuous_depth(
     shadows: ShadowImages, normals: Float32Array, confidence: Float32Array, start_m: Float32Array,
     continuous_m: Float32Array, rounds: int,
 ) -> tuple[Float32Array, Float32Array] | None:  # fmt: skip
-    """Normal integration with shadow equations by `rounds` of IRLS: depth (N,) in m and continuity weight (N,), 0–1.
+    """Integrates normals with shadow equations by `rounds` of IRLS: depth (N,) in m and continuity weight (N,), 0–1.
 
-    None where hardly a shadow contradicts `continuous_m` (N,), the depth from normals alone. `normals` (3, N) in the
-    view frame, `confidence` (N,) 0–1; `start_m` (N,) gives the mean, the shadows' rays and, in a single round, the
-    discontinuities known so far.
+    Returns none if fewer than `min_sample` equations contradict `continuous_m` (N,), the depth from normals alone.
+    `normals` (3, N) are in the view frame, `confidence` (N,) is 0–1. `start_m` (N,) gives the mean depth, the shadows'
+    rays and, for a single round, the discontinuities known so far.
     """
     pixels = shadows.pixels
     equations = _equations(shadows, start_m)
@@ -174,7 +179,7 @@ def discontinuous_depth(
             if iteration == 0 and rounds > 1
             else 1 / (1 + (residual / (2 * photometry.SETTINGS.edge_px)) ** 2)
         )
-        robust = robust * (~equations.bound | (residual > 0))  # a bound that is kept pulls at nothing
+        robust = robust * (~equations.bound | (residual > 0))  # a satisfied bound has no weight
         continuity = np.maximum(slopes.continuity_weight(solution) * prior, WEIGHT_FLOOR)
         solution = _solve(
             np.concatenate([p, tip]),
@@ -192,7 +197,7 @@ def discontinuous_depth(
 
 @dataclass(frozen=True)
 class _Slopes:
-    """Log-depth slopes from normals: log Z at `second` − log Z at `first` is `step`, for M pairs of pixel numbers."""
+    """Log-depth slopes from normals: log Z at `second` − log Z at `first` = `step`, for M pairs of pixel numbers."""
 
     first: np.ndarray
     second: np.ndarray
@@ -203,13 +208,14 @@ class _Slopes:
     pitch: float  # of pixels, in units of the rays
 
     def continuity_weight(self, solution: np.ndarray) -> np.ndarray:
-        """Squared Cauchy weight (M,), 0–1, of each step's residual in a solution (N,): near 0 at discontinuities."""
+        """Returns the squared Cauchy weight (M,), 0–1, of each step's residual in a solution (N,); 0 is
+        discontinuous."""
         residual = (solution[self.second] - solution[self.first] - self.step) * self.cosine**2 / self.pitch
         return 1 / (1 + (residual / SETTINGS.robust_scale_px) ** 2) ** 2
 
 
 def _slopes(pixels: Pixels, normals: Float32Array, confidence: Float32Array) -> _Slopes:
-    """Log-depth slopes of all pairs of neighbours from their mean normal, as in `integration.depth`."""
+    """Returns the log-depth slopes of all pairs of neighbours from their mean normal, as in `integration.depth`."""
     number = pixels.image(np.arange(len(pixels.index)), -1)
     pairs = [(number[:-1].ravel(), number[1:].ravel()), (number[:, :-1].ravel(), number[:, 1:].ravel())]
     p = np.concatenate([pair[0] for pair in pairs])
@@ -237,7 +243,7 @@ def _slopes(pixels: Pixels, normals: Float32Array, confidence: Float32Array) -> 
 
 
 def _solve(p: np.ndarray, q: np.ndarray, step: np.ndarray, weight: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Weighted least squares, by sparse LU, for x (N,) with x_q − x_p ≈ step; x keeps the mean of `start`."""
+    """Solves x_q − x_p ≈ step for x (N,) by weighted least squares and sparse LU; x keeps the mean of `start`."""
     count = len(start)
     weak = np.full(count, LEAST_START_WEIGHT)
     rows = np.concatenate([p, q, p, q, np.arange(count)])
@@ -245,8 +251,8 @@ def _solve(p: np.ndarray, q: np.ndarray, step: np.ndarray, weight: np.ndarray, s
     data = np.concatenate([weight, weight, -weight, -weight, weak])
     matrix = coo_array((data, (rows, columns)), shape=(count, count)).tocsc()
     right = np.bincount(q, weight * step, count) - np.bincount(p, weight * step, count) + weak * start
-    # Symmetric and positive definite: pivoting is not needed, and leaving it out halves the time. Narrow panels take a
-    # fifth less than SuperLU's usual ones: columns of a factor of a grid share few rows.
+    # The matrix is symmetric and positive definite, so pivoting is not needed; leaving it out halves the time. Narrow
+    # panels take a fifth less time than SuperLU's default, because columns of a grid's factor share few rows.
     factors = splu(
         matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, panel_size=2, options={"SymmetricMode": True}
     )
@@ -255,13 +261,14 @@ def _solve(p: np.ndarray, q: np.ndarray, step: np.ndarray, weight: np.ndarray, s
 
 
 def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
-    """Depth equations of all cast shadows: intersection of the grazing lamp ray with the viewing rays at its two ends.
+    """Builds the depth equations of all cast shadows: the grazing lamp ray intersects the viewing rays at both ends.
 
-    `depth_m` (N,) is the present depth, of which that of the shadows' tips is used.
+    Of the present depth `depth_m` (N,), that at the shadows' tips is used.
     """
     pixels = shadows.pixels
     lit = photometry.SETTINGS.grazing_cosine
-    # Light that fades slowly between the two casts no shadow. Images hold `dark` itself, in single precision.
+    # Values that fade slowly from `lit` to `dark` are no shadow border. Images contain `dark` itself, in single
+    # precision.
     dark = float(np.float32(3 * lit / 4))
     share = shadows.lit_share(dark)
     row, column = np.unravel_index(pixels.index, pixels.shape)
@@ -270,7 +277,7 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
     depth_image = pixels.image(depth_m)
     edges, tips, steps, bounds = [], [], [], []
     for shading, position in zip(share, shadows.lamp[:, :3].astype(float), strict=True):
-        if np.linalg.norm(position) <= LEAST_LAMP_M:  # at the camera, which sees none of its shadows
+        if np.linalg.norm(position) <= LEAST_LAMP_M:  # the camera sees no shadow of a lamp at its place
             continue
         lamp_x, lamp_y, lamp_z = position[0], -position[1], -position[2]  # OpenCV's frame
         lamp_z = lamp_z if abs(lamp_z) > LEAST_LAMP_M else LEAST_LAMP_M
@@ -285,7 +292,7 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
         r_tip, r_edge = np.where(wide, near[0], near[1]), np.where(wide, far[0], far[1])
         aim = np.where(wide, lamp_x, lamp_y)
         # Both borders of the shadow lie half a pixel inside the lit pixels. Of many bounds on one edge the tightest
-        # counts, so that each leaves out what is uncertain.
+        # decides, which noise would make too tight; so each bound leaves out the uncertain pixels of the border.
         apart = np.hypot(edge // image.shape[1] - tip // image.shape[1], edge % image.shape[1] - tip % image.shape[1])
         t = z * (r_tip - r_edge) / (r_edge * (lamp_z - z) - (aim - z * r_tip))
         change = 1 + t * (1 - np.where(bound, photometry.SETTINGS.edge_px, 1) / apart) * (lamp_z - z) / z
@@ -307,10 +314,10 @@ def _equations(shadows: ShadowImages, depth_m: Float32Array) -> _Equations:
 def _shadow_runs(  # noqa: PLR0912 - one fused kernel is the point
     share: Float32Array, target_u: float, target_v: float, dark: float, lit: float, border: int, shortest: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Scan for cast shadows towards the lamp's image at (target_u, target_v): lit pixels at their far and near end.
+    """Scans for cast shadows towards the lamp's image at (target_u, target_v): lit pixels at their far and near end.
 
-    `share` (h, w) is each pixel's value over its largest one, −1 outside the object. Flat indices of the occluding
-    edges and of the shadows' tips, and whether it is a bound: from the shadow's last dark pixel, seen tip or not.
+    `share` (h, w) is each pixel's value over its largest one, −1 outside the object. Returns flat indices of occluding
+    edges and shadow tips, and whether they give a bound, from the last dark pixel, whether the tip is visible or not.
     """
     height, width = share.shape
     edges = np.empty(2 * height * width, np.int64)
@@ -319,7 +326,7 @@ def _shadow_runs(  # noqa: PLR0912 - one fused kernel is the point
     count = 0
     for v in range(height):
         for u in range(width):
-            leaves = 0 <= share[v, u] < dark  # where the pixel before it is none of the object's
+            leaves = 0 <= share[v, u] < dark  # if the pixel before it is outside the object
             if not leaves and share[v, u] < lit:
                 continue
             across, down = target_u - u, target_v - v

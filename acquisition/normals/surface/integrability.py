@@ -1,16 +1,16 @@
 """Projection of a normal map onto integrable ones: generalised least squares under the zero-curl constraint.
 
-A normal has two unknowns, a surface only one at each pixel: its slopes along rows and columns are those of one depth,
-so their circulation round any cell of two by two pixels is zero (integrability; Frankot & Chellappa 1988). Pixels are
-solved one by one, without that constraint. A circulation is therefore error, and the least change of all normals in
-the metric of their covariances that removes it takes away half of the variance which pixels do not share. This smooths
-nothing: relief of any fineness is integrable and stays as it is, and an error of the lamps, which tilts all normals
-much as a surface could, stays too.
+A normal has two unknowns, a surface only one at each pixel. The slopes of a surface along rows and columns derive from
+one depth, so their circulation round any cell of 2 × 2 pixels is zero (integrability; Frankot & Chellappa 1988). Pixels
+are solved one by one without this constraint, so a circulation is an error. The projection removes it by the least
+change of all normals in the metric of their covariances. This halves the variance that pixels do not share. It does not
+smooth: relief of any fineness is integrable and is kept. Errors of the lamps stay too, because they tilt all normals
+much as a surface could.
 
-Where a circulation is larger than its noise explains, or where curvature makes a pixel's mean normal differ from its
-mean slope, the constraint of that cell gets a variance of its own: at occluding contours, discontinuities and creases.
-The change is small, so slopes are linear in it, and local, so strips of rows are projected one after another. The dual
-problem, with one multiplier per cell, is solved by Jacobi-preconditioned conjugate gradients.
+At occluding contours, discontinuities and creases, a circulation is larger than its noise explains, or curvature makes
+a pixel's mean normal differ from its mean slope. The constraint of such a cell gets a variance of its own. The change
+is small, so slopes are linearised; it is local, so strips of rows are projected one after another. The dual problem,
+with one multiplier per cell, is solved by Jacobi-preconditioned conjugate gradients.
 
 Kernels compile at import, into numba's cache.
 """
@@ -28,17 +28,18 @@ from acquisition.models.tuned import tuned
 
 @dataclass(frozen=True)
 class IntegrabilitySettings:
-    """Tuned numbers of the projection to integrable normals."""
+    """Tuned number of the projection onto integrable normals."""
 
     curvature_sigma: float = tuned(0.05, "share")
-    """1 σ of the circulation as a share of the slope differences within the cell: pixels are areas, not points. Against
-    0.03 errors of fine relief fall by 2–3 %, those of other objects rise by less than 1 % (November 2026)."""
+    """1 σ of the circulation as a share of the slope differences within the cell, because pixels are areas, not points.
+    A larger value weakens the constraint where the surface is curved. Measured: against 0.03 errors of fine relief fall
+    by 2–3 %, those of other objects rise by less than 1 % (November 2026)."""
 
 
 SETTINGS = IntegrabilitySettings()
 
 ITERATIONS = 10
-"""Iterations of conjugate gradients: noise is local, and after five of them errors fall by less than a hundredth."""
+"""Iterations of conjugate gradients. Noise is local; after five of them errors fall by less than a hundredth."""
 
 TINY = np.finfo(np.float32).tiny
 
@@ -46,10 +47,10 @@ LEAST_COSINE = photometry.SETTINGS.min_view_cosine
 
 
 SAMPLED_CELLS = 20_000
-"""Cells of a strip, about, whose circulations say how large the noise is."""
+"""Approximate number of cells of a strip whose circulations determine the noise ratio."""
 
 STRIP_ROWS, OVERLAP_ROWS = 256, 12
-"""Rows of a strip, and the rows above and below that are solved with it so that strips leave no seam."""
+"""Rows of a strip, and extra rows above and below that are solved with it to avoid seams between strips."""
 
 
 def project_integrable(
@@ -57,12 +58,12 @@ def project_integrable(
 ) -> float:
     """Projects unit normals (H, W, 3), view frame, onto integrable ones by least squares, and lowers their σ, in place.
 
-    It returns the noise ratio, how large the noise that pixels do not share is, a variance, over what `variance` says:
-    by the median of the squared circulations, which no surface has; 1 where there are too few.
+    `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal. `variance`
+    (H, W), rad², is the part of its square by errors that pixels do not share; it is lowered as well. `ray` (2, H, W)
+    are the pixels' rays.
 
-    `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal; `variance`
-    (H, W) in rad² is the part of its square that comes from errors which pixels do not share, and is lowered as well;
-    `ray` (2, H, W) are the pixels' rays.
+    Returns the noise ratio: the variance that pixels do not share by the circulations, over the stated `variance`. It
+    follows from the median of the squared circulations, which a surface does not have, and is 1 if they are too few.
     """
     height, width = variance.shape
     if min(height, width) < 2:
@@ -92,8 +93,9 @@ def project_integrable(
 
 
 def add_variance(sigma_deg: Float32Array, variance: Float32Array, change: Float32Array) -> None:
-    """Adds a change (h, w), rad², of the variance that pixels do not share to that `variance` and to the square of
-    `sigma_deg`, in place; none where σ says that an error comes from too few lights, and is shared."""
+    """Adds a `change` (h, w), rad², of the variance that pixels do not share to `variance` and to `sigma_deg` squared,
+    in place. Nothing is added above `weakly_checked_sigma_deg`: such errors come from too few lights, and are
+    shared."""
     weakly_checked = sigma_deg > photometry.SETTINGS.weakly_checked_sigma_deg
     change = np.where(weakly_checked, 0, change).astype(np.float32)
     sigma_deg[:] = np.degrees(np.sqrt(np.maximum(np.radians(sigma_deg) ** 2 + change, 0)))
@@ -103,10 +105,10 @@ def add_variance(sigma_deg: Float32Array, variance: Float32Array, change: Float3
 def _project_strip(
     normals: Float32Array, variance: Float32Array, ray: Float32Array, pitch: np.float32
 ) -> tuple[Float32Array, Float32Array]:
-    """Projects the normals (h, w, 3) of one strip, in place; the share (h, w) of their variance that is left, and the
-    squared circulations (C,) of some of its cells over what noise makes of them.
+    """Projects the normals (h, w, 3) of one strip, in place; a variance of zero marks a pixel without a normal.
 
-    A variance of zero marks a pixel without a normal.
+    Returns the remaining share (h, w) of their variance, and the squared circulations (C,) of a sample of cells over
+    their expectation by noise.
     """
     height, width = variance.shape
     down, across = (np.gradient(ray, axis=axis) / pitch for axis in (1, 2))
@@ -144,10 +146,10 @@ def _project_strip(
     cache=True, parallel=True, fastmath={"contract", "arcp", "nsz", "reassoc"}, error_model="numpy",
 )  # fmt: skip
 def _slopes(normals: Float32Array, variance: Float32Array, rays: Float32Array, out: Float32Array) -> None:
-    """Slopes of log depth along rows and columns, per pitch, and covariance, from normals: p, q, C_pp, C_pq, C_qq.
+    """Computes the slopes of log depth along rows and columns, per pitch, and their covariance: p, q, C_pp, C_pq, C_qq.
 
-    n·∂(Zr)/∂u = 0 gives p = −n·r_u / n·r; with the tangent t_u = r_u + p r a rotation δn changes it by −t_u·δn / n·r;
-    noise that is isotropic in the tangent plane has the covariance σ²/2 (t·t) / (n·r)². Zero without a normal.
+    n·∂(Zr)/∂u = 0 gives p = −n·r_u / n·r. With the tangent t_u = r_u + p r, a rotation δn changes p by −t_u·δn / n·r.
+    Noise that is isotropic in the tangent plane has the covariance σ²/2 (t·t) / (n·r)². Pixels without a normal get 0.
     """
     height, width = variance.shape
     for i in numba.prange(height):
@@ -179,8 +181,8 @@ def _circulations(
     slope: Float32Array, limit: float, curvature_sigma: float, total: Float32Array, slack: Float32Array,
     inverse: Float32Array,
 ) -> None:  # fmt: skip
-    """Circulation of the slopes round each cell, the variance of its constraint, and 1 / the total variance; `limit` is
-    Cauchy's scale, `curvature_sigma` as in the settings."""
+    """Computes the circulation round each cell, the variance of its constraint, and 1 / the total variance. `limit` is
+    Cauchy's scale, `curvature_sigma` that of the settings."""
     height, width = slope.shape[1:]
     for i in numba.prange(height - 1):
         for j in range(width - 1):
@@ -208,7 +210,7 @@ def _circulations(
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
 def _slope_changes(multiplier: Float32Array, slope: Float32Array, change: Float32Array) -> None:
-    """Change of the slopes (2, h, w) for a multiplier of each cell: covariance times adjoint curl."""
+    """Computes the change of the slopes (2, h, w) by a multiplier of each cell: covariance times adjoint curl."""
     height, width = slope.shape[1:]
     half = np.float32(0.5)
     for i in numba.prange(height):
@@ -224,7 +226,8 @@ def _slope_changes(multiplier: Float32Array, slope: Float32Array, change: Float3
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
 def _apply(change: Float32Array, multiplier: Float32Array, slack: Float32Array, out: Float32Array) -> None:
-    """The dual system's matrix times a multiplier: circulation of the slope changes plus the constraint's variance."""
+    """Multiplies by the dual system's matrix: circulation of the slope changes, plus constraint variance ×
+    multiplier."""
     height, width = change.shape[1:]
     half = np.float32(0.5)
     for i in numba.prange(height - 1):
@@ -243,10 +246,10 @@ def _update_normals(
     normals: Float32Array, rays: Float32Array, slope: Float32Array, change: Float32Array, slack: Float32Array,
     inverse: Float32Array, left: Float32Array,
 ) -> None:  # fmt: skip
-    """Normals of the slopes less their changes, and the share of the variance that this leaves, approximately.
+    """Computes the normals of the slopes less their changes, and approximately the remaining share of their variance.
 
-    Each cell is a measurement of a pixel's slopes, as uncertain as its other three pixels together; these are improved
-    by their own cells meanwhile, hence two thirds of that, which for equal variances gives the exact half.
+    Each cell measures a pixel's slopes with the uncertainty of its other three pixels. These are improved by their own
+    cells as well, so two thirds of their variance count; for equal variances this gives the exact half.
     """
     height, width = left.shape
     for i in numba.prange(height):
@@ -261,7 +264,7 @@ def _update_normals(
             nx, ny, nz = vy * uz - vz * uy, vz * ux - vx * uz, vx * uy - vy * ux
             length = np.sqrt(nx * nx + ny * ny + nz * nz)
             normals[i, j, 0], normals[i, j, 1], normals[i, j, 2] = nx / length, ny / length, nz / length
-            information = np.float32(0)  # from the cells round the pixel, in units of its own
+            information = np.float32(0)  # from the cells round the pixel, in units of the pixel's own
             for a in range(2):
                 for b in range(2):
                     if inverse[i + a, j + b] <= 0:

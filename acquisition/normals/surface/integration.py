@@ -1,14 +1,14 @@
 """Weighted least-squares normal integration (Horn & Brooks 1986; Quéau, Durou & Aujol 2018) on any mask.
 
-With rays r of a perspective (and distorted) image, a plane with normal n satisfies n·r Z = const, so two neighbours p
-and q on it have log Z_q − log Z_p = log(n·r_p / n·r_q). Log depth is therefore linear in the unknowns, whatever the
-lens; orthographic depth is linear without a logarithm. The normal equations are solved by conjugate gradients with a
-DCT Poisson preconditioner (`poisson`). Edges are weighted by the confidence of both ends and by how frontal they are.
+A plane with normal n satisfies n·r Z = const along the rays r of a perspective (and distorted) image. Two neighbours p
+and q on it therefore have log Z_q − log Z_p = log(n·r_p / n·r_q). This is linear in log depth, whatever the lens;
+orthographic depth is linear without a logarithm. The normal equations are solved by conjugate gradients with a DCT
+Poisson preconditioner (`poisson`). Edges are weighted by the confidence of both ends and by how frontal they are.
 
-At depth discontinuities every least-squares surface is wrong by the step. `keep_steps` adds bilateral normal
+At a depth discontinuity any least-squares surface is wrong by the step. The option `keep_steps` adds bilateral normal
 integration (Cao et al., ECCV 2022) by iteratively reweighted least squares: each pixel's one-sided differences are
-weighted towards the side that its own normal agrees with. It is right at discontinuities and a little less exact on
-smooth relief, hence an option.
+weighted towards the side that agrees with its own normal. It is right at discontinuities, but a little less exact on
+smooth relief.
 """
 
 from collections.abc import Callable, Iterator
@@ -25,22 +25,22 @@ from acquisition.normals.surface.poisson import Edges, Poisson
 
 @dataclass(frozen=True)
 class IntegrationSettings:
-    """Tuned numbers of the integration of depth."""
+    """Tuned number of the integration of depth."""
 
     bilateral_sharpness: float = tuned(100.0, "1/px²")
-    """Steepness k of the sigmoid of the bilateral weights, on squared residuals in units of a pixel. Depth of 20 scenes
-    from true normals with 2° of noise errs by 2.03 mm with it, by 1.95 with half, 2.11 with twice, 1.82 with 2.8
-    (design seeds 40–43, scratch evaluation, November 2026); with 2.8 a step between noiseless planes is smoothed as by
-    least squares (`test_integration`)."""
+    """Steepness k of the sigmoid of the bilateral weights, on squared residuals in units of a pixel. A larger value
+    keeps steps sharper; with a small one they are smoothed as by least squares, as with 2.8 a step between noiseless
+    planes (`test_integration`). Measured: depth of 20 scenes from true normals with 2° of noise errs by 2.03 mm, with
+    half of it by 1.95, with twice 2.11, with 2.8 1.82 (design seeds 40–43, scratch evaluation, November 2026)."""
 
 
 SETTINGS = IntegrationSettings()
 
 BILATERAL_ROUNDS = 12
-"""Most iterations of reweighting."""
+"""Largest number of reweightings."""
 
 LEAST_BILATERAL_WEIGHT = 1e-3
-"""Least bilateral weight, which keeps the system well conditioned."""
+"""Least bilateral weight; it keeps the system well conditioned."""
 
 STRIP_ROWS = 128
 """Rows processed at once where each pixel needs many temporaries."""
@@ -50,26 +50,27 @@ def depth(
     normals: Float32Array, mask: BoolArray, ray: Float32Array, confidence: Float32Array, start_m: Float32Array,
     *, continuity_weight: Float32Array | None = None, keep_steps: bool = False,
 ) -> Float32Array:  # fmt: skip
-    """Perspective normal integration in log depth: depth (h, w) in m along OpenCV's z; outside `mask` it is `start_m`.
+    """Integrates normals in log depth: depth (h, w) in m along OpenCV's z of a perspective image.
 
-    `normals` (3, h, w) in the view frame, `ray` (2, h, w), `confidence` (h, w) in 0–1 weighs pixels. Each connected
-    part of the mask keeps the mean log depth that `start_m` (h, w) gives it. Where `continuity_weight` (h, w), 0–1, is
-    below one, that share of the depth differences comes from `start_m`: normals do not show discontinuities.
+    `normals` (3, h, w) are in the view frame, `ray` (2, h, w) are X/Z and Y/Z, and `confidence` (h, w), 0–1, weights
+    pixels. The depth is `start_m` (h, w) outside `mask`, and each connected part of the mask keeps the mean log depth
+    of `start_m`. Normals do not show discontinuities, so depth differences are mixed by `continuity_weight` w (h, w),
+    0–1: the share w comes from the normals, 1 − w from `start_m`.
     """
     log_start = np.log(start_m)
     edges = [_perspective(normals, ray, mask, confidence, axis, keep_steps) for axis in (0, 1)]
     if continuity_weight is not None:
         for axis, along_axis in enumerate(edges):
             _blend_start(along_axis, log_start, continuity_weight, axis)
-    del start_m, confidence, continuity_weight  # of large images each array counts
+    del start_m, confidence, continuity_weight  # frees memory of large images
     pitch = float(np.median(np.abs(np.diff(ray[0], axis=1)))) if keep_steps and mask.shape[1] > 1 else 1.0
     solution = _solve(edges, log_start, mask, pitch if keep_steps else None)
     return np.exp(solution, out=solution)
 
 
 def confidence(variance: Float32Array) -> Float32Array:
-    """Confidence weight of normals, 0–1, from their variance in rad² over both tangential directions: a half where
-    it is that of normals that are weakly checked."""
+    """Confidence weight of normals, 0–1, from their variance, rad², over both tangential directions; a half at
+    `weakly_checked_sigma_deg`."""
     out = variance / np.float32(np.radians(photometry.SETTINGS.weakly_checked_sigma_deg) ** 2)
     out += 1
     np.divide(1, out, out=out)
@@ -80,10 +81,10 @@ def confidence(variance: Float32Array) -> Float32Array:
 def orthographic_depth(
     normals: Float32Array, mask: BoolArray, confidence: Float32Array, *, keep_steps: bool = False
 ) -> Float32Array:
-    """Orthographic normal integration: depth (h, w) away from the camera in pixels.
+    """Integrates normals of an orthographic image: depth (h, w) away from the camera in pixels.
 
-    Its mean is 0 over each connected part of the mask; outside it is 0. `normals` (3, h, w) in the view frame,
-    `confidence` (h, w) in 0–1 weighs pixels.
+    Its mean is 0 over each connected part of the mask; outside the mask it is 0. `normals` (3, h, w) are in the view
+    frame, `confidence` (h, w), 0–1, weights pixels.
     """
     edges = [_orthographic(normals, mask, confidence, axis, keep_steps) for axis in (0, 1)]
     del confidence
@@ -96,12 +97,12 @@ Window = tuple[slice, slice]
 """Rows and columns of an image."""
 
 DepthStep = Callable[[Window, Window, Float32Array, Float32Array, Float32Array], tuple[Float32Array, Float32Array]]
-"""Depth difference between neighbours and its surface's cosine to the ray, from the windows of the first and of the
-second ones and the components of their summed normals."""
+"""Computes the depth differences of neighbours, and the cosine of their surface to the ray, from the windows of the
+first and of the second pixels and the components of their summed normals."""
 
 
 def _ends(axis: int) -> tuple[Window, Window]:
-    """The windows of the first and of the second pixels of all edges along one axis."""
+    """Returns the windows of the first and of the second pixels of all edges along one axis."""
     full = slice(None)
     return (
         ((full, slice(None, -1)), (full, slice(1, None))) if axis else ((slice(None, -1), full), (slice(1, None), full))
@@ -109,7 +110,7 @@ def _ends(axis: int) -> tuple[Window, Window]:
 
 
 def _strips(shape: tuple[int, ...], axis: int) -> Iterator[tuple[slice, Window, Window]]:
-    """The edges along one axis in strips of rows: their rows among the edges, and the windows of both ends."""
+    """Iterates over the edges along one axis in strips: their rows among the edges, and the windows of both ends."""
     down, across = (0, 1) if axis else (1, 0)
     count, columns = shape[0] - down, shape[1] - across
     for start in range(0, count, STRIP_ROWS):
@@ -124,7 +125,7 @@ def _strips(shape: tuple[int, ...], axis: int) -> Iterator[tuple[slice, Window, 
 def _perspective(
     normals: Float32Array, ray: Float32Array, mask: BoolArray, confidence: Float32Array, axis: int, both_ends: bool
 ) -> Edges:
-    """Edges of log depth along one axis."""
+    """Returns the edges of log depth along one axis."""
     rx, ry = ray[0], ray[1]
 
     def step(
@@ -144,7 +145,7 @@ def _perspective(
 
 
 def _blend_start(edges: Edges, log_start: Float32Array, continuity_weight: Float32Array, axis: int) -> None:
-    """Mixes the steps of edges, in place, with those of `log_start` (h, w) where the weight (h, w) is below one."""
+    """Mixes the steps of edges, in place, with those of `log_start` (h, w) where the weight (h, w) is below 1."""
     for rows, first, second in _strips(continuity_weight.shape, axis):
         share = np.minimum(continuity_weight[first], continuity_weight[second])
         discontinuous = (1 - share) * (log_start[second] - log_start[first])
@@ -155,7 +156,7 @@ def _blend_start(edges: Edges, log_start: Float32Array, continuity_weight: Float
 def _orthographic(
     normals: Float32Array, mask: BoolArray, confidence: Float32Array, axis: int, both_ends: bool
 ) -> Edges:
-    """Edges of orthographic depth, in pixels, along one axis."""
+    """Returns the edges of orthographic depth, in pixels, along one axis."""
 
     def step(
         first: Window, second: Window, nx: Float32Array, ny: Float32Array, nz: Float32Array
@@ -170,7 +171,7 @@ def _orthographic(
 def _edges(
     step: DepthStep, normals: Float32Array, mask: BoolArray, confidence: Float32Array, axis: int, both_ends: bool
 ) -> Edges:
-    """Steps and weights of all edges along one axis; with `both_ends` also the steps that each end's normal gives."""
+    """Returns steps and weights of all edges along one axis; with `both_ends` also the steps by each end's normal."""
     size = (mask.shape[0] - (axis == 0), mask.shape[1] - (axis == 1))
     mean, weight = np.empty(size, np.float32), np.empty(size, np.float32)
     ends = (np.empty(size, np.float32), np.empty(size, np.float32)) if both_ends else None
@@ -185,10 +186,8 @@ def _edges(
 
 
 def _solve(edges: list[Edges], start: Float32Array, mask: BoolArray, pitch: float | None) -> Float32Array:
-    """Least-squares solution (h, w), bilateral if `pitch` is given; each connected part keeps the mean of `start`.
-
-    Removes the `edges` from their list.
-    """
+    """Solves least squares (h, w), bilateral if `pitch` is given; each connected part keeps the mean of `start`.
+    Removes the `edges` from their list, to free memory."""
     solver = Poisson(mask)
     original = [] if pitch is None else list(edges)
     solution = solver.solve(edges, start, against_flat=True)
@@ -215,7 +214,7 @@ def _solve(edges: list[Edges], start: Float32Array, mask: BoolArray, pitch: floa
 
 
 def _bilateral(edges: Edges, solution: Float32Array, axis: int, pitch: float) -> Edges:
-    """Bilateral weights (Cao et al. 2022): each pixel's one-sided differences by how its normal fits them."""
+    """Weights each pixel's one-sided differences by how well its normal fits them (bilateral; Cao et al. 2022)."""
     assert edges.ends is not None  # noqa: S101
     first, second = _ends(axis)
     first_step, second_step = edges.ends
@@ -225,7 +224,7 @@ def _bilateral(edges: Edges, solution: Float32Array, axis: int, pitch: float) ->
     backward = np.full(solution.shape, np.nan, np.float32)
     forward[first] = np.where(inside, ((change - first_step) / pitch) ** 2, np.nan)
     backward[second] = np.where(inside, ((change - second_step) / pitch) ** 2, np.nan)
-    # A pixel with a neighbour on one side only has no choice: both sides weigh alike.
+    # Of a pixel with a neighbour on one side only, both sides get the same weight.
     ahead = np.nan_to_num(backward - forward, nan=0.0)
     share = 1 / (1 + np.exp(-np.clip(SETTINGS.bilateral_sharpness * ahead, -30, 30)))
     w1, w2 = share[first] + LEAST_BILATERAL_WEIGHT, (1 - share)[second] + LEAST_BILATERAL_WEIGHT

@@ -1,18 +1,18 @@
-"""Locally weighted regression of a normal map (Cleveland 1979), as far as its noise goes (empirical Bayes, Lee 1980).
+"""Locally weighted regression of a normal map (Cleveland 1979) with shrinkage by its noise (empirical Bayes, Lee 1980).
 
-Each pixel is solved by itself, and its neighbours know much of its normal: a surface is mostly straight or evenly
-curved over a few pixels. So a plane is fitted to each component of the normals around, with the precision of each as
-its weight; Tukey's biweight leaves out what lies beyond a crease, by residuals in units of the noise. How far the
-pixel's own normal goes to that fit is decided by the residuals around: what they are above noise is detail of the
-surface, whose share of all is kept,
+Each pixel is solved by itself, although its neighbours contain information on its normal: most surfaces are flat or
+evenly curved over a few pixels. A plane is therefore fitted to each component of the surrounding normals, weighted by
+their precision. Tukey's biweight of the residuals, in units of the noise, leaves out pixels beyond a crease. The
+pixel's normal n moves towards the fit m,
 
     n' = m + g (n − m),    g = max(χ² − χ₀², 0) / max(χ², χ₀²),
 
-m being the fit at the pixel, χ² the weighted mean of its squared residuals in units of the noise, χ₀² what noise alone
-makes of it. Where images say more than noise does, as of any relief that they resolve, g is near 1 and nothing changes.
+where χ² is the weighted mean of the squared residuals around in units of the noise, and χ₀² its expectation by noise
+alone. Residuals beyond noise are detail of the surface, and g keeps their share. Any relief that the images resolve has
+g near 1 and does not change.
 
-On 112 captures of design seeds 205–225 (eight lights by two rings) errors are 0.888 ± 0.014 of those without it, of
-machined parts 0.77, of reliefs 0.99 (decision 78; scratch evaluation, November 2026).
+Measured on 112 captures of design seeds 205–225 (eight lights by two rings): errors are 0.888 ± 0.014 of those without
+regression, of machined parts 0.77, of reliefs 0.99 (decision 78; scratch evaluation, November 2026).
 
 Kernels compile at import, into numba's cache.
 """
@@ -25,26 +25,26 @@ from acquisition.models.base import Float32Array
 from acquisition.normals.surface import integrability
 
 RADIUS_PX = 3
-"""Pixels to either side that are fitted; time goes with its square. Errors of 112 captures of design seeds 205–225
-(eight lights by two rings) are 0.890 of those without regression, with 2 0.898, of 56 of them with 1 0.93 and with 4
-0.88, reliefs then 0.5 % larger (decision 78; scratch evaluation, November 2026)."""
+"""Pixels to either side that are fitted. Time grows with its square. Measured on 112 captures of design seeds 205–225
+(eight lights by two rings): errors are 0.890 of those without regression, with 2 0.898; on 56 of them with 1 0.93, with
+4 0.88, but reliefs err by 0.5 % more (decision 78; scratch evaluation, November 2026)."""
 
 ROUNDS = 3
-"""Weighted fits, each with the residuals of the one before."""
+"""Number of weighted fits, each with weights from the residuals of the one before."""
 
 LEAST_WEIGHT = 6.0
-"""Sum of biweights below which a fit of three parameters says nothing of its residuals."""
+"""Sum of biweights below which the residuals of a fit of three parameters are not used."""
 
 LEAST_NOISE = 1e-3
-"""Least independent noise, a variance, over what is stated: of images without any."""
+"""Least ratio of independent to stated variance, for images without noise."""
 
 STRIP_ROWS, CHUNK_COLUMNS = 256, 256
-"""Rows that are fitted at once, and columns, whose sums stay in the processor's cache."""
+"""Rows that are fitted at once, and columns, few enough for their sums to stay in the processor's cache."""
 
 
 def noise_mean_square(most: float) -> float:
-    """χ₀²: mean of squared residuals of two components, in units of their variance, under their own biweights: x of an
-    exponential distribution, weighed by (1 − x/m)² below m = `most`; to two digits."""
+    """Returns χ₀², to two digits: the mean squared residual of two components, in units of their variance, under their
+    own biweights. That is the mean of an exponentially distributed x with the weights (1 − x/m)² below m = `most`."""
     tail = np.exp(-most)
     weighted = 1 - 4 / most + 6 / most**2 - (2 / most + 6 / most**2) * tail
     return round(float(weighted / (1 - 2 / most + 2 / most**2 * (1 - tail))), 2)
@@ -53,12 +53,9 @@ def noise_mean_square(most: float) -> float:
 def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, noise_ratio: float) -> float:
     """Regresses unit normals (H, W, 3), view frame, on those around, and changes their σ accordingly, in place.
 
-    It returns the mean share of the independent noise, a variance, that is left.
-
-    `sigma_deg` (H, W) is 1 σ over both tangential directions, NaN where there is no normal, `variance` (H, W) in rad²
-    the part of its square that pixels should not share, both as of `integrability.project_integrable`, which also gives
-    the `noise_ratio`, how large the noise that they do not share is over that: what it lacks is error that neighbours
-    have in common, and stays.
+    `sigma_deg` (H, W), `variance` (H, W), rad², and `noise_ratio` are those of `integrability.project_integrable`. The
+    ratio tells which part of the stated variance is independent from pixel to pixel; the rest is error that neighbours
+    have in common, and stays. Returns the mean remaining share of the independent variance.
     """
     height, width = variance.shape
     radius, total, pixels, most = RADIUS_PX, 0.0, 0, photometry.SETTINGS.outlying_deviations**2
@@ -89,14 +86,15 @@ def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Arr
 (MX, MY, MZ, AX, AY, AZ, DX, DY, DZ, OWN, SQUARES, W, WA, WD, WAA, WAD, WDD, X, Y, Z, XA, YA, ZA, XD, YD, ZD) = (
     np.uint64(row * CHUNK_COLUMNS) for row in range(26)
 )
-"""Where the rows of the buffer begin in which some columns are fitted: planes, at their middle and by slopes across and
-down; the precision of a difference's other side; the sum of squared residuals; normal equations, first the weights."""
+"""Offsets of the rows of the buffer in which some columns are fitted: planes (middle, slopes across and down), the
+precision of what neighbours are compared with, the sum of squared residuals, and the normal equations, the sum of
+weights first."""
 
 CERTAIN = np.float32(1e30)
-"""Precision of what has no noise."""
+"""Precision of a value without noise."""
 
 RIDGE = np.float32(1e-3)
-"""Share of a fit's weight that holds slopes at zero, where neighbours stand in a row."""
+"""Share of a fit's weight that pulls slopes to zero; needed if all neighbours are in one row."""
 
 
 @numba.njit(
@@ -107,9 +105,9 @@ def _add_row(
     buffer: Float32Array, normal: Float32Array, precision: Float32Array, at: np.uint64, area: np.uint64,
     down: np.float32, square: np.float32, count: np.uint64,
 ) -> None:  # fmt: skip
-    """Adds to the normal equations of `count` pixels what the neighbours of each say that stand in a row `down`.
+    """Adds the neighbours that are `down` rows below to the normal equations of `count` pixels.
 
-    The first neighbours begin `at` a place of the flat strip, of which each component takes an `area`. A row's sums are
+    The first neighbour is `at` an index of the flat strip, in which each component takes an `area`. A row's sums are
     formed in registers; one buffer and unsigned offsets show the compiler that nothing overlaps.
     """
     one, zero = np.float32(1), np.float32(0)
@@ -154,7 +152,7 @@ def _add_row(
 
 @numba.njit("float32(float32[::1], uint64)", cache=True, fastmath=True, error_model="numpy")
 def _solve_plane(buffer: Float32Array, j: np.uint64) -> float:
-    """Solves a pixel's normal equations by Cramer's rule; the variance of the middle in units of 1 / weight."""
+    """Solves a pixel's normal equations by Cramer's rule; returns the middle's variance in units of 1 / weight."""
     a, b, c = buffer[W + j] + 1 / CERTAIN, buffer[WA + j], buffer[WD + j]
     d, e, f = buffer[WAA + j] + RIDGE * a, buffer[WAD + j], buffer[WDD + j] + RIDGE * a
     aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
@@ -175,10 +173,10 @@ def _solve_plane(buffer: Float32Array, j: np.uint64) -> float:
 def _fit(
     normal: Float32Array,  # (3, h + 2 radius, w + 2 radius), padded
     precision: Float32Array,  # (h + 2 radius, w + 2 radius), 0 where there is no normal
-    square: np.float32,  # 1 over the squared residual, in σ, from which on nothing counts
+    square: np.float32,  # 1 over the squared residual, in σ, from which the weight is 0
     noise: np.float32,  # χ₀²
     out: Float32Array,  # (3, h, w) unit normals
-    left: Float32Array,  # (h, w) share of the variance that is left
+    left: Float32Array,  # (h, w) remaining share of the variance
 ) -> None:
     """Fits and shrinks all pixels of a strip, some columns of a row at once."""
     (height, width), radius = left.shape, RADIUS_PX

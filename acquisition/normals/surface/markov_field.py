@@ -1,16 +1,18 @@
 """Markov random field on uncertain pixels: iterated conditional modes (Besag 1986) of albedo × normal given neighbours.
 
-A pixel that one or two lamps reach, or one that mixes surfaces, is told by its images along some directions of g =
-albedo × normal and by nothing but a weak prior along the others. There its neighbours know more. Each uncertain pixel
-is moved to the mode of its conditional distribution: its images' normal equations of g, the weak prior on where it was,
-and for each of four neighbours two robust terms (Cauchy), of the change of the normal and of that of the albedo's
-logarithm. How large these changes are is measured where normals are certain, so that a smooth object of one paint gives
-a narrow prior and a carved or painted one hardly any. Pixels at an edge mix what lies on its two sides, and a region
-that few lamps reach may be wide, so neighbours are sought far away first, and then closer by. Certain pixels stay as
-they are, and σ stays too: of what is gained, it would not know how much the neighbours have in common.
+If only one or two lamps reach a pixel, or if it mixes surfaces, its images determine g = albedo × normal along some
+directions; along the others there is only a weak prior. There the neighbours are more informative. Each uncertain pixel
+is moved to the mode of its conditional distribution. This combines the normal equations of g by its images, a weak
+prior on its present g, and for each of four neighbours two robust terms (Cauchy), on the change of the normal and of
+the logarithm of albedo. The usual size of these changes is measured where normals are certain. A smooth object of one
+paint thus gives a narrow prior, a carved or painted one almost none.
 
-What it buys, and what it leaves, is in decision 93. As the prior's mean in the solve of single pixels the neighbours'
-normals gain nothing: beside walls and in holes the nearest are others'.
+Pixels at an edge mix its two sides, and a region that few lamps reach may be wide, so distant neighbours are used
+first, then closer ones. Certain pixels do not change. σ does not change either, because it is unknown how much of their
+errors neighbours have in common.
+
+Decision 93 states what the field improves and what it does not. The neighbours' normals are not used as prior mean of
+the pixel solve: this gains nothing, because beside walls and in holes the nearest ones belong to other surfaces.
 
 Kernels compile at import, into numba's cache.
 """
@@ -27,16 +29,16 @@ from acquisition.normals.pixels import pixel_solve
 
 REACH, SWEEPS = 32, 5
 """The largest distance between neighbours is the window's longer side over REACH; each distance gets SWEEPS sweeps.
-With half or twice as many of either errors change by 0.4 % at most."""
+Measured: with half or twice of either errors change by 0.4 % at most."""
 
 LARGEST_STEP = 0.7
-"""Largest step of g as a share of it, so that it does not change its sign."""
+"""Largest step of g as a share of its length, so that g does not change its sign."""
 
 UNKNOWN = np.float32(1e9)
 """Variance of pixels without a normal."""
 
 STRIP_ROWS, SAMPLED_ROWS = 256, 256
-"""Rows whose equations are read at once, and rows, about, whose changes are measured."""
+"""Rows whose equations are read at once, and approximate number of rows whose changes are measured."""
 
 
 def regularise(
@@ -44,10 +46,10 @@ def regularise(
 ) -> None:
     """Regularises unit normals (H, W, 3), view frame, and albedo (H, W) of uncertain pixels by those around, in place.
 
-    `ray` (2, H, W) are the pixels' rays: normals stay visible. `sigma_deg` (H, W) is 1 σ of what their images tell,
-    with edges and misfit, NaN where there is no normal; uncertain is what is above `unchecked_sigma_deg`. `equations`
-    (H, W, 9) of `memory_mapped.zeros` are the images' normal equations of g, as of `pixel_solve.normal_equations`.
-    Where σ is larger than they explain, they count by the square root of the variances' ratio.
+    `sigma_deg` (H, W) is 1 σ by the images, with edges and misfit, NaN where there is no normal; pixels above
+    `unchecked_sigma_deg` are uncertain. `equations` (H, W, 9), from `memory_mapped.zeros`, are the normal equations of
+    `pixel_solve.normal_equations`. If σ is larger than they explain, they are scaled by the square root of the
+    variances' ratio. `ray` (2, H, W) are the pixels' rays; normals stay visible.
     """
     known = np.isfinite(sigma_deg) & (albedo > 0)
     certain = known & (sigma_deg <= photometry.SETTINGS.unchecked_sigma_deg)
@@ -75,7 +77,7 @@ def regularise(
 
 
 def _of_pixels(equations: Float32Array, chosen: np.ndarray) -> Float32Array:
-    """Those (K, 9) of the pixels with flat numbers `chosen` (K,), sorted, read strip by strip."""
+    """Reads the equations (K, 9) of the pixels with flat numbers `chosen` (K,), sorted, strip by strip."""
     height, width = equations.shape[:2]
     out = np.empty((len(chosen), 9), np.float32)
     for start in range(0, height, STRIP_ROWS):
@@ -89,9 +91,9 @@ def _of_pixels(equations: Float32Array, chosen: np.ndarray) -> Float32Array:
 def _usual_changes(
     normals: Float32Array, albedo: Float32Array, certain: BoolArray, stride: int
 ) -> tuple[float, float] | None:
-    """Variances of the changes of normal, rad², and of log albedo between pixels at a distance along rows and columns;
-    none where too few of these are certain. 1 σ is twice the median, since changes have long tails: errors are the same
-    to 0.4 % with once and three times that."""
+    """Returns the variances of the changes of normal, rad², and of log albedo between certain pixels at a distance
+    `stride` along rows and columns; none if these are too few. 1 σ is twice the median change, because changes have
+    long tails. Measured: errors are the same to 0.4 % with once and three times the median."""
     turns: list[Float32Array] = []
     shades: list[Float32Array] = []
     for axis in (0, 1):
@@ -117,9 +119,9 @@ def _solved(
     m0: np.float32, m1: np.float32, m2: np.float32, m3: np.float32, m4: np.float32, m5: np.float32,
     b0: np.float32, b1: np.float32, b2: np.float32, x: np.float32, y: np.float32, z: np.float32,
 ) -> tuple[np.float32, np.float32, np.float32, np.float32]:  # fmt: skip
-    """Solution of M d = b by LDLᵀ, and the variance of the direction of (x, y, z) by M⁻¹, rad².
+    """Solves M d = b by LDLᵀ; also returns the variance of the direction of (x, y, z) by M⁻¹, rad².
 
-    Pivots are no less than single precision tells from zero: bright highlights weigh 10⁷ times as much as the prior.
+    Pivots are at least what single precision distinguishes from 0: bright highlights have 10⁷ times the prior's weight.
     """
     one, least = np.float32(1), np.float32(1e-6) * (m0 + m3 + m5)
     i0 = one / max(m0, least)
@@ -178,10 +180,10 @@ def _sweep(
     normals: Float32Array, albedo: Float32Array, variance: Float32Array, uncertain: np.ndarray, own: Float32Array,
     stride: int, parity: int, of_normal: float, of_albedo: float, inverse_cauchy2: float,
 ) -> None:  # fmt: skip
-    """One Gauss–Newton step of each uncertain pixel of a parity towards its conditional mode; its variance then.
+    """Moves each uncertain pixel of a parity by a Gauss–Newton step towards its conditional mode; updates its variance.
 
-    A neighbour says as much as its own variance allows. Pixels of one parity are no neighbours of one another, so that
-    their order does not matter.
+    A neighbour is weighted by its own variance. Pixels of one parity are not neighbours, so their order does not
+    matter.
     """
     height, width = albedo.shape
     normal2, albedo2, tail = np.float32(of_normal), np.float32(of_albedo), np.float32(inverse_cauchy2)

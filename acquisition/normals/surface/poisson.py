@@ -1,11 +1,13 @@
 """Weighted least squares on grid edges by conjugate gradients with a discrete-cosine-transform Poisson preconditioner.
 
 On the full rectangle with equal weights, the normal equations are a Poisson equation with Neumann boundary, which two
-cosine transforms solve. With that as preconditioner some ten iterations of SciPy's conjugate gradients do where plain
-ones need hundreds (1 MP: 1.3 s in nine; sparse Cholesky 8.2 s), and any mask's border stays exact. It underrates pixels
-whose edges have little weight, at occluding contours and in what hardly any lamp reaches, by that weight, so Jacobi's
-preconditioner is added to it: without, sixty iterations end 0.06 px off at the normals of two such objects, with 5 %
-of pixels of little weight, with it thirty at 0.005 (rabbit and animal of the path-traced bench, scratch evaluation).
+cosine transforms solve. With this solution as preconditioner, SciPy's conjugate gradients need about ten iterations
+instead of hundreds, and the border of any mask stays exact (1 MP: 1.3 s in nine; sparse Cholesky 8.2 s).
+
+The cosine transforms underrate pixels whose edges have little weight, at occluding contours and where hardly any lamp
+reaches. Jacobi's preconditioner is therefore added. Measured on two objects with 5 % of such pixels: without it sixty
+iterations leave an error of 0.06 px, with it thirty leave 0.005 px (rabbit and animal of the path-traced bench, scratch
+evaluation).
 
 Kernels compile at import, into numba's cache.
 """
@@ -22,21 +24,21 @@ from acquisition.models.base import BoolArray, Float32Array
 
 ITERATIONS = 60
 TOLERANCE = 5e-4
-"""Residual, relative to the starting one, at which the iteration ends."""
+"""Residual, relative to the initial one, at which the iteration ends."""
 
 JACOBI_SHARE = 0.2
-"""Weight of Jacobi's preconditioner beside that of the cosine transforms; from 0.05 to 0.4 iterations are the same."""
+"""Weight of Jacobi's preconditioner beside the cosine transforms; iterations are the same from 0.05 to 0.4."""
 
 SHARED_FROM_PIXELS = 1 << 16
-"""Pixels from which a cosine transform runs on several threads: below, starting them takes longer."""
+"""Pixels from which a cosine transform runs on several threads; for fewer, starting threads takes longer."""
 
 
 @dataclass(frozen=True)
 class Edges:
     """Edges between neighbours along one axis: depth difference and weight of each.
 
-    `step` is from the mean of both normals, `ends` from the first and from the second one (none unless bilateral);
-    `weight` is 0 where an end is outside the mask.
+    `step` follows from the mean of both normals, `ends` from the first and from the second one (none unless bilateral).
+    `weight` is 0 if an end is outside the mask.
     """
 
     step: Float32Array
@@ -45,10 +47,8 @@ class Edges:
 
 
 class Poisson:
-    """Preconditioned conjugate gradients for min Σ w (difference − step)² on the mask's bounding box.
-
-    The box is padded to a size for which cosine transforms are fast.
-    """
+    """Minimises Σ w (difference − step)² by preconditioned conjugate gradients on the mask's bounding box, which is
+    padded to a size for which cosine transforms are fast."""
 
     def __init__(self, mask: BoolArray) -> None:
         self._window = photometry.bounding_box(mask)
@@ -59,15 +59,14 @@ class Poisson:
         self._inside[: inside.shape[0], : inside.shape[1]] = inside
         down, across = ((2 - 2 * np.cos(np.pi * np.arange(length) / length)).astype(np.float32) for length in size)
         self._eigenvalues = down[:, None] + across
-        self._eigenvalues[0, 0] = np.inf  # of the mean, which edges do not determine
+        self._eigenvalues[0, 0] = np.inf  # the mean, which edges do not determine
 
     def solve(self, edges: list[Edges], start: Float32Array, *, against_flat: bool = False) -> Float32Array:
-        """Least-squares solution (h, w) from `start` (h, w), whose values stay outside the mask.
+        """Solves least squares (h, w) from `start` (h, w), whose values stay outside the mask.
 
-        Removes the `edges`, of rows and of columns, from their list: of large images each array counts.
-
-        Ends when the gradient has fallen to TOLERANCE of that of `start` or, `against_flat`, of a flat surface if that
-        is larger: a start near the solution needs no more digits than another.
+        The iteration ends when the gradient has fallen to TOLERANCE of that at `start`. With `against_flat` it is
+        compared with that of a flat surface if this is larger, so that a start near the solution is not solved to more
+        digits than another. Removes the `edges`, of rows and of columns, from their list, to free memory.
         """
         down, steps_down = self._edges(edges.pop(0), axis=0)
         across, steps_across = self._edges(edges.pop(0), axis=1)
@@ -118,7 +117,7 @@ class Poisson:
         return out
 
     def _edges(self, edges: Edges, axis: int) -> tuple[Float32Array, Float32Array]:
-        """Weights and steps within the window, padded to one per pixel: the last of each line is zero."""
+        """Returns weights and steps within the window, padded with zeros to one per pixel."""
         rows, columns = self._window
         cut = (slice(rows.start, rows.stop - (axis == 0)), slice(columns.start, columns.stop - (axis == 1)))
         return self._filled(edges.weight[cut]), self._filled(edges.step[cut])
@@ -130,7 +129,7 @@ class Poisson:
 
 
 def _inverse_diagonal(down: Float32Array, across: Float32Array) -> Float32Array:
-    """JACOBI_SHARE over the diagonal of A (h, w) for the weights of its edges; 0 where a pixel has none."""
+    """Returns JACOBI_SHARE over the diagonal (h, w) of A, by the weights of its edges; 0 where a pixel has none."""
     diagonal = down + across
     diagonal[1:] += down[:-1]
     diagonal[:, 1:] += across[:, :-1]
@@ -142,7 +141,7 @@ def _inverse_diagonal(down: Float32Array, across: Float32Array) -> Float32Array:
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
 def _apply(x: Float32Array, down: Float32Array, across: Float32Array, out: Float32Array) -> None:
-    """out = A x; weights at the last row and column are zero."""
+    """Computes out = A x; weights at the last row and column are zero."""
     height, width = x.shape
     for i in numba.prange(height):
         above, below = max(i - 1, 0), min(i + 1, height - 1)
