@@ -1,17 +1,17 @@
 """Interreflection by the radiosity of the measured images, gathered over horizons of the height field, and its removal.
 
-The image of a diffuse surface is its own radiosity: what a pixel sends to the camera it sends in all directions. The
-irradiance that it receives from other surfaces therefore follows from the measured images and the present shape,
-without shadow prediction, bounce series or unknown lamp terms. What the camera sees is a height field along its own
-rays, so the light is gathered by horizon marching: in a plane through the viewing ray, outwards, each surface that
-rises above the horizon so far fills the angle between, and the cosine-weighted integral over that angle has a closed
-form. Visibility is exact, and discontinuities need no patches of their own: the wall under an edge is the angle between
-foot and edge. The camera does not see that wall; its radiosity is calculated from the lamps. The table is part of the
-height field.
+The image of a diffuse surface is its own radiosity: it sends the same light in all directions as to the camera. The
+irradiance that a pixel receives from other surfaces therefore follows from the measured images and the present shape,
+without shadow prediction, bounce series or unknown lamp terms.
 
-Whether the predicted indirect light is there is measured, not assumed (`shadow_light`). Subtracted, it lowers the mean
-error of a path-traced scene of albedo 0.7 from 4.05° to 1.51° (eight lights). Over the same horizons it is known how
-much of the sky a pixel sees, on which ambient light depends.
+The camera sees a height field along its own rays, so the light is gathered by horizon marching
+(`interreflection_kernels`). Visibility is exact, and discontinuities need no patches of their own: the wall under an
+edge fills the angle between foot and edge. The camera does not see that wall; its radiosity is calculated from the
+lamps. The table is part of the height field. The same horizons give the sky view factor, on which ambient light
+depends.
+
+Shadows decide whether the predicted indirect light exists (`shadow_light`). Its subtraction lowers the mean error of a
+path-traced scene of albedo 0.7 from 4.05° to 1.51° (eight lights).
 """
 
 import math
@@ -29,26 +29,27 @@ from acquisition.normals.pixels import pixel_solve
 from acquisition.normals.pixels.pixel_solve import Estimate, Pixels
 
 AZIMUTHS, WALL_AZIMUTHS = 16, 8
-"""Planes in which light is gathered, for pixels and for walls, whose reflected light needs fewer. Errors of 35 captures
-of vessels, machined and turned parts, clusters and knots of design seeds 205–225 (eight lights by two rings) are 0.998
-± 0.010 of those with 24 and 12, of clusters 1.003 and knots 1.006; with 12 and 8 these are 1.006 and 1.012 (scratch
-evaluation, November 2026)."""
+"""Numbers of planes in which light is gathered for pixels and for walls, whose reflected light needs fewer. Measured on
+35 captures of vessels, machined and turned parts, clusters and knots of design seeds 205–225 (eight lights by two
+rings): errors are 0.998 ± 0.010 of those with 24 and 12, of clusters 1.003 and knots 1.006; with 12 and 8 these two are
+1.006 and 1.012 (scratch evaluation, November 2026)."""
 
 
 @dataclass(frozen=True)
 class InterreflectionSettings:
-    """Tuned numbers of the indirect light."""
+    """Tuned number of the indirect light."""
 
     direct_ratio: float = tuned(2.0, "ratio")
-    """Value over the indirect light that a pixel of median albedo would reflect, above which it can be direct light.
-    On 19 Lambertian captures of design seeds 0, 1, 20, 21, 60 and 63, some of them dark-and-bright, hardly lit are 65 %
-    of the pixels that no lamp reaches, 95 % of those that one reaches, and 0.4 % of those of three or more, whose error
-    is 12°; with 1.4 it is 51, 94 and 0.2 %, with 3 75, 95 and 1.0 %."""
+    """Ratio of a value to the indirect light that a pixel of median albedo would reflect, above which the value can be
+    direct light. A larger ratio makes more pixels count as hardly lit. Measured on 19 Lambertian captures of design
+    seeds 0, 1, 20, 21, 60 and 63, some of them dark-and-bright: 65 % of the pixels that no lamp reaches count so, 95 %
+    of those that one reaches, and 0.4 % of those of three or more, whose error is 12°; with 1.4 it is 51, 94 and 0.2 %,
+    with 3 75, 95 and 1.0 %."""
 
     @property
     def wall_slope(self) -> float:
-        """Rise over run between neighbouring cells from which there is a wall between them: steeper than the most
-        slanted light, 66°. With 51° and 79° errors change by 0.2 % at most."""
+        """Rise over run between neighbouring cells from which there is a wall between them: that of 66°, the slant of
+        the most slanted light. Measured: with 51° and 79° errors change by 0.2 % at most."""
         return math.tan(math.acos(photometry.SETTINGS.grazing_cosine))
 
 
@@ -57,7 +58,7 @@ SETTINGS = InterreflectionSettings()
 
 @dataclass(frozen=True)
 class Table:
-    """What surrounds the object in its window, on the same grid: depth (h, w) in m and images (F, h, w)."""
+    """Surroundings of the object in its window, on the same grid: depth (h, w) in m and images (F, h, w)."""
 
     depth_m: Float32Array
     values: Float32Array
@@ -75,8 +76,8 @@ class Surface:
 
 @dataclass(frozen=True)
 class _Walls:
-    """Walls under depth discontinuities: the wall's number at the cells of their feet, else −1 (h, w), and of each
-    level points and normals (W · LEVELS, 3), cells of the feet (W · LEVELS, 2), albedo (W · LEVELS,)."""
+    """Walls under depth discontinuities: `number` (h, w) of the wall at the cells of their feet, else −1; for each
+    level points and normals (W · LEVELS, 3), cells of the feet (W · LEVELS, 2) and albedo (W · LEVELS,)."""
 
     number: np.ndarray
     point: Float32Array
@@ -89,9 +90,9 @@ def received_irradiance(
     pixels: Pixels, values: Float32Array, surface: Surface, lamp: Float32Array, calibration: Calibration,
     every: int = 1,
 ) -> Float32Array:  # fmt: skip
-    """Indirect irradiance by horizon gathering: (F, N) in the units of y, from images `values` (F, N) as radiosity.
+    """Gathers indirect irradiance (F, N) over horizons, in the units of y, from images `values` (F, N) as radiosity.
 
-    Calculated at every `every`-th pixel, zero at the others. `lamp` (F, 6 or 9) in the view frame, m.
+    It is calculated at every `every`-th pixel and 0 at the others. `lamp` (F, 6 or 9) is in the view frame, m.
     """
     point, inside, affine = _height_field(pixels, surface.depth_m, surface.table)
     bright = np.float32(0) if surface.table is None else surface.table.values
@@ -106,14 +107,15 @@ def received_irradiance(
 
 
 def sky_view(pixels: Pixels, depth_m: Float32Array, normals: Float32Array, table: Table | None) -> Float32Array:
-    """Ambient occlusion over horizons: share (N,) of the sky that a pixel sees, weighted by the cosine to its normal.
+    """Returns the sky view factor (N,), the share of the sky that a pixel sees, weighted by the cosine to its normal.
 
-    At depth (N,) in m and unit normals (3, N). At the true shape, and with the light that other surfaces send on, it
-    follows the path-traced ambient light of six objects with a correlation of 0.96–0.995, a sheet's with 0.72, which
-    sees all but a hundredth (design seeds 62, 63, 203 and 206; scratch evaluation, November 2026).
+    It is gathered over horizons (ambient occlusion), at depth (N,) in m and unit normals (3, N). Measured at the true
+    shape, with the light that other surfaces send on: its correlation with path-traced ambient light is 0.96–0.995 for
+    six objects, and 0.72 for a sheet, which sees all of the sky but a hundredth (design seeds 62, 63, 203 and 206;
+    scratch evaluation, November 2026).
     """
     point, inside, _ = _height_field(pixels, depth_m, table)
-    # Of surfaces that all send the same, a pixel receives the share that they take of its sky.
+    # From surfaces of radiosity 1 a pixel receives the share of its sky that they hide.
     bright = (inside if table is None else np.ones_like(inside)).astype(np.float32)
     walls = _walls(point, inside, bright)
     of_walls = np.ones((len(walls.point) // interreflection_kernels.LEVELS, interreflection_kernels.LEVELS, 1))
@@ -124,12 +126,12 @@ def sky_view(pixels: Pixels, depth_m: Float32Array, normals: Float32Array, table
 def reflected_radiosity(
     received: Float32Array, total: Float32Array, direct: Float32Array, albedo: Float32Array
 ) -> Float32Array:
-    """Reflection of received irradiance (F, N) with a consistent albedo: indirect radiance (F, N), in the units of y.
+    """Reflects received irradiance (F, N) with a consistent albedo: indirect radiance (F, N), in the units of y.
 
-    `total` (N,) and `direct` (N,) are sums of values over the images; `albedo` (N,) was fitted to the latter's. While
-    these still hold some indirect light, or lack some direct light, the albedo is wrong in proportion. The consistent
-    one explains direct and received light together, ρ Σ(direct / albedo + received) = `total`; without it, iterations
-    oscillate by the indirect share.
+    `total` (N,) and `direct` (N,) are sums of values over the images, and `albedo` (N,) was fitted to the direct ones.
+    If these still contain indirect light, or lack direct light, the albedo is wrong in proportion. The consistent
+    albedo ρ explains direct and received light together, ρ Σ(direct / albedo + received) = `total`. Without it
+    iterations oscillate by the indirect share.
     """
     explained = np.maximum(direct, 0) + albedo * np.sum(received, axis=0)
     total = np.maximum(total, np.float32(1e-9))
@@ -139,9 +141,9 @@ def reflected_radiosity(
 def hardly_lit(received: Float32Array, values: Float32Array, median_albedo: float) -> BoolArray:
     """Pixels (N,) that hardly any lamp reaches: at most one of the diffuse `values` (F, N) can be direct light.
 
-    The others are dim beside the largest, or no more than what a surface of the object's median albedo reflects of its
-    `received` irradiance (F, N). A dark surface under the lamps would explain them as well, with a wrong normal; but
-    lamps that reach it would give it values of one order, well above what it receives from around.
+    A value can be direct light if it is not dim beside the largest, and well above the part of the `received`
+    irradiance (F, N) that a surface of median albedo would reflect. A dark surface under the lamps would explain the
+    values too, with a wrong normal; but lamps that reach it would give values of one order, well above indirect light.
     """
     direct = values > np.float32(photometry.SETTINGS.grazing_cosine) * np.max(values, axis=0)
     direct &= values > np.float32(SETTINGS.direct_ratio * median_albedo) * received
@@ -149,9 +151,10 @@ def hardly_lit(received: Float32Array, values: Float32Array, median_albedo: floa
 
 
 def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
-    """Error propagation of `predicted_light_sigma`: variance (N,) in rad² of the normals, both tangential directions.
+    """Propagates `predicted_light_sigma` to the normals: variance (N,), rad², over both tangential directions.
 
-    A pixel's indirect light (F, N) is wrong by one factor under all lights: a hidden surface is missing from each.
+    A pixel's indirect light (F, N) is wrong by one factor under all lights, because hidden surfaces are missing in
+    each.
     """
     right = np.einsum("fn,fn,fan->na", estimate.weights, indirect, estimate.light, optimize=True).astype(np.float64)
     moved = pixel_solve.normal_perturbation(estimate, right[:, :, None])
@@ -162,8 +165,8 @@ def _gathered(
     chosen: np.ndarray, normals: Float32Array, point: Float32Array, radiosity: Float32Array, walls: _Walls,
     wall_radiosity: Float32Array,
 ) -> Float32Array:  # fmt: skip
-    """Irradiance (F, K) of the cells with flat numbers `chosen` (K,), of normals (3, K), by a window's radiosity
-    (h, w, F) and its walls' (W, LEVELS, F)."""
+    """Gathers the irradiance (F, K) of the cells with flat numbers `chosen` (K,) and normals (3, K) from a window's
+    radiosity (h, w, F) and that of its walls (W, LEVELS, F)."""
     cells = np.stack(np.unravel_index(chosen, point.shape[:2]), axis=1).astype(np.int32)
     out = np.empty((len(chosen), radiosity.shape[2]), np.float32)
     interreflection_kernels.gather(
@@ -176,8 +179,8 @@ def _gathered(
 def _height_field(
     pixels: Pixels, depth_m: Float32Array, table: Table | None
 ) -> tuple[Float32Array, BoolArray, np.ndarray]:
-    """Points (h, w, 3) of the window, view frame, which of them are the object's (h, w), and the linear fit of column
-    and row to the rays (4,). Without a table a plane touches the object from behind."""
+    """Returns the window's points (h, w, 3), view frame, the object's pixels (h, w), and the linear fit (4,) of column
+    and row to the rays. Without a table, the surroundings are a plane that touches the object from behind."""
     height, width = pixels.shape
     inside = pixels.image(np.ones(len(pixels.index), np.bool_))
     columns, rows = _linear_rays(pixels)
@@ -190,20 +193,20 @@ def _height_field(
 
 
 def _linear_rays(pixels: Pixels) -> tuple[np.ndarray, np.ndarray]:
-    """Linear fit of column and row (factor, offset) to the rays, good to a fraction of a coarse pixel."""
+    """Fits column and row (factor, offset) linearly to the rays; the error is a fraction of a coarse pixel."""
     row, column = np.unravel_index(pixels.index, pixels.shape)
     return np.polyfit(pixels.ray[0], column, 1), np.polyfit(pixels.ray[1], row, 1)
 
 
 def _walls(point: Float32Array, inside: BoolArray, albedo: Float32Array) -> _Walls:
-    """Vertical walls under the depth discontinuities of points (h, w, 3), divided into LEVELS."""
+    """Finds the vertical walls under depth discontinuities of points (h, w, 3), divided into LEVELS."""
     number, cell, normal, top = interreflection_kernels.find_walls(point, inside, SETTINGS.wall_slope)
     foot = point[cell[:, 0], cell[:, 1]]
     middle = np.repeat(foot[:, None], interreflection_kernels.LEVELS, axis=1)
     middle[:, :, 2] += (
         (np.arange(interreflection_kernels.LEVELS) + 0.5) / interreflection_kernels.LEVELS * (top - foot[:, 2])[:, None]
     )
-    # The albedo of a wall that the camera does not see is taken to be that of its surroundings.
+    # The camera does not see the wall; it is assumed to have the albedo of its surroundings.
     weight = inside.astype(np.float32)
     around = cv2.blur(albedo * weight, (5, 5)) / np.maximum(cv2.blur(weight, (5, 5)), np.float32(1e-6))
     return _Walls(
@@ -219,7 +222,8 @@ def _wall_radiosity(
     walls: _Walls, point: Float32Array, radiosity: Float32Array, lamp: Float32Array, calibration: Calibration,
     affine: np.ndarray,
 ) -> Float32Array:  # fmt: skip
-    """Radiosity of each wall at each level and light (W, LEVELS, F): unoccluded lamp light and one bounce."""
+    """Returns the radiosity of each wall (W, LEVELS, F) at each level and light: lamp light where no surface hides it,
+    and one bounce."""
     count = len(lamp)
     shape = (
         len(walls.point) // interreflection_kernels.LEVELS,
@@ -233,7 +237,7 @@ def _wall_radiosity(
     clearance = cast_shadows.clearance(depth, affine, walls.point.T, lamp, nearest, nearest / affine[0])
     light = photometry.light_vectors(walls.point.T, lamp, calibration)
     irradiance = np.clip(np.einsum("fcn,nc->nf", light, walls.normal), 0, None) * (clearance.T > 0)
-    direct = np.ascontiguousarray(walls.albedo[:, None] * irradiance, np.float32)  # einsum may answer by columns
+    direct = np.ascontiguousarray(walls.albedo[:, None] * irradiance, np.float32)  # einsum may return column order
     indirect = np.empty_like(direct)
     interreflection_kernels.gather(
         point, walls.point, walls.normal, walls.cell, radiosity, walls.number, direct.reshape(shape), WALL_AZIMUTHS,

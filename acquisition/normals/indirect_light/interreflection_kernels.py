@@ -1,9 +1,9 @@
 """Kernels over a height field that the camera sees: horizon gathering of radiosity, wall detection.
 
-In a plane through the viewing ray, outwards from a receiver, each surface that rises above the horizon so far fills the
-angle between, and the cosine-weighted integral over that angle, from α₁ to α₂, is that of (a cos α + b sin α) cos α,
-with a and b the normal's components across the ray and along it. The ray march over the grid is the same for all
-receivers, so it is tabulated once.
+Light is gathered in planes through the viewing ray, marching outwards from a receiver. Each surface that rises above
+the horizon so far fills the angle from α₁ to α₂ between the two. The cosine-weighted integral over that angle is that
+of (a cos α + b sin α) cos α, with a and b the normal's components across the ray and along it, and has a closed form.
+The ray march over the grid is the same for all receivers, so it is tabulated once.
 
 Kernels compile at import, into numba's cache.
 """
@@ -14,16 +14,16 @@ import numpy as np
 from acquisition.models.base import BoolArray, Float32Array
 
 LEVELS = 3
-"""Parts of a wall's height that have a radiosity of their own."""
+"""Number of parts of a wall's height that have a radiosity of their own."""
 
 
 @numba.njit("Tuple((float32[:,::1], int64[:,:,::1], float32[:,::1]))(int64, int64)", cache=True, error_model="numpy")
 def _ray_march(azimuths: int, longest: int) -> tuple[Float32Array, np.ndarray, Float32Array]:
     """Tabulates a ray march over grid cells in each direction, as far as `longest` cells, with growing strides.
 
-    Directions in the image (A, 2). Each step passes between two cells that are neighbours in a row or, where the
-    direction is nearer to that of rows, in a column: row and column of the upper or left one relative to the first cell
-    (A, steps, 2), and the interpolation weight of the other one (A, steps).
+    Returns the directions in the image (A, 2). Each step passes between two neighbouring cells, of one column if the
+    direction is nearer to that of rows, else of one row. For these it returns row and column of the upper or left cell
+    relative to the first (A, steps, 2), and the interpolation weight of the other one (A, steps).
     """
     steps = 0
     distance, stride = 0.0, 1.0
@@ -74,8 +74,8 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     wall_slope: float,  # rise over run from which there is a wall
     out: Float32Array,  # (K, F)
 ) -> None:
-    """Irradiance of each receiver: cosine-weighted integral of the radiosity above its horizon in each azimuth; nothing
-    comes from beyond the image."""
+    """Computes the irradiance of each receiver, the cosine-weighted integral of the radiosity of surfaces above
+    its horizon in each azimuth. Nothing is received from outside the image."""
     height, width, count = radiosity.shape
     zero, one, half, steep = np.float32(0), np.float32(1), np.float32(0.5), np.float32(wall_slope)
     share_of_one, far = np.float32(2.0 / azimuths), np.float32(1e6)
@@ -105,7 +105,7 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
             side = 1 if abs(across) >= abs(down) else 0
             beside = np.uintp(width if side else 1)
             rows, columns = np.uintp(height - side), np.uintp(width - 1 + side)
-            # the unit vector across the viewing ray, towards that side of the image
+            # Unit vector across the viewing ray, towards that side of the image.
             dot = across * vx - down * vy
             tx, ty, tz = across - dot * vx, -down - dot * vy, -dot * vz
             inverse = one / np.sqrt(tx * tx + ty * ty + tz * tz)

@@ -1,12 +1,13 @@
-"""What shadows tell of light that no lamp sends: whether there is indirect light, how much ambient and stray light.
+"""Detection of indirect light, and estimation of ambient and stray light, from shadowed measurements.
 
-Where no lamp's light falls, a measurement is light from other surfaces, ambient light and an offset, and nothing else:
-y = indirect + a ψ ρ + o, with ψ the share of the sky that the pixel sees. A residual of lit pixels tells these from
-wrong normals only in part; shadows tell them alone. By the plain model's solution of 43 sound captures that have such
-measurements a alone is 0.005 at most but of two rough vessels (0.010, 0.024), and o 0.001 (0.003, 0.005); with ambient
-light of 3 % a is 0.027–0.030 of 14 captures (of one of these vessels 0.045), with an offset of 3 % o is 0.028–0.030 of
-13 (0.032), and what is there gains more of all 29 (design seeds 201–211, eight families, eight lights by two rings;
-scratch evaluation, November 2026).
+In shadow a measurement consists of light from other surfaces, ambient light and an offset only: y = indirect + a ψ ρ +
+o, where ψ is the sky view factor of the pixel. In lit pixels these are confused with errors of the normals.
+
+Measured by the plain model's solutions (design seeds 201–211, eight families, eight lights by two rings; scratch
+evaluation, November 2026): on 43 sound captures with such measurements a alone is at most 0.005, on two rough vessels
+0.010 and 0.024, and o alone at most 0.001, on these two 0.003 and 0.005. With ambient light of 3 % a is 0.027–0.030 on
+14 captures (0.045 on one of the vessels), with an offset of 3 % o is 0.028–0.030 on 13 (0.032). On all 29 the term that
+is present gains more than the other.
 """
 
 from dataclasses import dataclass
@@ -23,27 +24,27 @@ from acquisition.normals.pixels.pixel_solve import Estimate, Pixels
 
 @dataclass(frozen=True)
 class ShadowLightSettings:
-    """Tuned numbers of the light in shadows."""
+    """Tuned number of the light in shadows."""
 
     detection_quantile: float = tuned(0.75, "quantile")
-    """Quantile of measured / predicted in shadows, weighted by the prediction, that is compared. An upper quartile,
-    because a shape that is still wrong predicts light where none falls as well."""
+    """Quantile of measured / predicted light in shadows, weighted by the prediction, that is compared. It is the upper
+    quartile, because a shape that is still wrong also predicts light where none falls."""
 
 
 SETTINGS = ShadowLightSettings()
 
 LEAST_SKY_VIEW = 0.5
-"""Share of the sky from which a shadowed pixel tells of ambient and stray light: inside of cavities indirect light
+"""Sky view factor above which a shadowed pixel is used for ambient and stray light. Inside cavities indirect light
 outweighs both, and surfaces that the camera does not see send some of it."""
 
 ROBUST_ROUNDS = 10
-"""Reweighted least squares of a and o."""
+"""Number of reweighted least-squares fits of a and o."""
 
 
 @dataclass(frozen=True)
 class ShadowEquations:
-    """Normal equations of ambient irradiance a and offset o by shadowed measurements: `matrix` (2, 2) · (a, o) =
-    `right` (2,); and `indirect`, what is predicted of indirect light there, as the ambient irradiance it equals."""
+    """Normal equations `matrix` (2, 2) · (a, o) = `right` (2,) of ambient irradiance a and offset o by shadowed
+    measurements. `indirect` is the ambient irradiance that equals the indirect light predicted there."""
 
     matrix: FloatArray
     right: FloatArray
@@ -51,21 +52,21 @@ class ShadowEquations:
 
     @property
     def told(self) -> bool:
-        """Whether there are any."""
+        """Whether any measurement contributes."""
         return bool(np.any(self.matrix))
 
     @classmethod
     def none(cls) -> "ShadowEquations":
-        """Those of no measurement."""
+        """Returns the equations of no measurement."""
         return cls(np.zeros((2, 2)), np.zeros(2))
 
 
 def shadows_show_indirect(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> bool:
     """Whether shadows in measured `values` (F, N) show the predicted indirect light (F, N).
 
-    They do where they hold `grazing_cosine` of it: where there is only direct light, they are black. Shadows,
-    weighted by the prediction, decide only whether there is indirect light: they understate its amount while the shape
-    is still wrong.
+    They do if the `detection_quantile` of measured over predicted light is at least `grazing_cosine`; with direct light
+    alone, shadows are black. They decide only whether there is indirect light, because they understate its amount while
+    the shape is still wrong.
     """
     return _shadow_ratio(pixels, values, predicted, estimate) >= photometry.SETTINGS.grazing_cosine
 
@@ -73,7 +74,7 @@ def shadows_show_indirect(pixels: Pixels, values: Float32Array, predicted: Float
 def equations(
     pixels: Pixels, sky: Float32Array, values: Float32Array, indirect: Float32Array, estimate: Estimate, noise: Noise
 ) -> ShadowEquations:
-    """Robust regression of shadowed values (F, N), without what is predicted of `indirect` light (F, N), on ψ ρ and 1.
+    """Regresses shadowed values (F, N), less predicted `indirect` light (F, N), robustly on ψ ρ and 1.
 
     `sky` (N,) are the pixels' sky view factors ψ.
     """
@@ -96,7 +97,7 @@ def equations(
 
 
 def umbra(pixels: Pixels, values: Float32Array, estimate: Estimate) -> BoolArray:
-    """Measurements (F, N) in attached and cast shadows, all of whose neighbours are in shadow, too."""
+    """Marks measurements (F, N) in attached and cast shadows whose neighbours are all in shadow, too."""
     direct = estimate.lambertian()
     dark = ((direct < 0) | (values < photometry.SETTINGS.grazing_cosine * direct)) & ~pixels.clipped
     kernel = np.ones((3, 3), np.uint8)
@@ -104,7 +105,7 @@ def umbra(pixels: Pixels, values: Float32Array, estimate: Estimate) -> BoolArray
 
 
 def _shadow_ratio(pixels: Pixels, values: Float32Array, predicted: Float32Array, estimate: Estimate) -> float:
-    """Weighted `detection_quantile` of measured / predicted in shadows; 1 where there are too few."""
+    """Returns the weighted `detection_quantile` of measured / predicted light in shadows; 1 if these are too few."""
     used = umbra(pixels, values, estimate) & (predicted > 0)
     if np.count_nonzero(used) < photometry.SETTINGS.min_sample:
         return 1.0
