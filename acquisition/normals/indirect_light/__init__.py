@@ -1,1 +1,1 @@
-"""Light from no lamp: interreflection, ambient and stray light in shadows, light that spreads below the surface."""
+"""Light that lamps do not send directly: interreflection, ambient and stray light, light below the surface."""

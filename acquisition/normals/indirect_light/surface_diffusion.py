@@ -1,15 +1,15 @@
 """Diffusion over the visible surface: the blur of light that spreads below it, and its regularised inverse.
 
-Light that enters a translucent surface at one point leaves it round about: images are the irradiance times albedo,
-averaged over places of entry. With the exponentially attenuated profile exp(−r/ℓ)/(2πrℓ) of diffusion theory (Jensen
-et al., SIGGRAPH 2001, to first order) the average is the filter (1 + ℓ²k²)^(−½). On an image it is the same function of
-the Laplacian L of the surface, whose graph joins neighbouring pixels of the object:
+Light that enters a translucent surface at one point leaves it around that point. The albedo therefore multiplies the
+irradiance averaged over points of entry. With the exponentially attenuated profile exp(−r/ℓ)/(2πrℓ) of diffusion theory
+(Jensen et al., SIGGRAPH 2001, to first order) this average is the filter (1 + ℓ²k²)^(−½). On an image it is the same
+function of the Laplacian L of the graph that joins neighbouring pixels of the object:
 
-    K = (1 + ℓ²L)^(−½),        inverse with the noise held down: (1 + d) h / (1 + d h²),  h = (1 + ℓ²L)^½.
+    K = (1 + ℓ²L)^(−½),        regularised inverse: (1 + d) h / (1 + d h²),  h = (1 + ℓ²L)^½.
 
-The weight of an edge is the square of a pixel's width over the distance of the two points in space: so foreshortening,
-depth steps and the silhouette need no rule of their own. L is symmetric and takes constants to zero, so both filters
-keep constants and means exactly. They are evaluated as Chebyshev polynomials of L.
+The weight of an edge is the squared ratio of a pixel's width to the distance of the two points in space, which includes
+foreshortening, depth steps and the silhouette. L is symmetric and maps constants to zero, so both filters keep
+constants and means exactly. They are evaluated as Chebyshev polynomials of L.
 """
 
 from collections.abc import Callable
@@ -23,21 +23,22 @@ from acquisition.models.tuned import tuned
 
 @dataclass(frozen=True)
 class DiffusionSettings:
-    """Tuned numbers of diffusion on the surface."""
+    """Tuned number of diffusion on the surface."""
 
     damping: float = tuned(0.15, "share")
-    """d of the inverse, ratio of noise to signal where nothing is blurred: the inverse never amplifies more than 1.5
-    times. With the true ℓ (design seed 5 of blob, knot, sheet and turned, 8 and 20 lights, scratch script) mean errors
-    fall by 17 % with it, by 11 % with 0.05 and by 12 % with 0.4; with 0.05 they rise where 8 images are noisy."""
+    """d of the regularised inverse, the ratio of noise to signal where nothing is blurred. The inverse amplifies at
+    most 1.5 times; a smaller d sharpens more, and amplifies more noise. Measured with the true ℓ (design seed 5 of
+    blob, knot, sheet and turned, 8 and 20 lights, scratch script): mean errors fall by 17 %, with 0.05 by 11 %, with
+    0.4 by 12 %; with 0.05 they rise if 8 images are noisy."""
 
 
 SETTINGS = DiffusionSettings()
 
 MAX_EIGENVALUE = 8.0
-"""Bound of the eigenvalues of L with weights up to 1."""
+"""Upper bound of the eigenvalues of L with weights up to 1."""
 
 NODES, MIN_COEFFICIENT = 256, 2e-3
-"""Chebyshev nodes at which a filter is sampled, and the least coefficient of its polynomial."""
+"""Chebyshev nodes at which a filter is sampled, and least coefficient that its polynomial keeps."""
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,12 @@ class SurfaceGraph:
     down: Float32Array
 
     def rows(self, first: int, last: int) -> "SurfaceGraph":
-        """The graph of the rows [first, last)."""
+        """Returns the graph of the rows [first, last)."""
         return SurfaceGraph(self.across[first:last], self.down[first : last - 1])
 
 
 def graph(mask: BoolArray, ray: Float32Array, depth_m: Float32Array) -> SurfaceGraph:
-    """Graph of the object's pixels (h, w) at depth (h, w) along rays (2, h, w), X/Z and Y/Z."""
+    """Builds the graph of the object's pixels (h, w) at depth (h, w) along rays (2, h, w), X/Z and Y/Z."""
     point = np.stack([ray[0] * depth_m, ray[1] * depth_m, depth_m])
     weights: list[Float32Array] = []
     for axis in (2, 1):
@@ -69,23 +70,23 @@ def graph(mask: BoolArray, ray: Float32Array, depth_m: Float32Array) -> SurfaceG
 
 
 def blurred(image: Float32Array, over: SurfaceGraph, length_px: float) -> Float32Array:
-    """K of an image (h, w): light spread by a mean distance of `length_px` along the surface."""
+    """Applies K to an image (h, w): light spreads by the mean free path `length_px` along the surface."""
     return _applied(_polynomial(lambda t: (1 + length_px**2 * t) ** -0.5), image, over)
 
 
 def sharpened(image: Float32Array, over: SurfaceGraph, length_px: float) -> Float32Array:
-    """The regularised inverse of `blurred`, of an image (h, w)."""
+    """Applies the regularised inverse of `blurred` to an image (h, w)."""
     return _applied(_polynomial(_inverse(length_px)), image, over)
 
 
 def noise_gain(length_px: float) -> float:
-    """Factor of the variance of independent noise by `sharpened`, on a surface that faces the camera."""
+    """Returns the factor by which `sharpened` changes the variance of independent noise, facing the camera."""
     k = 2 - 2 * np.cos(np.pi * (np.arange(32) + 0.5) / 32)
     return float(np.mean(_inverse(length_px)(k[:, None] + k) ** 2))
 
 
 def reach(length_px: float) -> int:
-    """Distance in pixels over which `sharpened` carries values."""
+    """Returns the distance in pixels over which `sharpened` carries values."""
     return len(_polynomial(_inverse(length_px))) - 1
 
 
@@ -98,7 +99,7 @@ def _inverse(length_px: float) -> Callable[[FloatArray], FloatArray]:
 
 
 def _polynomial(response: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Chebyshev coefficients over [0, MAX_EIGENVALUE] of a response that is 1 at 0; exact there."""
+    """Returns Chebyshev coefficients over [0, MAX_EIGENVALUE] of a response that is 1 at 0; they are exact there."""
     angle = np.pi * (np.arange(NODES) + 0.5) / NODES
     values = response(MAX_EIGENVALUE / 2 * (np.cos(angle) + 1))
     degrees = np.arange(NODES // 2)
@@ -110,7 +111,7 @@ def _polynomial(response: Callable[[FloatArray], FloatArray]) -> FloatArray:
 
 
 def _applied(polynomial: FloatArray, image: Float32Array, over: SurfaceGraph) -> Float32Array:
-    """The polynomial of L on an image (h, w), by Clenshaw's recurrence in its forward form."""
+    """Applies the polynomial of L to an image (h, w), by Clenshaw's recurrence in its forward form."""
     before, present = image, _centred(image, over)
     out = np.float32(polynomial[0]) * before
     for number, coefficient in enumerate(polynomial[1:]):
@@ -121,7 +122,7 @@ def _applied(polynomial: FloatArray, image: Float32Array, over: SurfaceGraph) ->
 
 
 def _centred(image: Float32Array, over: SurfaceGraph) -> Float32Array:
-    """(2 L / MAX_EIGENVALUE − 1) of an image (h, w)."""
+    """Applies 2 L / MAX_EIGENVALUE − 1 to an image (h, w)."""
     out = -image
     flow = np.float32(2 / MAX_EIGENVALUE) * over.across * (image[:, 1:] - image[:, :-1])
     out[:, :-1] -= flow

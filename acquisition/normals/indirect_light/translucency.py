@@ -1,15 +1,18 @@
-"""Test for light that spreads below the surface: what leaks into cast shadows, next to their edges.
+"""Test for light that spreads below the surface, by the light that leaks into cast shadows near their edges.
 
-Where a pixel is lit, blurred shading is the shading of a smoother surface: no residual tells, since every pixel has its
-own normal and albedo. At the edges of shadows it does: a cast shadow of a small lamp is sharp within a pixel, and one
-on a translucent surface is crossed by light from its lit side over a mean free path. So in the dark pixels near each
-edge, one apart from it, the observed irradiance is regressed on what `surface_diffusion.blurred` predicts of the lit
-ones, both without their local mean, which indirect light makes; irradiance, the value over the albedo, because a
-texture has edges of its own. The coefficient is nothing but the score of the blur in the pixels that have a say: 1 at
-the right mean free path, and near 0 on opaque surfaces. Not all of these: what a glossy one mirrors, or the walls of a
-recess send, reaches into shadows as well (decision 48 names the false alarms), so that `term_alternatives` looks for
-no leak once gloss or metal is modelled, and shadows have to cover `min_pixel_share` of the object. A defocused image
-looks the same as a translucent surface, and is cured alike.
+In lit pixels blurred shading equals the shading of a smoother surface. Residuals do not show it, because every pixel
+has its own normal and albedo. Shadow edges do: the cast shadow of a small lamp is sharp within a pixel on an opaque
+surface, while on a translucent one light from the lit side crosses the edge over a mean free path.
+
+The observed irradiance in the dark pixels near each edge, at least one pixel away from it, is regressed on the
+irradiance that `surface_diffusion.blurred` predicts there from the lit pixels. Both are taken without their local mean,
+which indirect light causes. Irradiance is the value over the albedo; it is used because a texture has edges of its own.
+The coefficient is the score of the blur in these pixels: 1 at the right mean free path, and near 0 on opaque surfaces.
+
+There are exceptions: what a glossy surface mirrors, or the walls of a recess send, also reaches into shadows (decision
+48 lists the false positives). `term_alternatives` therefore looks for no leak once gloss or metal is modelled, and
+shadows have to cover `min_pixel_share` of the object. A defocused image looks like a translucent surface, and is
+corrected in the same way.
 """
 
 from dataclasses import dataclass
@@ -28,12 +31,12 @@ from acquisition.normals.pixels.pixel_solve import Pixels
 
 @dataclass(frozen=True)
 class TranslucencySettings:
-    """Tuned numbers of the test for light in shadows."""
+    """Tuned number of the test for light in shadows."""
 
     min_coefficient: float = tuned(0.3, "share")
-    """Light in shadows, as a share of what a mean free path of one pixel of the coarse grid makes, from which images
-    are sharpened on trial if it is significant. 0.5–2.5 of translucent objects, 0.2 of a mean free path of half a
-    pixel, 0.1 of gloss on a smooth solid."""
+    """Least coefficient, if it is significant, from which images are sharpened on trial: light in shadows as a share of
+    that by a mean free path of one pixel of the coarse grid. Measured: 0.5–2.5 on translucent objects, 0.2 with a mean
+    free path of half a pixel, 0.1 on a smooth glossy solid."""
 
 
 SETTINGS = TranslucencySettings()
@@ -42,47 +45,48 @@ KIND = "translucent surface"
 """Kind of the finding that light spreads below the surface, or that images are out of focus."""
 
 LENGTHS_PX = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
-"""Mean free paths, pixels of the coarse grid, that are compared when light leaks; shorter ones stay within the pixels
-at the edge, and sharpening by a longer one would bring up noise."""
+"""Mean free paths, pixels of the coarse grid, that are compared when light leaks. Light of shorter ones stays within
+the pixels at the edge; sharpening by longer ones would amplify noise."""
 
 NEAR_PX = 6
-"""Distance from lit pixels up to which dark ones take part, pixels of the coarse grid; twice the standard deviation of
-the Gaussian of local means, and of the brightness of the lit pixels around. It is twice the longest mean free path that
-is compared, of which 3 % of the irradiance within a straight edge is left there; of 1 px it is 0.04 %."""
+"""Distance from lit pixels up to which dark pixels are used, in pixels of the coarse grid. It is twice the longest mean
+free path of the comparison, of which 3 % of the irradiance within a straight edge is left at this distance; of 1 px it
+is 0.04 %. Half of it is the standard deviation of the Gaussian for local means and for the brightness of the lit pixels
+around."""
 
 TESTED_PX = 1.0
 """Mean free path for which the regression is tested."""
 
 GRID = 6
-"""Parts of the object that are left out in turn: cells of a grid of so many rows and columns over its bounding box."""
+"""Rows and columns of a grid over the object's bounding box, whose cells are left out in turn (jackknife)."""
 
 ALBEDO_ROUNDS = 2
-"""Alternations of albedo and lit images."""
+"""Number of alternations of albedo and lit images."""
 
 ROBUST_ROUNDS = 8
-"""Reweightings of the regression."""
+"""Number of reweightings of the regression."""
 
 MIN_LIGHTS = 3
-"""Images in which a pixel has to be lit for its prediction to count."""
+"""Least number of images in which a pixel has to be lit for its albedo to be known."""
 
 
 @dataclass(frozen=True)
 class Leak:
-    """Regression of light in shadows on what a mean free path predicts: the coefficient at `TESTED_PX`, and the mean
-    free path in pixels at which it is 1, 0 where it is insignificant or below the least."""
+    """Regression of light in shadows on its prediction by a mean free path: the coefficient at `TESTED_PX`, and the
+    mean free path in pixels at which it is 1, or 0 if it is insignificant or shorter than all `LENGTHS_PX`."""
 
     coefficient: float
     length_px: float
 
     @property
     def sought(self) -> bool:
-        """Whether it is so much that images are worth to be sharpened."""
+        """Whether the leak is large enough for images to be sharpened."""
         return self.length_px > 0 and self.coefficient >= SETTINGS.min_coefficient
 
 
 @dataclass(frozen=True)
 class _Shadow:
-    """Irradiance (h, w) of one image, that of lit pixels alone, dark pixels that take part, and the level around."""
+    """Irradiance (h, w) of one image, that of lit pixels alone, the dark pixels that are used, and the level around."""
 
     image: Float32Array
     source: Float32Array
@@ -93,7 +97,7 @@ class _Shadow:
 def leak(pixels: Pixels, values: Float32Array, shading: Float32Array, over: SurfaceGraph) -> Leak | None:
     """Tests `values` (F, N) of nominal lamps against the `shading` (F, N) of a solution; none: too few dark pixels.
 
-    The mean free path is only sought where the coefficient is significant.
+    The mean free path is estimated only if the coefficient is significant.
     """
     shadows = _shadows(pixels, values, shading, over)
     place = _cells(pixels)
@@ -114,13 +118,13 @@ def leak(pixels: Pixels, values: Float32Array, shading: Float32Array, over: Surf
 def shading(
     pixels: Pixels, depth_m: Float32Array, normals: Float32Array, lamps: Float32Array, calibration: Calibration
 ) -> Float32Array:
-    """max(0, n·s) (F, N) of unit normals (3, N) at depth (N,), which the albedo multiplies."""
+    """Returns max(0, n·s) (F, N) of unit normals (3, N) at depth (N,), the factor of the albedo."""
     light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamps, calibration)
     return np.maximum(np.einsum("fcn,cn->fn", light, normals), np.float32(0))
 
 
 def albedo_and_lit(values: Float32Array, shading: Float32Array) -> tuple[Float32Array, BoolArray]:
-    """Albedo (N,) from the images in which a pixel is lit, 0 where they are too few, and which these are (F, N)."""
+    """Estimates the albedo (N,) from the images in which a pixel is lit, which are also returned (F, N); 0: too few."""
     lit = (shading > 0) & (values > photometry.SETTINGS.grazing_cosine * np.max(values, axis=0))
     albedo = np.zeros(values.shape[1], np.float32)
     for _ in range(ALBEDO_ROUNDS):
@@ -131,7 +135,7 @@ def albedo_and_lit(values: Float32Array, shading: Float32Array) -> tuple[Float32
 
 
 def _length_at_one(coefficients: FloatArray) -> float:
-    """Where coefficients at `LENGTHS_PX`, which fall with the length, reach 1: log–log interpolation."""
+    """Finds by log–log interpolation where coefficients at `LENGTHS_PX`, which fall with the length, reach 1."""
     if coefficients[0] <= 1:
         return 0.0
     above = int(np.argmax(coefficients <= 1)) if np.any(coefficients <= 1) else len(coefficients)
@@ -143,7 +147,7 @@ def _length_at_one(coefficients: FloatArray) -> float:
 
 
 def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: SurfaceGraph) -> list[_Shadow]:
-    """The images that have enough dark pixels near lit ones, away from the silhouette and from depth steps."""
+    """Returns the images with enough dark pixels near lit ones, away from the silhouette and from depth steps."""
     albedo, lit = albedo_and_lit(values, shading)
     known = pixels.image((albedo > 0).astype(np.uint8))
     steps, at_wall = np.zeros(pixels.shape, np.uint8), 1 / (1 + interreflection.SETTINGS.wall_slope**2)
@@ -165,7 +169,7 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
 
 
 def _cells(pixels: Pixels) -> np.ndarray:
-    """Number (h, w) of the cell of a `GRID` × `GRID` grid over the object's bounding box."""
+    """Returns each pixel's cell number (h, w) in a `GRID` × `GRID` grid over the object's bounding box."""
     row, column = np.unravel_index(pixels.index, pixels.shape)
     cell = np.zeros(pixels.shape, int)
     height, width = np.ptp(row) + 1, np.ptp(column) + 1
@@ -176,8 +180,8 @@ def _cells(pixels: Pixels) -> np.ndarray:
 def _regressed(
     shadows: list[_Shadow], observed: FloatArray, over: SurfaceGraph, length_px: float, cell: np.ndarray
 ) -> tuple[float, float]:
-    """Coefficient of the robust regression on the leak of a mean free path, and its standard error: from the residuals
-    or, where it is larger, from the scatter between cells (N,), one left out in turn (jackknife)."""
+    """Regresses robustly on the leak of a mean free path: coefficient and standard error. The error is that of the
+    residuals or, if larger, that of a jackknife over the cells (N,)."""
     rows = np.concatenate([_relative(one, surface_diffusion.blurred(one.source, over, length_px)) for one in shadows])
     weight, slope, error = np.ones_like(observed), 0.0, float("inf")
     for _ in range(ROBUST_ROUNDS):
@@ -194,13 +198,13 @@ def _regressed(
 
 
 def _relative(shadow: _Shadow, image: Float32Array) -> FloatArray:
-    """An image at the dark pixels, without its local mean over them, as a share of the brightness around."""
+    """Returns an image at the dark pixels, less its local mean over them, as a share of the brightness around."""
     high = image - _local_mean(image, shadow.dark, NEAR_PX / 2)
     return (high[shadow.dark] / shadow.level[shadow.dark]).astype(np.float64)
 
 
 def _local_mean(image: Float32Array, where: np.ndarray, sigma_px: float) -> Float32Array:
-    """Gaussian mean (h, w) over some of an image's pixels; 0 where there are none near."""
+    """Returns the Gaussian mean (h, w) over some of an image's pixels; 0 where there are none near."""
     weight = cv2.GaussianBlur(where.astype(np.float32), (0, 0), sigma_px)
     total = cv2.GaussianBlur(np.where(where, image, 0).astype(np.float32), (0, 0), sigma_px)
     return np.asarray(total / np.maximum(weight, 1e-6), np.float32)
