@@ -1,60 +1,59 @@
-"""Variance components of each pixel's normal: the posterior's, and errors of the model that no posterior knows of.
+"""Variance components of each pixel's normal: the posterior variance, and errors of the model that it leaves out.
 
-The posterior variance σ₀² falls with every image; errors that images share do not: light from surfaces that were not
-predicted, a pixel that mixes two surfaces. What tells is how badly the pixel's own images fit, and how much the normal
-changes from pixel to pixel:
+The posterior variance σ₀² falls with every image. Errors that images share do not: unpredicted light from other
+surfaces, or a pixel that mixes two surfaces. Two observations show them: how badly the pixel's own images fit, and how
+much the normal changes from pixel to pixel:
 
     σ² = 1 / (1/v + 1/V²),
     v = (1 + B m (ε + ε̄)) σ₀² + M² max(Δ² − Δ₀², 0) + M² max(λ² − 5/16 σ₀², 0) + ω (90° − ω)/2 + E² [unchecked]
 
-V = 49° is 1 σ of a normal of which no image tells anything (`photometry.bounded_variance`): without it pixels in
+V = 49° is 1 σ of a normal on which no image has information (`photometry.bounded_variance`). Without it, pixels in
 cavities that are hardly lit and fit badly have σ up to 480°, and 2–9 % of the pixels make up half of the mean σ.
 
-ε = max(χ² − s, 0) is how badly the images fit. χ² is the sum of the squared whitened residuals over their degrees of
-freedom (lights − 3), both pooled over 5 × 5 pixels, and s what sensor and calibration explain of it: the mean share
-that the stated noise has in the estimated one, which has absorbed a part of what is wrong with the model. The excess is
-no noise: images share it, so that with the number m of lights, by which σ₀² falls, it rises. ε̄ is its trimmed mean over
-all pixels that face the camera, without the 8 % that fit worst (`min_pixel_share`): a model that is wrong elsewhere on
-the object is wrong here, too, where a few residuals happen to be small (decision 86), but what only creases and the
-borders of shadows contradict is not (decision 88).
+ε = max(χ² − s, 0) is the misfit beyond the stated noise. χ² is the sum of the squared whitened residuals over their
+degrees of freedom (lights − 3), both pooled over 5 × 5 pixels. s is the part of χ² that sensor and calibration explain:
+the mean share of the stated in the estimated noise, which has absorbed part of the model's errors. Images share the
+excess, so it does not average out: it is multiplied by the number m of lights, by which σ₀² falls. ε̄ is its trimmed
+mean over all pixels that face the camera, without the 8 % that fit worst (`min_pixel_share`). A model that is wrong
+elsewhere on the object is wrong here too, even if a few residuals happen to be small (decision 86); misfit at creases
+and shadow borders alone does not count for the whole object (decision 88).
 
-Δ is the crease at the pixel: half of what the normal changes from one neighbour to the other beyond what it changes on
-either side of them, over both directions. Curvature goes on beyond the neighbours and cancels. A Lambertian pixel that
-mixes two surfaces fits its images as well as any: its normal is a mean of theirs, and nothing but the neighbours tells
-that it is on neither. A crease of angle 2Δ anywhere in a pixel leaves an rms of 2Δ/√12 there and less in the next one.
+Δ is the crease at the pixel: half of the change of the normal from one neighbour to the opposite one, less the changes
+on either side of them, over both directions. Curvature continues beyond the neighbours and cancels. A Lambertian pixel
+that mixes two surfaces fits its images as well as any other; its normal is a mean of theirs, and only the neighbours
+show that it is on neither. A crease of angle 2Δ anywhere in a pixel leaves an rms of 2Δ/√12 there, and less in the next
+one.
 
-λ is the detail at the pixel: half of the angle between its normal and the mean of its four neighbours'; 5/16 σ₀² is
-what noise alone makes of λ². Light that spreads below the surface, or a lens out of focus, smooths what is there
-without a trace in the residuals, and a pixel is a mean of all detail below its size: errors follow λ in both. Sharp
-edges of shadows, which exclude blur, do not make them follow it less (decision 75). Where images were sharpened, all
-detail is an extrapolation, and M of λ is 1: of 25 captures of surfaces found translucent (design seeds 205, 215, 225
-and 235, 8 and 20 lights by two rings) errors are likelier by 0.022 of the mean log likelihood, P(e < 2σ) is 0.93 in
-place of 0.91, P(e < σ) 0.69 in place of 0.65.
+λ is the detail at the pixel: half of the angle between its normal and the mean of its four neighbours'. Noise alone
+makes λ² = 5/16 σ₀². Light that spreads below the surface, or a defocused lens, smooths detail without a trace in the
+residuals, and a pixel is a mean of all detail below its size. Errors follow λ in both cases, and no less where sharp
+shadow edges exclude blur (decision 75). In sharpened images all detail is extrapolated, so M of λ is 1. Measured on 25
+captures of surfaces found translucent (design seeds 205, 215, 225 and 235, 8 and 20 lights by two rings): this raises
+the mean log-likelihood of errors by 0.022, P(e < 2σ) from 0.91 to 0.93, and P(e < σ) from 0.65 to 0.69.
 
-ω is the line at the pixel: what its normal deviates, over one pixel or two, from the mean of those on both sides that
-agree, as at the walls of a terrace or a groove narrower than that. Of a pixel of which such a wall, inclined by A,
-takes the share f, images show fA = ω, and the surface has 0 or A: the mean square of the error is ω (A − ω), and
-ω (90° − ω)/2 over all A that are possible. λ and Δ are small there (decision 76).
+ω is the line at the pixel: the deviation of its normal, over one or two pixels, from the mean of those on both sides,
+if these agree, as at the walls of a terrace or a groove narrower than that. If such a wall, inclined by A, takes the
+share f of a pixel, images show fA = ω, but the surface has 0 or A. The mean square of the error is then ω (A − ω), and
+ω (90° − ω)/2 over all possible A. λ and Δ are small there (decision 76).
 
-E is that of a normal which nothing has checked (`photometry.SharedSettings.unchecked_sigma_deg`): fewer than four
-lights reach the pixel, or of the whole capture something remains wrong; half of it where the surface is metal
+E is 1 σ of an unchecked normal (`photometry.SharedSettings.unchecked_sigma_deg`). It counts if fewer than four lights
+reach the pixel, or if something remains wrong with the whole capture; half of it counts if the surface is metal
 (`photometry.capture_sigma_deg`).
 
-Left out are the weight of a depth discontinuity, which adds 0.003 to the mean log likelihood beside M; the turn by the
-integrability projection and predicted indirect light, which add up to 0.05 on the captures that they are fitted to and
-0.01–0.02 on others, where rms e/σ stays as it is; and what was tried before M was found and not beside it: a sandwich
-estimate, the albedo's local contrast, slant and gloss. λ against the mean of all eight neighbours, of 24, or of a
-Gaussian surrounding tells less, the sum of squared second differences along rows and columns nearly as much (scratch
-fits on design seeds, November 2026).
+Left out, by scratch fits on design seeds (November 2026): the weight of a depth discontinuity, which adds 0.003 to the
+mean log-likelihood beside M; the rotation by the integrability projection and predicted indirect light, which add up to
+0.05 on captures that they are fitted to and 0.01–0.02 on others, without a change of rms e/σ; λ against the mean of all
+eight neighbours, of 24, or of a Gaussian surrounding, which is less informative, and the sum of squared second
+differences along rows and columns, which is nearly as informative. A sandwich estimate, the albedo's local contrast,
+slant and gloss were tried only before M was found.
 
 The constants are rounded from those that make the errors of design captures likeliest under Rayleigh's law with a heavy
-tail (bivariate t, 20 degrees of freedom), such that the factor of σ₀² itself is 1: B and M of 272 captures of seeds
-439–472 under eight lights, of which P(e < σ) is 0.71 and P(e < 2σ) 0.933 (decision 88); E, 8.9° of few lights, of 117
-of seeds 65, 70, 71, 73 and 75 under 6–20. `python -m tests.unseen fit-sigma` fits such captures, and prints how much
-less likely the errors are without each component. The constants depend on the tail that is assumed
-(`tests.unseen.sigma_fit`). How they do on captures that they were not fitted to stands in `tests/unseen/reports.md`.
-
-B and E are `photometry`'s, because a plan's forecast takes them into account as well.
+tail (bivariate t, 20 degrees of freedom), with a factor of 1 for σ₀² itself. B and M are from 272 captures of seeds
+439–472 under eight lights, whose P(e < σ) is 0.71 and P(e < 2σ) 0.933 (decision 88). E, 8.9° for few lights, is from
+117 captures of seeds 65, 70, 71, 73 and 75 under 6–20 lights. `python -m tests.unseen fit-sigma` fits such captures,
+and prints how much less likely the errors are without each component. The constants depend on the assumed tail
+(`tests.unseen.sigma_fit`). `tests/unseen/reports.md` has results of captures that they were not fitted to. B and E
+belong to `photometry`, because forecasts of plans use them as well.
 """
 
 from dataclasses import dataclass
@@ -72,44 +71,44 @@ class ErrorVarianceSettings:
     """Tuned numbers of σ's components."""
 
     structure_share: float = tuned(0.45, "share")
-    """M: 1 σ of the normal as a share of Δ, half of the angle of a crease, and of λ, half of that to the mean of its
-    neighbours' normals. Of 272 captures of design seeds 439–472 errors are likelier than with 0.4 by 0.001 of the mean
-    log likelihood (eight lights by two rings, decision 88); of 110 of seeds 205–215 and 225 with 0.5 by 0.008, of 64 of
-    216–219 with 0.4 by 0.022 (8 and 20 lights, decision 75)."""
+    """M: 1 σ of the normal as a share of Δ, half of the angle of a crease, and of λ, half of the angle to the mean of
+    the neighbours' normals. Measured by the mean log-likelihood of errors: on 272 captures of design seeds 439–472 it
+    is higher by 0.001 than with 0.4 (eight lights by two rings, decision 88). Of 0.4 and 0.5, 110 captures of seeds
+    205–215 and 225 favour 0.5 by 0.008, and 64 of seeds 216–219 0.4 by 0.022 (8 and 20 lights, decision 75)."""
     min_crease_deg: float = tuned(12.0, "deg")
-    """Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell. It is one of 8, 12, 16, 20 and
-    24°, which `python -m tests.unseen fit-sigma` compares by the likelihood of errors, and belongs to a fit to 190
-    captures of design seeds 40–43 and 60–63 (two rings of 6, 8 and 20 lights, November 2026)."""
+    """Δ₀, degrees, above which Δ counts; smaller creases are noise, or too small to tell. It is from a fit to 190
+    captures of design seeds 40–43 and 60–63 (two rings of 6, 8 and 20 lights, November 2026), which compares 8, 12, 16,
+    20 and 24° by the likelihood of errors (`python -m tests.unseen fit-sigma`)."""
 
 
 SETTINGS = ErrorVarianceSettings()
 
 CREASE, DETAIL, LINE = 2, 3, 4
-"""Numbers of some of the `components`."""
+"""Indices of some of the `components`."""
 
 NOISE_DETAIL = 5 / 16
-"""λ² of noise alone over σ₀²: a quarter of the variances of a normal and of the mean of four others, which add up."""
+"""λ² by noise alone over σ₀²: a quarter of the sum of the variances of a normal and of the mean of four others."""
 
 NOISE_LINE = 3 / 2
-"""Square of noise alone in ω over σ₀²: the variances of a normal and of the mean of two others."""
+"""ω² by noise alone over σ₀²: the sum of the variances of a normal and of the mean of two others."""
 
 LINES_PX = ((1, 1), (1, 2), (2, 1))
-"""Distances, pixels, to either side of a line of one pixel, and of the first and the second pixel of two."""
+"""Distances, pixels, to either side: of a line of one pixel, and of the first and the second pixel of a line of two."""
 
 FOUR_NEIGHBOURS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], np.float32)
 
 STRIP_ROWS, NEIGHBOUR_ROWS = 256, 3
-"""Rows that are evaluated at once, and rows beyond them that they look at."""
+"""Rows that are evaluated at once, and rows beyond them that are read with them."""
 
 POOLED_PX = 5
-"""Side of the square of pixels over which misfit is pooled; of 3, 5, 7 and 15 errors are likeliest with 5 (decision
+"""Side of the square of pixels over which misfit is pooled; errors are likeliest with 5 of 3, 5, 7, 15 (decision
 86)."""
 
 
 @dataclass(frozen=True)
 class ErrorVariance:
-    """σ (H, W) in degrees over both tangential directions, NaN where there is no normal; and of the facing pixels the
-    mean of ε, its trimmed mean ε̄, and the mean of what creases, detail and lines make of σ."""
+    """σ (H, W) in degrees over both tangential directions, NaN where there is no normal, and figures of the pixels that
+    face the camera: mean ε, trimmed mean ε̄, and the mean part of σ by creases, detail and lines."""
 
     sigma_deg: Float32Array
     excess: float
@@ -118,7 +117,7 @@ class ErrorVariance:
 
     @property
     def misfit(self) -> float:
-        """1 + the mean of ε + ε̄, which forecasts of further lights go by."""
+        """1 + the mean of ε + ε̄, used by forecasts of further lights."""
         return 1 + self.excess + self.typical_excess
 
 
@@ -126,10 +125,10 @@ def evaluate(
     posterior_deg: Float32Array, residual: Float32Array, lights: np.ndarray, stated_share: Float32Array,
     normals: Float32Array, facing: BoolArray, *, capture_deg: float, sharpened: bool = False,
 ) -> ErrorVariance:  # fmt: skip
-    """Weighted sum of the variance `components`, whose arguments the maps are.
+    """Sums the weighted variance `components`, whose arguments the maps are.
 
-    `facing` (H, W) are the pixels that errors count, none: all; `capture_deg` is E of the whole capture; `sharpened`:
-    its images were, because light spreads below the surface.
+    `facing` (H, W) are the pixels that face the camera; if there are none, all pixels are used. `capture_deg` is E of
+    the whole capture. `sharpened`: its images were sharpened, because light spreads below the surface.
     """
     known = np.isfinite(posterior_deg)
     facing = facing & known if np.any(facing & known) else known
@@ -152,7 +151,7 @@ def evaluate(
 
 
 def weights(*, sharpened: bool = False) -> Float32Array:
-    """1, B, M², M², 1/2 and E² of `components`; of sharpened images detail counts whole."""
+    """Returns the weights 1, B, M², M², 1/2 and E² of `components`; for sharpened images that of detail is 1."""
     shared, structure = photometry.SETTINGS, SETTINGS.structure_share**2
     detail = 1.0 if sharpened else structure
     return np.array([1.0, shared.misfit_factor, structure, detail, 0.5, shared.unchecked_sigma_deg**2], np.float32)
@@ -162,11 +161,11 @@ def components(
     posterior_deg: Float32Array, residual: Float32Array, lights: np.ndarray, stated_share: Float32Array,
     normals: Float32Array, *, typical: float,
 ) -> Float32Array:  # fmt: skip
-    """What 1, B, M², M², 1/2 and E² of the module's docstring multiply (6, H, W): deg², and 0 or 1.
+    """Returns the components (6, H, W) that 1, B, M², M², 1/2 and E² multiply: deg², the last one 0 or 1.
 
-    `posterior_deg` (H, W) is σ after the integrability projection, NaN where there is no normal; `residual` the rms of
-    whitened residuals, `lights` how many measurements each pixel rests on, `stated_share` the share of the stated noise
-    in their variance, `normals` (H, W, 3) the final ones, `typical` the excess ε̄.
+    `posterior_deg` (H, W) is σ after integrability projection and regression, NaN where there is no normal. `residual`
+    is the rms of whitened residuals, `lights` the number of a pixel's measurements, `stated_share` the share of the
+    stated noise in their variance, `normals` (H, W, 3) are the final ones, and `typical` is the excess ε̄.
     """
     known = np.isfinite(posterior_deg)
     base = np.where(known, posterior_deg, 0) ** 2
@@ -183,14 +182,14 @@ def components(
 
 
 def excess(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
-    """Mean ε of all pixels together, from maps as of `components`; 0 where no pixel has a residual."""
+    """Returns the mean ε of all pixels together, from maps as in `components`; 0 if no pixel has residuals."""
     squares, freedom = _squares(residual, lights)
     total = float(np.sum(freedom, dtype=np.float64))
     return max(float(np.sum(squares - stated_share * freedom, dtype=np.float64)) / total, 0.0) if total > 0 else 0.0
 
 
 def typical_excess(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
-    """ε̄: trimmed mean, the `excess` without the `min_pixel_share` of the pixels whose own ε is largest."""
+    """Returns ε̄, the `excess` without the `min_pixel_share` of the pixels whose own ε is largest (trimmed mean)."""
     squares, freedom = _squares(residual, lights)
     told = freedom > 0
     if not np.any(told):
@@ -201,8 +200,8 @@ def typical_excess(residual: Float32Array, lights: np.ndarray, stated_share: Flo
 
 
 def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, Float32Array]:
-    """Sum of squared whitened residuals and degrees of freedom (h, w) of each pixel; 0 with fewer than four lights.
-    Robust weights have rejected what is above `significant_deviations`."""
+    """Returns each pixel's sum of squared whitened residuals and degrees of freedom (h, w); 0 with fewer than four
+    lights. Residuals are cut at `significant_deviations`, because robust weights have rejected larger ones."""
     most = photometry.SETTINGS.significant_deviations**2
     freedom = np.where(lights >= photometry.OVERDETERMINED, lights.astype(np.float32) - photometry.PIXEL_UNKNOWNS, 0)
     squares = np.where(freedom > 0, np.minimum(residual**2, most) * lights, 0)
@@ -210,7 +209,7 @@ def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, 
 
 
 def crease_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
-    """Δ² (H, W), deg², of normals (H, W, 3), summed over rows and columns; 0 where a neighbour is not known."""
+    """Returns Δ² (H, W), deg², of normals (H, W, 3), summed over rows and columns; 0 where a neighbour is unknown."""
     out = np.zeros(known.shape, np.float32)
     for axis in (0, 1):
         n, k = np.swapaxes(normals, 0, axis), np.swapaxes(known, 0, axis)
@@ -224,8 +223,8 @@ def crease_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
 
 
 def detail_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
-    """λ² (H, W), deg², of normals (H, W, 3): half of the angle to the mean of those of the four neighbours that are
-    known; else 0."""
+    """Returns λ² (H, W), deg², of normals (H, W, 3): half of the angle to the mean normal of the known ones among the
+    four neighbours, squared; 0 if none is known."""
     around = cv2.filter2D(normals * known[..., None], -1, FOUR_NEIGHBOURS, borderType=cv2.BORDER_CONSTANT)
     length = _length(around)
     chord = _length(normals - around / np.maximum(length, np.float32(1e-6))[..., None])
@@ -234,8 +233,8 @@ def detail_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
 
 
 def line_deg(normals: Float32Array, known: BoolArray, variance_deg2: Float32Array) -> Float32Array:
-    """ω (H, W), degrees, of normals (H, W, 3) of variance σ₀² (H, W), the largest over rows, columns and `LINES_PX`; 0
-    where a side is not known."""
+    """Returns ω (H, W), degrees, of normals (H, W, 3) of variance σ₀² (H, W), the largest over rows, columns and
+    `LINES_PX`; 0 where a side is unknown."""
     most = np.zeros(known.shape, np.float32)
     for axis in (0, 1):
         n, k = np.swapaxes(normals, 0, axis), np.swapaxes(known, 0, axis)
@@ -259,16 +258,16 @@ def line_deg(normals: Float32Array, known: BoolArray, variance_deg2: Float32Arra
 
 
 def _dot(one: np.ndarray, other: np.ndarray) -> Float32Array:
-    """Scalar products (...,) of vectors (..., 3), in a quarter of the time that `numpy.einsum` takes."""
+    """Returns scalar products (...,) of vectors (..., 3), in a quarter of the time of `numpy.einsum`."""
     return np.asarray(one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1] + one[..., 2] * other[..., 2])
 
 
 def _length(vectors: np.ndarray) -> Float32Array:
-    """Lengths (...,) of vectors (..., 3), in a sixth of the time that `numpy.linalg.norm` takes."""
+    """Returns lengths (...,) of vectors (..., 3), in a sixth of the time of `numpy.linalg.norm`."""
     return np.asarray(np.sqrt(_dot(vectors, vectors)), np.float32)
 
 
 def _pooled(values: Float32Array) -> Float32Array:
-    """Sum (h, w) over the neighbourhood of each pixel."""
+    """Returns the sum (h, w) over the square of POOLED_PX round each pixel."""
     size = (POOLED_PX, POOLED_PX)
     return np.asarray(cv2.boxFilter(values.astype(np.float32), -1, size, normalize=False), np.float32)

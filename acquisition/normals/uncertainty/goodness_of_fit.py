@@ -1,11 +1,11 @@
 """Goodness of fit: studentised residuals against the noise that sensor and calibration state, never the fitted one.
 
-The noise components that the solve fits to its own residuals absorb a wrong model, so a residual in units of them
-cannot be large. In units of the stated noise it can. Each measurement's squared residual is divided by its variance and
-by 1 − leverage; the square root of the median, over a Gaussian's, is the **misfit** of an image, of a part of the
-object, or of all. Measurements by the thousand make any sound capture's misfit differ from 1 significantly, because
-every model is a little wrong; so its probability is that of a *sound capture* fitting as badly, from the distribution
-of the misfit over captures of random objects.
+The noise components that the solve fits to its own residuals absorb a wrong model, so residuals in units of them cannot
+be large. In units of the stated noise they can. Each squared residual is divided by its variance and by 1 − leverage.
+The **misfit** of an image, of a region of the object, or of all is the square root of the median of these squares,
+relative to that of a Gaussian. With thousands of measurements the misfit of any sound capture differs significantly
+from 1, because every model is a little wrong. The stated probability is therefore that of a *sound capture* fitting as
+badly, from the distribution of the misfit over captures of random objects.
 """
 
 from dataclasses import dataclass
@@ -31,10 +31,11 @@ class GoodnessOfFitSettings:
 
     log_misfit_mean: float = tuned(-0.35, "1")
     """Mean of the logarithm of the misfit of sound captures. Set between two samples of design seeds: −0.45 over 44
-    Lambertian captures, −0.16 over 160 with rough and translucent ones among them."""
+    Lambertian captures, −0.16 over 160 captures, rough and translucent ones among them."""
     log_misfit_sd: float = tuned(0.4, "1")
-    """Standard deviation of the logarithm of the misfit of sound captures. 0.55 and 0.48 in the same samples. With the
-    first a misfit of 2.5 has a probability of 0.7 %, with the second of 1.2 %, with these numbers of 0.1 %."""
+    """Standard deviation of the logarithm of the misfit of sound captures. In the same two samples it is 0.55 and 0.48.
+    With the first sample's numbers a misfit of 2.5 has a probability of 0.7 %, with the second's 1.2 %, with the
+    numbers set here 0.1 %."""
 
     @property
     def median_misfit(self) -> float:
@@ -45,14 +46,14 @@ class GoodnessOfFitSettings:
 SETTINGS = GoodnessOfFitSettings()
 
 GRID = 4
-"""Regions of the object of which a misfit is stated: a grid of so many rows and columns over its bounding box."""
+"""Rows and columns of the grid of regions, over the object's bounding box, whose misfit is stated."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Misfit of all measurements, of each image (F,) and of each region (GRID, GRID), NaN where they are too few; the
-    mean of Cauchy's loss, which is what the pixels' solves minimise; and the median residual as a share of the value,
-    which knows of no noise model."""
+    """Misfit of all measurements, of each image (F,) and of each region (GRID, GRID), NaN where these are too few; mean
+    of Cauchy's loss, which the pixels' solves minimise; median residual as a share of the value, free of a noise
+    model."""
 
     misfit: float
     loss: float
@@ -62,8 +63,8 @@ class Fit:
 
     @property
     def redundant(self) -> bool:
-        """Whether there are images enough to judge a model by: four leave one residual a pixel, which tells gloss from
-        wrong normals, but not from as many other models as there are."""
+        """Whether there are enough images to judge a model. Four leave one residual per pixel, which distinguishes
+        gloss from wrong normals, but not from all the other models."""
         return len(self.images) >= photometry.REDUNDANT
 
     @property
@@ -72,7 +73,7 @@ class Fit:
         return probability(self.misfit)
 
     def summary(self) -> GoodnessOfFit | None:
-        """The same as stored with a result; NaN becomes none, and all of it where too few images leave too little."""
+        """Returns the fit as stored with a result, with none for NaN; none as a whole if the images are too few."""
         if not self.redundant or not np.isfinite(self.misfit):
             return None
 
@@ -89,14 +90,14 @@ class Fit:
 
 
 def probability(misfit: float) -> float:
-    """Upper tail of the log-normal distribution of sound captures' misfit."""
+    """Returns the upper tail probability of the log-normal distribution of sound captures' misfit."""
     return 0.5 * erfc((log(max(misfit, 1e-6)) - SETTINGS.log_misfit_mean) / SETTINGS.log_misfit_sd / sqrt(2))
 
 
 def evaluate(estimate: Estimate, values: Float32Array, stated: Noise, extra: Float32Array, place: FloatArray) -> Fit:
-    """Misfit of K pixels' `estimate` to the `values` (F, K) that it was solved from, in the `stated` noise.
+    """Evaluates the fit of K pixels' `estimate` to the `values` (F, K) that it was solved from, in the `stated` noise.
 
-    `extra` (F, K) is variance beside the noise model's; `place` (2, K) are row and column within the object's bounding
+    `extra` (F, K) is variance beyond the noise model's; `place` (2, K) are row and column within the object's bounding
     box, 0–1.
     """
     squares, relative, used = residual_noise.studentised_squares(estimate, values, stated, extra)

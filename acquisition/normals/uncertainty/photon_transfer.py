@@ -1,11 +1,11 @@
 """Photon transfer: a sensor's gain and read noise from the variance of its values at each brightness (EMVA 1288).
 
-The variance of values grows with brightness by one over the gain (electrons per value), from that of reading and
-rounding in the dark (Janesick, Photon Transfer, 2007; EMVA 1288, release 4.0, section 6). Variances are those of
-differences among four neighbours of the difference of two frames: everything that both frames share cancels in the
-second, fixed pattern included, and in the first whatever varies slowly over the image, as when a lamp came back a
-little brighter or a little displaced. Differences at edges are not noise, so the variance of each bin of brightness is
-estimated from its core by σ-clipping, and a bin with many outliers is dropped.
+The variance of values is a line in brightness. Its slope is one over the gain (electrons per value), and its value in
+the dark is the variance of reading and rounding (Janesick, Photon Transfer, 2007; EMVA 1288, release 4.0, section 6).
+Variances are estimated from differences among four neighbours of the difference of two frames. The difference of frames
+cancels everything that both share, fixed pattern included. The difference of neighbours cancels what varies slowly over
+the image, as when a lamp came back slightly brighter or displaced. Differences at edges are not noise, so the variance
+of each bin of brightness is estimated from its core by σ-clipping, and a bin with many outliers is dropped.
 """
 
 from dataclasses import dataclass
@@ -24,24 +24,27 @@ class TransferSettings:
     """Tuned numbers of the photon-transfer curve."""
 
     max_tail_share: float = tuned(0.04, "share")
-    """Share of a bin's differences beyond CLIP_SIGMA σ, 0.003 for a Gaussian, from which the bin is dropped: edges of
-    shadows, or all edges when the scene has moved. Where there are none, of 120 synthetic sensors of gains 0.1–10
-    0.91 are known, with half as much 0.91, with twice 0.90 (scratch evaluation, November 2026)."""
+    """Share of a bin's differences beyond CLIP_SIGMA σ, 0.003 for a Gaussian, from which the bin is dropped. Such
+    outliers are edges of shadows, or all edges if the scene has moved. Measured without edges on 120 synthetic sensors
+    of gains 0.1–10: the gain of 0.91 of them is known, with half as much of 0.91, with twice of 0.90 (scratch
+    evaluation, November 2026)."""
     rounding_sigma: float = tuned(0.06, "1")
-    """1 σ of a bin's variance beyond its sampling error, by clipping of quantised values, as a share of it, times the
-    squared step over it. Without it the noise of a sensor that reads with 0.8 steps is 5 % too small by 5 of its σ
-    (`test_fit_line_synthetic_sensor_recovers_gain_and_read_noise`); with 0.083 its 1 σ is over a tenth of it. Errors
-    of the same 120 sensors' floors are 0.80 of their σ (rms), 0.90 with half and 0.69 with twice as much."""
+    """1 σ of a bin's variance beyond its sampling error, by clipping of quantised values. As a share of the variance it
+    is this number times step² / variance. Measured: without it the noise of a sensor that reads with 0.8 steps is 5 %
+    too small, 5 of its σ (`test_fit_line_synthetic_sensor_recovers_gain_and_read_noise`); with 0.083 its 1 σ is over a
+    tenth of it. Errors of the same 120 sensors' floors are 0.80 of their σ (rms), with half as much 0.90, with twice
+    0.69."""
     pattern_sigma: float = tuned(0.001, "share")
-    """1 σ of the difference of two frames from pixel to pixel in proportion to brightness, where a lamp came back
-    displaced: a term in the square of brightness, which would otherwise be counted as photons.
-    The same 120 sensors have patterns of 0–0.0015: 0.91 are known and their gains' errors are 0.96 σ (rms); with half
-    as much 0.92 and 1.05, with twice 0.84 and 0.84."""
+    """1 σ of the difference of two frames from pixel to pixel, as a share of brightness, if a lamp came back displaced.
+    Its variance is a term in the square of brightness that would otherwise count as photons. Measured on the same 120
+    sensors, with patterns of 0–0.0015: 0.91 are known, and errors of their gains are 0.96 σ (rms); with half as much
+    0.92 and 1.05, with twice 0.84 and 0.84."""
     max_relative_sigma: float = tuned(0.05, "share")
-    """1 σ of an estimate of gain or read noise, as a share of it, up to which it replaces what is stated. A scene of
-    fine detail that has moved between its two frames gives a gain wrong a thousandfold, of 7–8 % (scratch evaluation,
-    November 2026; `test_estimate_fine_detail_shifted_keeps_calibration`). Of the same 120 sensors 0.91 are known, to
-    2.4 % (rms); with half as much 0.62, to 1.4 %, with twice all, to 2.9 %."""
+    """1 σ of an estimate of gain or read noise, as a share of it, up to which it replaces the stated value. A larger
+    limit accepts wrong estimates: a scene of fine detail that has moved between its two frames gives a gain that is
+    wrong a thousandfold, with a σ of 7–8 % (scratch evaluation, November 2026;
+    `test_estimate_fine_detail_shifted_keeps_calibration`). Of the same 120 sensors 0.91 are known, to 2.4 % (rms); with
+    half as much 0.62, to 1.4 %; with twice all, to 2.9 %."""
 
 
 SETTINGS = TransferSettings()
@@ -49,23 +52,23 @@ SETTINGS = TransferSettings()
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
 BINS = 24
-"""Bins of brightness, of equal width in its square root, as the noise is. Each is many times as wide as the noise,
-which would otherwise sort pixels of one brightness into bright and dark ones and flatten the curve."""
+"""Bins of brightness, of equal width in its square root, in which the noise is uniform. Each is many times as wide as
+the noise, which would otherwise sort pixels of one brightness into bright and dark ones and flatten the curve."""
 
 CLIP_SIGMA = 3.0
 """σ beyond which differences are clipped."""
 
 CLIPPED_GAUSSIAN_VARIANCE = 0.97334
-"""Variance of a Gaussian cut off at CLIP_SIGMA σ, as a share of the full one's."""
+"""Variance of a Gaussian truncated at CLIP_SIGMA σ, as a share of that of the full one."""
 
 CLIP_ITERATIONS = 12
-"""Iterations of σ-clipping at most."""
+"""Largest number of iterations of σ-clipping."""
 
 INITIAL_SAMPLE = 2000
-"""Differences of a bin that its first variance is estimated from."""
+"""Differences of a bin from which its initial variance is estimated."""
 
 STRIPS = 16
-"""Strips of rows, spread over a window, that are read: more do not improve the estimate."""
+"""Strips of rows that are read, spread over a window; more do not improve the estimate."""
 
 IRLS_ITERATIONS = 8
 """Iterations of the reweighted line fit."""
@@ -73,7 +76,7 @@ IRLS_ITERATIONS = 8
 
 @dataclass(frozen=True)
 class TransferCurve:
-    """A photon-transfer curve: mean brightness (B,), variance (B,) of one frame's values there, its relative 1 σ."""
+    """A photon-transfer curve: mean brightness (B,), variance (B,) of one frame's values, its relative 1 σ (B,)."""
 
     level: FloatArray
     variance: FloatArray
@@ -92,34 +95,35 @@ class LinearFit:
 
     @property
     def known(self) -> bool:
-        """Whether the slope, one over the gain, is known well enough to replace what is stated."""
+        """Whether the slope, one over the gain, is known well enough to replace the stated value."""
         return self.slope > 0 and self.slope_sigma <= SETTINGS.max_relative_sigma * self.slope
 
 
 def strips(height: int, most_rows: int) -> list[slice]:
-    """Strips of pairs of rows, spread over `height` rows, of at most `most_rows` in all but two each."""
+    """Returns strips of pairs of rows, spread over `height` rows: at most `most_rows` in all, but at least two each."""
     each = max(2, min(-(-height // STRIPS), most_rows // STRIPS) // 2 * 2)
     starts = range(0, height, each) if each * STRIPS >= height else np.linspace(0, height - each, STRIPS).astype(int)
     return [slice(int(start), min(int(start) + each, height)) for start in starts]
 
 
 def quads(image: NDArray[ScalarT]) -> NDArray[ScalarT]:
-    """The corners (4, h/2, w/2) of each 2 × 2 square of an image (h, w), row by row."""
+    """Returns the corners (4, h/2, w/2) of each 2 × 2 square of an image (h, w), row by row."""
     height, width = (length // 2 * 2 for length in image.shape)
     return np.stack([image[row:height:2, column:width:2] for row in (0, 1) for column in (0, 1)])
 
 
 def quad_differences(corners: NDArray[FloatT], axis: int = 0) -> NDArray[FloatT]:
-    """Differences of four neighbours along an axis, with one's variance."""
+    """Returns the mixed difference of four neighbours along an axis, scaled to the variance of one of them."""
     one, right, below, across = np.moveaxis(corners, axis, 0)
     return np.asarray((one - right - below + across) / 2, corners.dtype)
 
 
 def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: float) -> TransferCurve:
-    """Photon-transfer curve of differences (N,), of one frame's variance, at brightness `level` (N,) up to `top`.
+    """Builds the photon-transfer curve of differences (N,), of one frame's variance, at brightness `level` (N,) to
+    `top`.
 
-    `step` is the quantisation of values. Where the noise is less than half a step, quantisation adds something else
-    than a twelfth of a squared step (Widrow & Kollár, Quantization Noise, 2008), and the bin is dropped.
+    `step` is the quantisation of values. If the noise is less than half a step, quantisation does not add a twelfth of
+    the squared step (Widrow & Kollár, Quantization Noise, 2008), and the bin is dropped.
     """
     rounding = step**2 / 12
     bin_number = np.clip(np.sqrt(np.maximum(level, 0)) * (BINS / np.sqrt(top)), 0, BINS - 1).astype(np.uint8)
@@ -134,24 +138,23 @@ def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: 
             mean = float(np.mean(level[start:stop], dtype=np.float64))
             variance = _core_variance(members, rounding)
             if variance > step**2 / 4 + rounding:
-                sampling = 2.3 / (stop - start)  # clipping costs a little of the efficiency
+                sampling = 2.3 / (stop - start)  # clipping reduces the efficiency a little
                 relative = np.sqrt(sampling + (SETTINGS.rounding_sigma * step**2 / variance) ** 2)
                 bins.append((mean, variance, float(relative)))
     return TransferCurve(*np.array(bins).reshape(-1, 3).T)
 
 
 def concatenate(curves: list[TransferCurve]) -> TransferCurve:
-    """The points of several curves of one sensor together."""
+    """Returns the points of several curves of one sensor as one curve."""
     parts = ([curve.level, curve.variance, curve.relative] for curve in curves)
     return TransferCurve(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def fit_line(curve: TransferCurve) -> LinearFit | None:
-    """Line fit of a photon-transfer curve by iteratively reweighted least squares (Cauchy weights); none below three
-    points.
+    """Fits a line to a photon-transfer curve by iteratively reweighted least squares; none below three points.
 
-    A term in the square of brightness, with a prior, absorbs what is in proportion to it. Outliers are down-weighted.
-    σ is that of the fit, times the root of the reduced χ² where that is above one.
+    Cauchy weights reduce the influence of outliers. A term in the square of brightness, with a prior, absorbs
+    differences in proportion to brightness. σ is that of the fit, times the root of the reduced χ² if that is above 1.
     """
     if len(curve.level) < 3:
         return None
@@ -177,8 +180,8 @@ def fit_line(curve: TransferCurve) -> LinearFit | None:
 
 
 def _core_variance(squares: FloatArray, rounding: float) -> float:
-    """Variance of a Gaussian with outliers from `squares` (N,), by σ-clipping from one that is at least that of
-    `rounding`; 0: too many outliers."""
+    """Estimates the variance of a Gaussian with outliers from `squares` (N,) by σ-clipping, starting at no less than
+    that of `rounding`; 0: too many outliers."""
     sample = squares[:: max(1, len(squares) // INITIAL_SAMPLE)]
     variance = float(np.median(sample)) / photometry.GAUSSIAN_MEDIAN_DEVIATION**2 + rounding
     for _ in range(CLIP_ITERATIONS):

@@ -1,10 +1,10 @@
 """Noise of single pixels without repeated images: photon transfer on the residuals of neighbouring pixels.
 
-Each pixel has more images than its normal needs, so the residuals contain its noise. They also contain errors of lamps
-and model, but these are nearly the same at neighbouring pixels and proportional to their albedo: in the difference of
-four neighbours' residuals, each divided by its albedo, they cancel. Its variance at each brightness is a
-photon-transfer curve, like that of a session's repeated frames. Neighbours that were interpolated from one another
-(demosaicing) or compressed together differ by less than their noise.
+Each pixel has more images than its normal needs, so its residuals contain noise. They also contain errors of lamps and
+model, which are nearly the same at neighbouring pixels and proportional to albedo; these cancel in the difference of
+four neighbours' residuals, each divided by its albedo. The variance of this difference at each brightness is a
+photon-transfer curve, like that of a session's repeated frames. If neighbours were interpolated from one another
+(demosaicing) or compressed together, they differ by less than their noise.
 """
 
 from dataclasses import replace
@@ -22,17 +22,17 @@ from acquisition.normals.pyramid import MaskedImages
 from acquisition.normals.uncertainty import photon_transfer, residual_noise
 
 MAX_PRODUCTS = 2_000_000
-"""Pixels used, times the square of the number of lights: more do not improve the estimate."""
+"""Largest product of pixels used and squared number of lights; more pixels do not improve the estimate."""
 
 
 def estimate(
     images: Images, mask: BoolArray, depth_m: Float32Array, calibration: Calibration, steps: FloatArray
 ) -> tuple[Images, str]:
-    """Photon-transfer estimate of shot and read noise from neighbouring residuals: the images with it, and a sentence
-    on its source.
+    """Estimates shot and read noise by photon transfer from neighbouring residuals.
 
-    `images` have a guess of it, which scales values to electrons; `mask` and the rough `depth_m` are (h, w), `steps`
-    (F,) the quantisation of values, 0 for none. Where too few pixels determine it, the guess stays.
+    Returns the images with this noise, and a sentence on its source. The noise of `images` is a first guess, which
+    scales values to electrons; it stays if too few pixels determine the estimate. `mask` and the rough `depth_m` are
+    (h, w), `steps` (F,) is the quantisation of values, 0 for none.
     """
     if len(images.lights) < photometry.REDUNDANT:
         return images, f"guessed: {len(images.lights)} lights leave nothing over"
@@ -47,7 +47,8 @@ def estimate(
     line = photon_transfer.fit_line(photon_transfer.transfer_curve(level, apart, top, step))
     if line is None or not line.known:
         return images, "guessed: too few pixels tell"
-    # Few lit pixels are dark, so the floor is hardly known by itself; with the slope it gives the noise of lit ones.
+    # Few lit pixels are dark, so the floor alone is uncertain; together with the slope it gives the noise of lit
+    # pixels.
     shot, floor = images.shot * line.slope, np.maximum(line.floor * images.shot**2, images.floor)
     note = f"noise found in how neighbours differ: {1 / np.median(shot):.3g} electrons at a white surface's value"
     return replace(images, shot=shot, floor=floor), note
@@ -57,7 +58,7 @@ def _differences(
     pixels: Pixels, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration, shot: FloatArray,
     floor: FloatArray,
 ) -> tuple[Float32Array, Float32Array]:  # fmt: skip
-    """Brightness (K,) and differences (K,) with one measurement's variance, both in electrons by the guessed gain."""
+    """Returns brightness (K,) and differences (K,) of one measurement's variance, in electrons by the guessed gain."""
     light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
     strength = photometry.strength(light)
     usable, _, _ = pixel_solve.classify_measurements(pixels, pixels.values, light, SolveSettings().shadow_threshold)

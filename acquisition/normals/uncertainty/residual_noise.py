@@ -1,10 +1,10 @@
 """Noise scales of lamps and model, estimated from the residuals of the pixel solve.
 
-Two shares of the noise are not known beforehand: an error c in proportion to y (lamp intensities, model error) and one
-in proportion to ρ|s| (light directions). A residual's σ is √(v (1 − h)), h the leverage of its measurement in the
-pixel's own solve; c is set so that the median of the squared whitened residuals of bright
-measurements is a Gaussian's (median absolute deviation), and σ_d likewise by grazing ones. Medians, because a few per
-cent of the measurements lie in penumbrae.
+Two components of the noise are not known beforehand: an error c in proportion to y (lamp intensities, model error), and
+an error σ_d in proportion to ρ|s| (light directions). The σ of a residual is √(v (1 − h)), where h is the leverage of
+its measurement in the pixel's own solve. c is set so that the median of the squared whitened residuals of bright
+measurements is that of a Gaussian (median absolute deviation); σ_d is set in the same way by grazing measurements.
+Medians are used because a few per cent of the measurements lie in penumbrae.
 
 Kernels compile at import, into numba's cache.
 """
@@ -28,27 +28,28 @@ class ResidualNoiseSettings:
     """Tuned numbers of the noise from residuals."""
 
     max_leverage: float = tuned(0.8, "share")
-    """Leverage above which a residual has too little of its noise left to be used. A fifth of the variance is left at
-    it; with it P(e < σ) of the prototype is 0.62 and 0.60 at intensity errors of 0.3 and 3 % (decision 36)."""
+    """Leverage above which a residual is not used, because too little of its noise is left: at this value a fifth of
+    the variance. With it P(e < σ) of the prototype is 0.62 and 0.60 at intensity errors of 0.3 and 3 % (decision
+    36)."""
     bounds: tuple[float, float] = tuned((0.001, 0.05), "1")
-    """Bounds of c, a fraction, and of σ_d, rad. With 0.03 errors of 27 sound captures of design seeds 101–104 are 0.997
-    ± 0.003 of those with it, but a turned part that moves by two pixels (seed 62) errs by 3.6 in place of 2.2°; with
-    0.1 rms e/σ of a vessel that no model fits (family seed 0, Oren-Nayar, eight lights, 64 px) is 2.4 in place of 1.3
-    (scratch evaluations, November 2026)."""
+    """Lower and upper bounds of c, a fraction, and of σ_d, rad. Measured for the upper one (scratch evaluations,
+    November 2026): with 0.03 errors of 27 sound captures of design seeds 101–104 are 0.997 ± 0.003 of those with 0.05,
+    but a turned part that moves by two pixels (seed 62) errs by 3.6 instead of 2.2°; with 0.1 rms e/σ of a vessel that
+    no model fits (family seed 0, Oren-Nayar, eight lights, 64 px) is 2.4 instead of 1.3."""
 
 
 SETTINGS = ResidualNoiseSettings()
 
 ROUNDS = 2
-"""Alternations of c and σ_d."""
+"""Number of alternations of c and σ_d."""
 
 
 def estimate(solution: Estimate, values: Float32Array, noise: Noise, stated: Noise, extra: Float32Array) -> Noise:
-    """Robust scale estimation of c and σ_d from K pixels' residuals, in the `noise` that they were solved with.
+    """Estimates the scales c and σ_d robustly from K pixels' residuals, in the `noise` that they were solved with.
 
-    Where too few measurements determine c or σ_d, it is the `stated` one, not that of an earlier round, which was
-    solved with less knowledge. `values` (F, K) are what `solution` was solved from, `extra` (F, K) its variance beside
-    the noise model's.
+    If too few measurements determine c or σ_d, the `stated` value is used, not that of an earlier round, which was
+    solved with less knowledge. `values` (F, K) are what `solution` was solved from, `extra` (F, K) is their variance
+    beyond the noise model's.
     """
     residuals = _Residuals.of(solution, values, extra, photometry.REDUNDANT)
     least_pixels = photometry.SETTINGS.min_pixel_share * np.count_nonzero(np.any(residuals.used, axis=0))
@@ -73,11 +74,11 @@ def estimate(solution: Estimate, values: Float32Array, noise: Noise, stated: Noi
 def studentised_squares(
     solution: Estimate, values: Float32Array, noise: Noise, extra: Float32Array
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Squared residuals (F, K) over their expectation v (1 − h) in the given `noise`, over the squared value and 1 − h,
-    and which of them count.
+    """Returns squared residuals (F, K) over v (1 − h), their expectation in the given `noise`, the same over the
+    squared value and 1 − h, and which of them count.
 
-    Pixels need five usable lights, or four where there are only four images (`photometry.REDUNDANT`); measurements of
-    leverage above `max_leverage` do not count. Arguments as of `estimate`.
+    Pixels need five usable lights, or four if there are only four images (`photometry.REDUNDANT`). Measurements of
+    leverage above `max_leverage` do not count. Arguments are those of `estimate`.
     """
     least_lights = min(len(values), photometry.REDUNDANT)
     variance, squares, counted = _Residuals.of(solution, values, extra, least_lights).studentised(noise)
@@ -86,11 +87,11 @@ def studentised_squares(
 
 @dataclass(frozen=True)
 class _Residuals:
-    """Least squares of K pixels: Lambert's rows s (F, 3, K); values, predicted ones, ρ|s| and variance beside the noise
-    model's (F, K), and which measurements are used, of pixels with enough of them.
+    """Least squares of K pixels: Lambert's rows s (F, 3, K); values, predicted values, ρ|s| and variance beyond the
+    noise model's (F, K); and the measurements that are used, of pixels with enough of them.
 
-    Leverages are Lambert's, also where there are further terms: by the rows s + ∂h/∂g of a lobe the few measurements
-    that tell of it have so much leverage that gloss of four images fits no better than no gloss.
+    Leverages are those of Lambert's law, also if there are further terms. With the rows s + ∂h/∂g of a lobe, the few
+    measurements that determine it have such leverage that in four images gloss fits no better than no gloss.
     """
 
     rows: FloatArray
@@ -110,7 +111,7 @@ class _Residuals:
         return cls(np.ascontiguousarray(light), values.astype(np.float64), predicted, strength, extra, used)
 
     def studentised(self, noise: Noise) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Studentised residuals: variance v in a `noise`, squared residuals over 1 − h, which count; each (F, K)."""
+        """Returns variance v in a `noise`, squared residuals over 1 − h, and which of them count; each (F, K)."""
         variance = noise.variance(np.maximum(self.values, 0), self.strength) + self.extra
         leverage = np.empty(variance.shape)
         _leverage(self.rows, np.ascontiguousarray(np.where(self.used, 1 / variance, 0)), leverage)
@@ -121,9 +122,9 @@ class _Residuals:
 def _median_matched_share(
     squares: FloatArray, rest: FloatArray, by: FloatArray, where: BoolArray, least_pixels: float
 ) -> float | None:
-    """The q for which the median of squares / (rest + q² by) is a Gaussian's; none where too few measurements count, or
-    of too few pixels."""
-    where = where & (by > 0)  # where nothing is predicted, as of metal between highlights, nothing is told
+    """Returns the q for which the median of squares / (rest + q² by) is that of a Gaussian; none if too few
+    measurements or pixels count."""
+    where = where & (by > 0)  # predictions of 0, as for metal between highlights, have no information
     pixels = np.count_nonzero(np.any(where, axis=0))
     if np.count_nonzero(where) < self_calibration.SETTINGS.independent_sample or pixels < least_pixels:
         return None
@@ -134,7 +135,7 @@ def _median_matched_share(
 
 @numba.njit("void(float64[:,:,::1], float64[:,::1], float64[:,::1])", cache=True, fastmath=True, error_model="numpy")
 def _leverage(rows: FloatArray, weight: FloatArray, out: FloatArray) -> None:
-    """Leverage (F, K) of each measurement in its pixel's weighted least squares: rows (F, 3, K), weights (F, K)."""
+    """Computes the leverage (F, K) of measurements in their pixels' least squares: rows (F, 3, K), weights (F, K)."""
     count = len(rows)
     inner, own, regular = np.empty((3, 3)), np.empty((3, count)), np.full(3, 1e-6)
     for p in range(rows.shape[2]):

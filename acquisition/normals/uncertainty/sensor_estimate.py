@@ -1,12 +1,12 @@
 """Gain and read noise of the sensor, estimated from a session's own frames (photon transfer, EMVA 1288).
 
-A session captures some image twice, under the same light, and lamp-off frames. Both give points of one photon-transfer
-curve: the image and its repetition over the whole range of brightness; two lamp-off frames near its lower end, where
-they may differ a little in exposure time, because neither room light nor fixed pattern differs by more than a share of
-itself. A single lamp-off frame contains its fixed pattern, so its read noise is too large, never too small.
+A session contains an image taken twice under the same light, and lamp-off frames. Both give points of one
+photon-transfer curve. The image and its repetition cover the whole range of brightness. Two lamp-off frames cover its
+lower end; their exposure times may differ a little, because room light and fixed pattern then differ only by a share of
+themselves. A single lamp-off frame contains its fixed pattern, so its read noise is too large, never too small.
 
-An estimate replaces the calibration's value where its σ is small; otherwise the value is kept, and the note says so.
-The clipping level stays where it is in values, whatever the gain.
+An estimate replaces the calibration's value if its σ is small; otherwise the value is kept, and the note states this.
+The clipping level stays the same in values, whatever the gain.
 """
 
 from collections.abc import Callable
@@ -23,10 +23,10 @@ from acquisition.normals.uncertainty import photon_transfer
 from acquisition.normals.uncertainty.photon_transfer import LinearFit, TransferCurve
 
 MAX_EXPOSURE_RATIO = 1.27
-"""Of the exposure times of two lamp-off frames that count as a pair: neighbours in a series of thirds of a stop."""
+"""Largest ratio of exposure times of two lamp-off frames that form a pair: neighbours in a series of ⅓ stops."""
 
 MAX_PIXELS = 1_000_000
-"""Pixels of a frame that are read: more do not improve the estimate."""
+"""Pixels of a frame that are read; more do not improve the estimate."""
 
 EMPTY_CURVE = TransferCurve(np.zeros(0), np.zeros(0), np.zeros(0))
 
@@ -36,8 +36,7 @@ Reader = Callable[[Shot], Float32Array]
 
 @dataclass(frozen=True)
 class SensorEstimate:
-    """The calibration with the estimated sensor, the figures with their 1 σ (e⁻ per value, e⁻), and a sentence on their
-    source."""
+    """Calibration with the estimated sensor, figures with their 1 σ (e⁻ per value, e⁻), a sentence on their source."""
 
     calibration: Calibration
     figures: dict[str, float]
@@ -45,7 +44,7 @@ class SensorEstimate:
 
 
 def estimate(observations: Observations, calibration: Calibration, rows: slice, columns: slice) -> SensorEstimate:
-    """Photon-transfer estimate of gain and read noise from repeated and lamp-off frames in a window of the frame."""
+    """Estimates gain and read noise by photon transfer from repeated and lamp-off frames in a window of the frame."""
     sensor, black = calibration.sensor, np.float32(calibration.sensor.black_level_dn)
     strips = photon_transfer.strips(rows.stop - rows.start, MAX_PIXELS // (columns.stop - columns.start))
 
@@ -101,8 +100,8 @@ def _figures(sensor: SensorModel) -> dict[str, float]:
 
 
 def _repeated_pairs(observations: Observations) -> list[tuple[Shot, Shot]]:
-    """Pairs of an image and its repetition. An image that was discarded and captured again is newer than its repeat,
-    and makes no pair."""
+    """Returns pairs of an image and its repetition. An image that was discarded and captured again is newer than its
+    repetition, and forms no pair."""
     by_key = {shot.key: shot for shot in observations.shots}
     both = [(by_key.get(again.repeats), again) for again in observations.repeats if again.repeats is not None]
     return [
@@ -113,9 +112,9 @@ def _repeated_pairs(observations: Observations) -> list[tuple[Shot, Shot]]:
 
 
 def _pair_curve(first: Float32Array, second: Float32Array, sensor: SensorModel) -> TransferCurve | None:
-    """Photon-transfer curve of two frames of one light; none where one frame is stored twice. The second, a little
-    brighter or darker, is scaled to the first. Values whose own noise would be clipped are left out.
+    """Returns the photon-transfer curve of two frames of one light; none if one frame is stored twice.
 
+    The second, slightly brighter or darker, is scaled to the first. Values whose noise would be clipped are left out.
     Var(first − scale · second) is slope · first (1 + scale) + floor (1 + scale²).
     """
     if np.array_equal(first, second):
@@ -134,7 +133,7 @@ def _pair_curve(first: Float32Array, second: Float32Array, sensor: SensorModel) 
 
 
 def _dark_curve(read: Reader, darks: list[Shot], sensor: SensorModel) -> tuple[TransferCurve, str]:
-    """Photon-transfer curve of lamp-off frames, and a phrase on which frames it is of."""
+    """Returns the photon-transfer curve of lamp-off frames, and a phrase that names the frames."""
     by_exposure = sorted(darks, key=lambda shot: shot.exposure_s)
     if not by_exposure:
         return EMPTY_CURVE, "no lamp-off frame"
@@ -142,7 +141,7 @@ def _dark_curve(read: Reader, darks: list[Shot], sensor: SensorModel) -> tuple[T
         if other.exposure_s > MAX_EXPOSURE_RATIO * shorter.exposure_s:
             break
         first, second = read(shorter), read(other)
-        if not np.array_equal(first, second):  # else one frame stored twice
+        if not np.array_equal(first, second):  # else one frame is stored twice
             level, apart = (first + second) * np.float32(0.5), (first - second) * np.float32(0.5**0.5)
             return _quad_curve(level, apart, sensor), "two lamp-off frames"
     alone = read(by_exposure[0])
@@ -152,7 +151,8 @@ def _dark_curve(read: Reader, darks: list[Shot], sensor: SensorModel) -> tuple[T
 def _quad_curve(
     level: Float32Array, scattered: Float32Array, sensor: SensorModel, good: BoolArray | None = None
 ) -> TransferCurve:
-    """Photon-transfer curve of `scattered` (n, w) with one frame's variance, by differences of four neighbours."""
+    """Returns the photon-transfer curve of `scattered` (n, w), of one frame's variance, by four-neighbour
+    differences."""
     middle = photon_transfer.quads(level).mean(axis=0)
     apart = photon_transfer.quad_differences(photon_transfer.quads(scattered))
     if good is not None:
