@@ -1,4 +1,4 @@
-"""Images to solve: what session and folders give, normalised by the lamps' intensities, and the object's mask.
+"""Images to solve, of sessions and folders, normalised by the lamps' intensities, and the object's mask.
 
-`session_images` and `acquisition.formats.folders` make the one type that solvers read, `normalised_images.Images`.
+`session_images` and `acquisition.normals.near_light` make the type that solvers read, `normalised_images.Images`.
 """

@@ -1,7 +1,7 @@
 """Colours of a mosaic sensor's albedo: three channels at every pixel, white-balanced, in linear sRGB where calibrated.
 
-A solve has an albedo for each site, its channel's alone. It is free of shading, so that what is interpolated to the
-other sites are the colours of the surface, neither shadows nor highlights.
+A solve gives each site the albedo of its own channel. Albedo is free of shading, so interpolation to the other sites
+mixes colours of the surface, not shadows or highlights.
 """
 
 from dataclasses import replace
@@ -14,15 +14,15 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.result import NormalMap
 
 SRGB, CAMERA = "linear sRGB, white D65", "the camera's own R, G, B"
-"""Of `NormalMap.notes["colour"]`: what the channels of `albedo_rgb` are."""
+"""Values of `NormalMap.notes["colour"]`: the colour space of `albedo_rgb`."""
 
 CELL_SHARES = np.array([0.25, 0.5, 0.25], np.float32)
-"""Shares of R, G, B in a cell of the mosaic."""
+"""Shares of R, G and B in a cell of the mosaic."""
 
 
 def of_sites(normal_map: NormalMap, calibration: Calibration) -> NormalMap:
-    """The result of a mosaic sensor with its colours: `albedo` (H, W) becomes the mean over the channels at each pixel,
-    `albedo_rgb` (H, W, 3) the channels."""
+    """Adds the colours to the result of a mosaic sensor: `albedo` (H, W) becomes the mean over the channels at each
+    pixel, `albedo_rgb` (H, W, 3) the channels."""
     height, width = normal_map.albedo.shape
     channel = mosaic.of_calibration(calibration, slice(0, height), slice(0, width))
     if channel is None:
@@ -40,8 +40,8 @@ def of_sites(normal_map: NormalMap, calibration: Calibration) -> NormalMap:
 def channel_ratios(
     normal_map: NormalMap, calibration: Calibration, rows: np.ndarray, columns: np.ndarray
 ) -> Float32Array:
-    """Values (C, K) of a mosaic's red, green and blue sites at some pixels over their mean; ones (1, K) of a monochrome
-    sensor. The brightest channel is the first to clip."""
+    """Returns the values (C, K) of a mosaic's red, green and blue sites at some pixels over their mean, ones (1, K) of
+    a monochrome sensor. The brightest channel is the first to clip."""
     colours = normal_map.albedo_rgb
     if calibration.sensor.mosaic is None or colours is None:
         return np.ones((1, len(rows)), np.float32)
@@ -53,7 +53,7 @@ def channel_ratios(
 
 
 def in_srgb(channels: Float32Array, calibration: Calibration) -> Float32Array:
-    """White-balanced R, G, B (..., 3) times the calibration's matrix; as they are without one."""
+    """Multiplies white-balanced R, G, B (..., 3) by the calibration's matrix; without one they stay the same."""
     if calibration.colour is None:
         return channels
     return (channels @ np.array(calibration.colour.matrix, np.float32).T).astype(np.float32)

@@ -1,14 +1,14 @@
 """Linear merge of several exposures of one light, by inverse variances of the sensor's noise.
 
-A linear sensor's frames of one light differ in exposure time alone: each, less the lamp-off frame of its time and over
-that time, measures the same y. So they are averaged with the weights 1/v, v = shot·y + floor of the frame's own time. A
-frame counts where it is neither saturated nor black, that is at zero, below which a converter cuts off noise. A pixel
-that is saturated in every frame is no measurement (`clipped`); one that is black in every frame stays at its dark
-value, which the solver takes for shadow. The weights need y, for which the mean over all the time in which the pixel
-was exposed stands in: it is right to a few σ, and errors of weights matter in second order.
+Frames of one light by a linear sensor differ only in exposure time. Each frame, less the lamp-off frame of its time and
+divided by that time, measures the same y. They are averaged with the weights 1/v, where v = shot·y + floor of the
+frame's own time. A frame counts at a pixel if it is neither saturated nor black there; black is zero, below which a
+converter cuts off noise. A pixel that is saturated in every frame is no measurement (`clipped`). One that is black in
+every frame keeps its dark value, which the solver takes for shadow. The y in the weights is the mean over the pixel's
+total exposure time; it is right to a few σ, and errors of weights have a second-order effect only.
 
-What noise a pixel has depends on which frames count there. For each image the solver is told that of pixels at which
-all count; `extra` is what the others have beyond it.
+The noise of a pixel depends on which frames count there. The noise stated for an image is that of pixels at which all
+frames count; `extra` is the additional variance of the others.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,13 +27,13 @@ FrameGroup = Sequence[Shot]
 
 
 def groups(frames: Sequence[Shot]) -> list[FrameGroup]:
-    """The frames of one light by exposure time, the shortest first."""
+    """Groups the frames of one light by exposure time, the shortest first."""
     times = sorted({shot.exposure_s for shot in frames})
     return [[shot for shot in frames if shot.exposure_s == seconds] for seconds in times]
 
 
 def all_counting(noise: FloatArray) -> FloatArray:
-    """Shot noise and floor (2,) of pixels at which all frames count, from those of each group (2, G)."""
+    """Returns shot noise and floor (2,) of pixels at which all frames count, from those of each group (2, G)."""
     return 1 / np.sum(1 / np.maximum(noise, np.finfo(float).tiny), axis=1)
 
 
@@ -41,8 +41,8 @@ def merge(
     frame_groups: Sequence[FrameGroup], read: Callable[[Shot], npt.NDArray[np.uint16]],
     darks: Mapping[float, npt.NDArray[np.uint16]], noise: FloatArray, calibration: Calibration,
 ) -> ImageBlock:  # fmt: skip
-    """Weighted mean of one light's frames, whose pixels (n, w) `read` gives; `darks` are the lamp-off frames' pixels by
-    exposure time, `noise` (2, G) shot and floor of each group's variance."""
+    """Averages one light's frames, whose pixels (n, w) `read` returns, by inverse variances. `darks` are the lamp-off
+    frames' pixels by exposure time, `noise` (2, G) are shot and floor of each group's variance."""
     if len(frame_groups) == 1 and len(frame_groups[0]) == 1:
         shot = frame_groups[0][0]
         frame = read(shot)
@@ -52,14 +52,14 @@ def merge(
     values, usable, saturated = (np.stack(parts) for parts in zip(*means, strict=True))
     time = np.array([sum(shot.exposure_s for shot in group) for group in frame_groups], np.float32)
     nowhere = ~np.any(usable, axis=0)
-    usable[0] |= nowhere  # its value is kept for whoever looks at it
+    usable[0] |= nowhere  # such pixels keep a value too
     rough = np.maximum(_weighted(values, usable.astype(np.float32) * time[:, None, None]), 0)
     photons, floor = noise.astype(np.float32)[..., None, None]
     weight = usable.astype(np.float32) / (photons * rough + np.maximum(floor, np.float32(1e-30)))
     merged = _weighted(values, weight)
     all_photons, all_floor = all_counting(noise).astype(np.float32)
     extra = 1 / np.sum(weight, axis=0) - (all_photons * np.maximum(merged, 0) + all_floor)
-    # Where it saturates at the shortest time, longer ones do too.
+    # A pixel that saturates at the shortest time saturates at longer times too.
     return ImageBlock(merged, nowhere & saturated[0], np.maximum(extra, 0))
 
 
@@ -67,7 +67,7 @@ def _mean(
     group: FrameGroup, read: Callable[[Shot], npt.NDArray[np.uint16]], dark: npt.NDArray[np.uint16],
     calibration: Calibration,
 ) -> tuple[Float32Array, BoolArray, BoolArray]:  # fmt: skip
-    """Mean y of equal frames, where they count, and where one is saturated; each (n, w)."""
+    """Returns the mean y of equal frames, the pixels at which they count, and those at which one is saturated."""
     total = np.zeros(dark.shape, np.float32)
     saturated, black = np.zeros(dark.shape, np.bool_), np.zeros(dark.shape, np.bool_)
     for shot in group:
@@ -79,5 +79,5 @@ def _mean(
 
 
 def _weighted(values: Float32Array, weight: npt.NDArray[np.float32]) -> Float32Array:
-    """Mean (n, w) of values (G, n, w) by weights (G, n, w), one of which is positive everywhere."""
+    """Returns the mean (n, w) of values (G, n, w) by weights (G, n, w); at each pixel one is positive."""
     return np.asarray(np.sum(weight * values, axis=0) / np.sum(weight, axis=0), np.float32)

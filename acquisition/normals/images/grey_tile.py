@@ -1,10 +1,11 @@
 """Each image's lamp intensity from a grey tile in the picture, relative to the other images.
 
-A tile that lies flat beside the object shows in every image how bright the lamp was: its values over those that the
-light model gives for an even white surface there, over the median of all images. Divided out, they leave the solve with
-the tile's σ in place of the calibration's 1 σ of each image's intensity, which a lamp that warms up or ages during a
-session exceeds. The scale common to all images stays the calibration's, because the tile's reflectance is not asked
-for. An image whose tile is saturated, or in a shadow, takes its intensity from those before and after.
+A tile that lies flat beside the object shows in every image how bright the lamp was. The intensity is the ratio of its
+values to those that the light model gives for an even white surface there, relative to the median of all images. The
+images are divided by it, and the tile's σ replaces the calibration's 1 σ of each image's intensity, which a lamp that
+warms up or ages during a session exceeds. The scale common to all images remains that of the calibration, because the
+tile's reflectance is unknown. If the tile is saturated or in a shadow, the intensity is interpolated from the images
+before and after.
 """
 
 from dataclasses import dataclass
@@ -25,8 +26,8 @@ class GreyTileSettings:
     """Tuned number of the intensities from a grey tile."""
 
     min_evenness: float = tuned(0.9, "1")
-    """The 10th over the 90th percentile of the tile's pixels, each over its own median of all images, below which a
-    shadow lies on part of it. Noise of a tile of 25 pixels at a tenth of full scale leaves 0.97."""
+    """Least ratio of the 10th to the 90th percentile of the tile's pixels, each relative to its median over all images.
+    Below it a shadow lies on part of the tile. Noise of a tile of 25 pixels at a tenth of full scale leaves 0.97."""
 
 
 SETTINGS = GreyTileSettings()
@@ -34,8 +35,7 @@ SETTINGS = GreyTileSettings()
 
 @dataclass(frozen=True)
 class GreyTile:
-    """The tile's pixels, `mask` (H, W), the depth (H, W) of its face along OpenCV's z, m, and its unit normal (3,),
-    view frame."""
+    """Tile's pixels `mask` (H, W), depth (H, W) of its face along OpenCV's z, m, and unit normal (3,), view frame."""
 
     mask: BoolArray
     depth_m: Float32Array
@@ -44,8 +44,8 @@ class GreyTile:
 
 @dataclass(frozen=True)
 class TileIntensities:
-    """Log intensity of each image relative to the calibration's (F,), the rms of their 1 σ, and a finding where not all
-    images show the tile as it should be."""
+    """Log intensity (F,) of each image relative to the calibration's, the rms of their 1 σ, and a finding if the tile
+    is saturated or in a shadow in some images."""
 
     log_intensity: FloatArray
     sigma: float
@@ -53,16 +53,13 @@ class TileIntensities:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures for the result's record: 1 σ, and how far the intensities are apart, as fractions."""
+        """Figures for the result's record: 1 σ and range of the intensities, as fractions."""
         return {"tile_sigma": self.sigma, "tile_range": float(np.expm1(np.ptp(self.log_intensity)))}
 
 
 def measure(observations: Observations, calibration: Calibration, tile: GreyTile) -> TileIntensities | None:
-    """Measures the images' relative intensities on a tile; none where less than half of the images show it lit, from
-    which no median tells what is usual.
-
-    Raises RigError normals.infeasible as `session_images.read` does.
-    """
+    """Measures the images' relative intensities on a tile; none if less than half of the images show it lit, because
+    their median is then not typical. Raises RigError normals.infeasible as `session_images.read` does."""
     shots, lights = zip(*session_images.lit_shots(observations), strict=True)
     rows, columns = photometry.bounding_box(tile.mask)
     inside = tile.mask[rows, columns]
@@ -87,7 +84,7 @@ def measure(observations: Observations, calibration: Calibration, tile: GreyTile
     level = np.maximum(level, 1e-6).astype(np.float64)
     noise = np.pi / 2 * (images.shot * level + images.floor) / (np.count_nonzero(inside) * level**2)  # of a median
     position = calibration.lamp_position_sigma_m * _log_gradient(tile, point, lamps)
-    # The tile sees the lamp some 10° from where the object does, and the object sends it some light.
+    # The tile sees the lamp about 10° from the object's direction, and receives some light from the object.
     sigma = np.sqrt(noise + position**2 + photometry.SETTINGS.flat_field_sigma**2)
     log[~usable] = np.interp(_times(shots)[~usable], _times(shots)[usable], log[usable])
     sigma[~usable] = np.maximum(sigma[~usable], calibration.intensity_sigma)
@@ -96,7 +93,7 @@ def measure(observations: Observations, calibration: Calibration, tile: GreyTile
 
 
 def unusable() -> ModelFinding:
-    """The finding where the tile serves nothing."""
+    """Returns the finding for a tile that cannot be used."""
     return ModelFinding(
         kind=photometry.GREY_TILE,
         message="the grey tile is saturated or in a shadow in most images, so that it was not used: lay it where the "
@@ -106,7 +103,7 @@ def unusable() -> ModelFinding:
 
 
 def _log_gradient(tile: GreyTile, point: Float32Array, lamps: Float32Array) -> FloatArray:
-    """By how much the logarithm of the tile's light changes with the lamp's place (F,), per m; lamps keep their aim."""
+    """Returns the gradient (F,), per m, of the log of the tile's light by the lamp's place; lamps keep their aim."""
     away = lamps[:, :3].astype(np.float64) - point.mean(axis=1)
     square = np.sum(away**2, axis=1, keepdims=True)
     facing = np.maximum(away @ tile.normal, 1e-3)[:, None]
@@ -114,13 +111,13 @@ def _log_gradient(tile: GreyTile, point: Float32Array, lamps: Float32Array) -> F
 
 
 def _times(shots: tuple[Shot, ...]) -> FloatArray:
-    """When each image was taken, s; the order of the images where times are not on record."""
+    """Returns when each image was taken, s, or the order of the images if times are not on record."""
     times = np.array([shot.taken_at for shot in shots], dtype=np.float64)
     return times if np.all(np.diff(np.sort(times)) > 0) else np.arange(len(shots), dtype=np.float64)
 
 
 def _finding(saturated: BoolArray, shadowed: BoolArray) -> ModelFinding:
-    """Names the images that do not show the tile as it should be, (F,) each."""
+    """Builds the finding that names the images in which the tile is `saturated` or `shadowed`, (F,) each."""
     said = [
         f"{why} in image {', '.join(map(str, np.flatnonzero(which)[:10]))}"
         for which, why in ((saturated, "is saturated"), (shadowed, "lies in a shadow"))

@@ -1,8 +1,8 @@
 """Images of one object with known lights, from any source: what folder readers return and solvers read.
 
-Pixels stay where they are and are read in blocks of rows, in the type they are stored in: sixteen-bit integers are half
-the bytes of floats, and solvers are limited by memory. A stack of any size can be solved as long as its reader gives
-rows without holding every image; formats that decode only as a whole are for the reader to unpack once.
+Pixels stay in place and are read in blocks of rows, in their stored type, because solvers are limited by memory and
+sixteen-bit integers take half the bytes of floats. A stack of any size can be solved as long as its reader returns rows
+without holding every image. If a format decodes only whole images, its reader has to unpack them once.
 """
 
 from collections.abc import Sequence
@@ -22,17 +22,18 @@ class ImageCheckSettings:
     """Tuned number of the check of lights."""
 
     min_direction_spread: float = tuned(0.02, "1")
-    """Least `direction_spread` of lights, below which they count as lying in one plane with the object. Near lights of
-    0.03 give an error of 8.5° at a σ of 10.5° (`test_solve_lights_close_together_has_a_sigma_that_says_so`)."""
+    """Least `direction_spread` of lights; below it they count as lying in one plane with the object, and are refused.
+    Measured: near lights of 0.03 give an error of 8.5° at a σ of 10.5°
+    (`test_solve_lights_close_together_has_a_sigma_that_says_so`)."""
 
 
 SETTINGS = ImageCheckSettings()
 
 POSITION_SIGMA_M, INTENSITY_SIGMA = 0.001, 0.01
-"""1 σ of each near light's position per axis and of its intensity, as a share, where the source does not state them."""
+"""1 σ of a near light's position per axis and of its intensity, as a share, if the source does not state them."""
 
 FULL_WELL_E, READ_NOISE_E = 10_000.0, 5.0
-"""Electrons at full scale and read noise, of a small pixel, where the source does not state them."""
+"""Electrons at full scale and read noise of a small pixel, if the source does not state them."""
 
 StoredValues = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 
@@ -41,9 +42,9 @@ class RowReader(Protocol):
     """Reads rows of stored images; picklable, so that another process can read them."""
 
     def __call__(self, image: int, start: int, stop: int) -> StoredValues:
-        """Rows [start, stop) of image number `image`: (rows, W) grey or (rows, W, 3) in the order R, G, B.
+        """Reads rows [start, stop) of image number `image`: (rows, W) grey or (rows, W, 3) in the order R, G, B.
 
-        Linear values above black in the stored type, uint8, uint16 or float32, the same for all images; C-contiguous.
+        Values are linear, above black, in the stored type of all images (uint8, uint16 or float32), C-contiguous.
         """
         ...
 
@@ -52,8 +53,8 @@ class RowReader(Protocol):
 class DistantLights:
     """Lights so far away that each has one direction for the whole object.
 
-    `directions` (F, 3) from the object to the light, view frame (x right, y up, z to the camera), of any length;
-    `intensities` (F, C), one column per channel: images are divided by them.
+    `directions` (F, 3) point from the object to the light, in the view frame (x right, y up, z to the camera), with any
+    length. Images are divided by `intensities` (F, C), one column per channel.
     """
 
     directions: FloatArray
@@ -69,10 +70,9 @@ class DistantLights:
 class NearLights:
     """Point lights at `positions_m` (F, 3) in the view frame (origin at the camera).
 
-    `intensity` (F,) is the value, as a fraction of full scale, that a perfectly white Lambertian surface facing the
-    lamp at `reference_m` would give, the mean of the channels, and `colour` (F, C) each channel's share of that, mean
-    1; none: white light. `position_sigma_m` is 1 σ of each position per axis, `intensity_sigma` of each intensity, as
-    a share.
+    `intensity` (F,) is the value, as a fraction of full scale and mean over the channels, of a perfectly white
+    Lambertian surface that faces the lamp at `reference_m`. `colour` (F, C) is each channel's ratio to that mean; none:
+    white light. `position_sigma_m` is 1 σ of positions per axis, `intensity_sigma` that of intensities, as a share.
     """
 
     positions_m: FloatArray
@@ -83,7 +83,7 @@ class NearLights:
     intensity_sigma: float = INTENSITY_SIGMA
 
     def of_channels(self, count: int) -> FloatArray:
-        """`intensity` of each of `count` channels (F, C)."""
+        """Returns `intensity` in each of `count` channels (F, C)."""
         return self.intensity[:, None] * (np.ones((1, count)) if self.colour is None else self.colour[:, :count])
 
 
@@ -114,7 +114,7 @@ class ImageSet:
     mask: BoolArray
     """(H, W) the object: where normals are solved."""
     mask_given: bool = True
-    """False: the source has no mask, `mask` is the whole frame, and a solver may propose one."""
+    """False: the source has no mask; `mask` is the whole frame, and a solver may propose one."""
     camera: Camera | None = None
     """None: orthographic."""
     evaluation_mask: BoolArray | None = None
@@ -128,23 +128,23 @@ class ImageSet:
     read_noise_e: float = READ_NOISE_E
     """Read noise, e⁻, for a first guess."""
     numbers: tuple[int, ...] = ()
-    """The number of each image in its source, where these are some of its images; empty: all, counted from 0."""
+    """The number of each image in its source, if these are only some of its images; empty: all, counted from 0."""
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
     """Facts from the reader for the report."""
 
     @property
     def count(self) -> int:
-        """How many images there are."""
+        """Number of images."""
         return len(self.names)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What sentences call the images (F): number in the source, counted from 0, and file."""
+        """Names of the images (F) in messages: number in the source, counted from 0, and file."""
         numbers = self.numbers or range(self.count)
         return tuple(f"{number} ({name})" for number, name in zip(numbers, self.names, strict=True))
 
     def only(self, chosen: Sequence[int]) -> "ImageSet":
-        """The images with the numbers `chosen`, in that order, with their lights."""
+        """Returns the images with the numbers `chosen`, in that order, with their lights."""
         numbers = list(chosen)
         lights = self.lights
         if isinstance(lights, DistantLights):
@@ -161,13 +161,13 @@ class ImageSet:
         return replace(self, names=names, numbers=own, rows=_ChosenRows(self.rows, tuple(numbers)), lights=kept)
 
     def values(self, image: int, start: int, stop: int) -> Float32Array:
-        """Rows [start, stop) of one image as fractions of full scale, float32 (rows, W) or (rows, W, 3)."""
+        """Reads rows [start, stop) of one image as fractions of full scale, float32 (rows, W) or (rows, W, 3)."""
         return self.rows(image, start, stop).astype(np.float32) * np.float32(1.0 / self.full_scale)
 
 
 @dataclass(frozen=True)
 class _ChosenRows:
-    """Rows of some of the images of another reader, by their numbers there."""
+    """Reads rows of some of the images of another reader, by their numbers there."""
 
     rows: RowReader
     chosen: tuple[int, ...]
@@ -177,17 +177,17 @@ class _ChosenRows:
 
 
 def direction_spread(vectors: FloatArray | Float32Array) -> float:
-    """Smallest singular value of unit light directions over √F, for vectors (F, 3) of any length.
+    """Returns the smallest singular value of unit light directions over √F, for vectors (F, 3) of any length.
 
-    Zero where the directions lie in one plane, so that one component of the normal is not determined.
+    It is 0 if the directions lie in one plane, so that one component of the normal is not determined.
     """
     units = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     return float(np.linalg.svd(units, compute_uv=False)[-1] / np.sqrt(len(units)))
 
 
 def refuse_coplanar(vectors: FloatArray | Float32Array) -> None:
-    """Refuses lights whose directions (F, 3) from the object, of any length, lie in one plane. Raises RigError
-    normals.infeasible."""
+    """Raises RigError normals.infeasible if directions (F, 3) from object to lights, of any length, lie in one
+    plane."""
     spread = direction_spread(vectors)
     if not spread > SETTINGS.min_direction_spread:
         raise RigError(
@@ -198,10 +198,11 @@ def refuse_coplanar(vectors: FloatArray | Float32Array) -> None:
 
 
 def check(images: ImageSet) -> None:
-    """Validates lights and mask: refuses a set that no solver can solve, whatever its pixels hold.
+    """Validates lights and mask, and refuses a set that no solver can solve, whatever its pixel values.
 
-    Raises RigError normals.infeasible: fewer than three lights, as many lights as images not given, numbers that are
-    not finite, a light without direction or intensity, lights in one plane, or an empty mask.
+    Raises RigError normals.infeasible if there are fewer than three images, if lights and images differ in number, if a
+    number is not finite, if a light has no direction or intensity, or if the mask is empty or of another size; for
+    distant lights also if they lie in one plane or most are behind the object.
     """
     lights = images.lights
     distant = isinstance(lights, DistantLights)

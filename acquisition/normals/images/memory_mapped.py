@@ -1,6 +1,6 @@
 """Memory-mapped arrays that may be larger than memory.
 
-Their file is in the system's folder for temporary files (`TMPDIR`), which ought to be on a disk.
+Their file is in the system's folder for temporary files (`TMPDIR`), which should be on a disk.
 """
 
 import mmap
@@ -25,7 +25,7 @@ def zeros(shape: tuple[int, ...], dtype: type[np.generic] = np.uint8) -> np.ndar
 
 
 def iterate(array: np.ndarray) -> Iterator[np.ndarray]:
-    """Iterates over the items of an array of `zeros`, releasing the memory of each before the next."""
+    """Iterates over the items of an array of `zeros`, and releases the memory of each before the next."""
     for item in array:
         yield item
         release(array)

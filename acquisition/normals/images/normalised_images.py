@@ -1,6 +1,6 @@
-"""Normalised images in a window of the frame, read in blocks of rows: what solvers are given, from any source.
+"""Normalised images in a window of the frame, read in blocks of rows: the input of solvers, from any source.
 
-Solvers may read them several times: a small stack is read once and held in memory, a large one is read again each time,
+Solvers may read them several times. A small stack is read once and held in memory. A large one is read again each time,
 because reading a file costs less than the memory that would hold it.
 """
 
@@ -18,16 +18,16 @@ MAX_HELD_BYTES = 1 << 28
 """Size up to which stacks of values and clipped pixels are held in memory."""
 
 BYTES_PER_VALUE, BYTES_PER_EXTRA = 5, 4
-"""float32 value and clipped flag; float32 variance beyond the stated one, of merged exposures only."""
+"""Bytes of a float32 value and clipped flag, and of a float32 variance beyond the stated one (merged frames only)."""
 
 BLOCK_ROWS = 64
-"""Rows that are read at once."""
+"""Number of rows that are read at once."""
 
 
 class ImageBlock(NamedTuple):
     """Values y and clipped pixels (F, n, w) of n rows of a window, and their sensor variance beyond shot·y + floor.
 
-    `extra` is none where all pixels of an image have the noise that `shot` and `floor` state.
+    `extra` is none if all pixels of an image have the noise that `shot` and `floor` state.
     """
 
     values: Float32Array
@@ -35,7 +35,7 @@ class ImageBlock(NamedTuple):
     extra: Float32Array | None = None
 
     def rows(self, start: int, stop: int) -> "ImageBlock":
-        """The rows [start, stop)."""
+        """Returns the rows [start, stop)."""
         extra = None if self.extra is None else self.extra[:, start:stop]
         return ImageBlock(self.values[:, start:stop], self.clipped[:, start:stop], extra)
 
@@ -44,10 +44,9 @@ class ImageBlock(NamedTuple):
 class Images:
     """Images in the window `rows`, `columns` of the frame, with the light of each (F).
 
-    `read` gives the rows [start, stop), counted from the window's first. `shot` and `floor` (F,) are the sensor's part
-    of the variance of y, shot·y + floor; where nothing is known of the sensor they are zero and the quantisation
-    variance, and the rest is estimated from the residuals. `labels` (F,) are what sentences call the images; none: by
-    their numbers, which are counted from 0 everywhere.
+    `read` returns the rows [start, stop), counted from the window's first. `shot` and `floor` (F,) are the sensor's
+    part of the variance of y, shot·y + floor. If the sensor is unknown they are zero and the quantisation variance, and
+    the rest is estimated from the residuals. `labels` (F,) name the images in messages; empty: their numbers, from 0.
     """
 
     read: Callable[[int, int], ImageBlock]
@@ -59,17 +58,17 @@ class Images:
     labels: tuple[str, ...] = ()
 
     def label(self, number: int) -> str:
-        """What a sentence calls an image: its number, counted from 0, and its file where it has one."""
+        """Returns the name of an image in messages: its number, counted from 0, and its file if it has one."""
         return self.labels[number] if self.labels else str(number)
 
     @property
     def height(self) -> int:
-        """How many rows the window has."""
+        """Number of rows of the window."""
         return int(self.rows.stop - self.rows.start)
 
     @property
     def whole(self) -> ImageBlock:
-        """All rows."""
+        """All rows of the window."""
         return self.read(0, self.height)
 
 
@@ -79,7 +78,7 @@ def row_blocks(height: int) -> Iterator[slice]:
 
 
 def held_if_small(images: Images, *, merged: bool = False) -> Images:
-    """Reads images up to MAX_HELD_BYTES into memory; larger ones stay where they are. `merged`: they have `extra`."""
+    """Reads images up to MAX_HELD_BYTES into memory; larger ones are not held. `merged`: the images have `extra`."""
     size = (len(images.lights), images.height, int(images.columns.stop - images.columns.start))
     if (BYTES_PER_VALUE + BYTES_PER_EXTRA * merged) * np.prod(size) > MAX_HELD_BYTES:
         return images

@@ -1,6 +1,6 @@
-"""Frames to normalised values: the images of a session within a window, in blocks of rows.
+"""Normalisation of a session's frames within a window, in blocks of rows.
 
-The lamp-off frame of the same exposure time removes ambient light, black level and dark current at once.
+Subtraction of the lamp-off frame of the same exposure time removes ambient light, black level and dark current at once.
 """
 
 import numpy as np
@@ -16,7 +16,8 @@ from acquisition.normals.images.normalised_images import ImageBlock, Images
 
 
 def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
-    """The lit shots, each with its light. Raises RigError normals.infeasible when there are fewer than three."""
+    """Returns the lit shots, each with its light. Raises RigError normals.infeasible if there are fewer than three, or
+    if a position is not finite."""
     shots = observations.lit
     normalised_images.refuse_few(len(shots))
     if not np.all(np.isfinite([light.position for _, light in shots])):
@@ -28,13 +29,12 @@ def read(
     observations: Observations, calibration: Calibration, rows: slice, columns: slice,
     log_intensity: FloatArray | None = None,
 ) -> Images:  # fmt: skip
-    """Dark-frame subtraction, normalisation and flat field of all lit images within a window of rows and columns.
+    """Subtracts dark frames, normalises and applies the flat field, for all lit images within a window.
 
-    `log_intensity` (F,): how much brighter than calibrated each image's lamp was, where that is known; divided out.
-    An image of several exposures is merged from them (`exposure_merge`). The sensor's noise is stated
-    for pixels in the image's centre: it differs by the lens's few per cent elsewhere.
-
-    Raises RigError normals.infeasible when a frame's size is not the calibration's or a lamp-off frame is missing.
+    `log_intensity` (F,) is the log of each lamp's brightness over the calibrated one, if known; images are divided by
+    it. Several exposures of one image are merged (`exposure_merge`). The stated sensor noise is that in the image's
+    centre; elsewhere the lens changes it by a few per cent. Raises RigError normals.infeasible as `lit_shots` does, and
+    if a frame's size is not the calibration's or a lamp-off frame is missing.
     """
     shots, lights = zip(*lit_shots(observations), strict=True)
     sets = [exposure_merge.groups(observations.frames_of(shot)) for shot in shots]
@@ -77,7 +77,7 @@ def read(
 
 
 def common_lamp_errors(observations: Observations, calibration: Calibration) -> FloatArray | None:
-    """`lamp_pose.common_errors` of the lit images (F, 3, C); none where a tool pose is not on record."""
+    """Returns `lamp_pose.common_errors` (F, 3, C) of the lit images; none if a tool pose is not on record."""
     poses = [shot.base_from_tool for shot, _ in lit_shots(observations)]
     known = [pose for pose in poses if pose is not None]
     return lamp_pose.common_errors(np.array(known), calibration) if len(known) == len(poses) else None
@@ -86,14 +86,14 @@ def common_lamp_errors(observations: Observations, calibration: Calibration) -> 
 def _noise(
     groups: list[exposure_merge.FrameGroup], calibration: Calibration, ambient_dn: dict[float, float]
 ) -> FloatArray:
-    """Shot noise and floor (2, G) of groups of frames, given the mean signal above black of each exposure time's
+    """Returns shot noise and floor (2, G) of groups of frames, from the mean signal above black of each exposure time's
     lamp-off frame."""
     times = [FrameExposure(exposure_s=group[0].exposure_s, frames=len(group)) for group in groups]
     return np.array(image_values.frames_noise(calibration, times, [ambient_dn[one.exposure_s] for one in times]))
 
 
 def _window_mean(observations: Observations, shot: Shot, rows: slice, columns: slice) -> float:
-    """The mean of a frame's window."""
+    """Returns the mean over a frame's window."""
     blocks = (
         slice(rows.start + one.start, rows.start + one.stop)
         for one in normalised_images.row_blocks(rows.stop - rows.start)
@@ -104,7 +104,7 @@ def _window_mean(observations: Observations, shot: Shot, rows: slice, columns: s
 
 
 def _refuse_unusable(frames: list[Shot], observations: Observations, calibration: Calibration) -> None:
-    """Refuses frames without a lamp-off frame, and those of another size than the calibration's."""
+    """Refuses frames without a lamp-off frame, and frames of another size than the calibration's."""
     size = (calibration.width, calibration.height)
     for shot in frames:
         dark = observations.darks.get(shot.exposure_s)

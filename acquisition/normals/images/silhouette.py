@@ -1,16 +1,16 @@
-"""Segmentation of the object in the images, against a table that is lit like it, or against what no light reaches.
+"""Segmentation of the object in the images, against a lit table or against a background that no light reaches.
 
-Before a table (`segment`), radiance alone must separate the two: the object is brighter, and one connected component.
-Each pixel's largest normalised value over the lights, divided by that of a white surface there, is a lower bound of its
-albedo that no single shadow spoils. Otsu's threshold (1979) on its logarithm splits the region; since a steep object
-pixel loses a factor of two or three, the threshold is then moved towards the table, as near as the table's own scatter
-allows. The largest connected component with its holes filled is the silhouette: steep walls and dark spots inside
-belong to the object.
+`segment` separates the object from a table by radiance alone: the object is brighter, and one connected component. Each
+pixel's largest normalised value over the lights, divided by that of a white surface there, is a lower bound of its
+albedo, on which a single shadow has no effect. Otsu's threshold (1979) on its logarithm splits the region. Steep parts
+of the object are darker by a factor of two or three, so the threshold is then moved towards the table, as near as the
+table's own scatter allows. The largest connected component with its holes filled is the silhouette, because steep walls
+and dark spots inside belong to the object.
 
-In a folder without a mask (`propose`), a pixel belongs to the object if three images, the least that give a normal, lie
-above the background by a multiple of their noise. Both come from each image itself: the background is the level of its
-dark pixels, and the noise is that of differences of neighbours among them. A background that lights reach cannot be
-told apart this way.
+`propose` finds the object in a folder without a mask. A pixel belongs to it if its values in three images, the least
+number for a normal, exceed the background by a multiple of the noise. Both are estimated from each image: the
+background is the level of its dark pixels, the noise that of differences of neighbours among them. This cannot separate
+the object from a background that lights reach.
 """
 
 from dataclasses import dataclass
@@ -32,26 +32,26 @@ class SilhouetteSettings:
     """Tuned numbers of the masks."""
 
     min_contrast: float = tuned(1.5, "1")
-    """Ratio of object to table below which the region is assumed to hold only the object, and of a pixel to the table
-    at least. Of 24 simulated objects of albedo 0.3–0.7, tables 0.08–0.25, all masks are right, as are those in regions
-    of the object alone; with 2 their overlap (IoU) is 0.87 before tables, with 1.2 it is 0.69 in such regions
-    (scratch evaluation, November 2026)."""
+    """Ratio of object to table below which the region is assumed to hold only the object; also the least ratio of an
+    object pixel to the table. Measured on 24 simulated objects of albedo 0.3–0.7 with tables of 0.08–0.25: all masks
+    are right, also in regions of the object alone; with 2 their overlap (IoU) is 0.87 before tables, with 1.2 it is
+    0.69 in such regions (scratch evaluation, November 2026)."""
     min_component_share: float = tuned(0.01, "share")
-    """Share of the largest connected region below which another is left out: dust, stray reflections. With six
-    specks of 21 pixels in the frame overlaps (IoU) are 0.985 with it, 0.976 with half and 0.989 with twice as much."""
+    """Share of the largest connected region's area below which another region is left out as dust or stray reflection.
+    Measured with six specks of 21 pixels in the frame: overlaps (IoU) are 0.985, with half 0.976, with twice 0.989."""
 
 
 SETTINGS = SilhouetteSettings()
 
 SAMPLE_ROWS = 96
-"""Rows of each image that noise and background are estimated from."""
+"""Rows of each image from which noise and background are estimated."""
 
 WITHIN_SIGMA = 0.683
 """Share of normally distributed values within 1 σ."""
 
 
 def largest_component(mask: BoolArray) -> BoolArray:
-    """Largest 4-connected component of a mask, its holes filled."""
+    """Returns the largest 4-connected component of a mask, with its holes filled."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
     if count < 2:
         return np.zeros_like(mask)
@@ -62,11 +62,8 @@ def largest_component(mask: BoolArray) -> BoolArray:
 
 
 def segment(albedo_bound: Float32Array, region: BoolArray) -> BoolArray:
-    """Otsu segmentation of the object (h, w) within `region` by the lower bound (h, w) of each pixel's albedo, infinite
-    where it is clipped.
-
-    Raises RigError normals.infeasible when nothing is lit.
-    """
+    """Segments the object (h, w) within `region` by Otsu's method, by the lower bound (h, w) of each pixel's albedo,
+    which is infinite where it is clipped. Raises RigError normals.infeasible if nothing is lit."""
     measured = albedo_bound[region & np.isfinite(albedo_bound) & (albedo_bound > 0)]
     if measured.size < 16 or float(np.quantile(measured, 0.99)) < 1e-3:
         raise RigError(
@@ -87,7 +84,7 @@ def segment(albedo_bound: Float32Array, region: BoolArray) -> BoolArray:
 
 
 def _otsu(level: Float32Array) -> float:
-    """Otsu's threshold of a sample, by 256 bins of all but its extremes."""
+    """Returns Otsu's threshold of a sample, in 256 bins without its extremes."""
     low, high = np.quantile(level, [0.001, 0.999]).tolist()
     width = (high - low) / 256 + 1e-9
     bins = np.clip((level - low) / width, 0, 255).astype(np.uint8)
@@ -98,7 +95,7 @@ def _otsu(level: Float32Array) -> float:
 def propose(images: ImageSet) -> BoolArray:
     """Proposes the object's mask (H, W): lit in three images, holes closed, small regions left out.
 
-    The whole frame where nothing is lit at all, so that what follows refuses the images by name.
+    If nothing is lit, it is the whole frame; later checks then refuse the images by name.
     """
     backgrounds = [background(images, number) for number in range(images.count)]
     lit = np.zeros((images.height, images.width), np.bool_)
@@ -112,28 +109,28 @@ def propose(images: ImageSet) -> BoolArray:
 
 
 def background(images: ImageSet, number: int) -> tuple[float, float]:
-    """Level and noise of one image's background, as fractions of full scale: median of its dark pixels, and noise from
-    differences of neighbours among them."""
+    """Estimates level and noise of one image's background, as fractions of full scale, from the median of its dark
+    pixels and from differences of neighbours among them."""
     rows = np.unique(np.linspace(0, images.height - 1, min(SAMPLE_ROWS, images.height)).astype(int))
     values = np.concatenate([_grey(images, number, slice(row, row + 1)) for row in rows.tolist()])
     finite = np.nan_to_num(values, posinf=1.0)
     dark = finite <= SolveSettings().shadow_threshold * float(np.quantile(finite, 0.99))
     level = float(np.median(finite[dark])) if np.any(dark) else 0.0
     differences = np.abs(np.diff(finite, axis=1))[dark[:, :-1] & dark[:, 1:]]
-    # A quantile above the median, because sensors' values are cut at black: half of the pixels are equal there.
+    # A quantile above the median, because sensors cut values at black, where half of the pixels are equal.
     noise = float(np.quantile(differences, WITHIN_SIGMA)) / np.sqrt(2) if differences.size else 0.0
     quantum = 1.0 / images.full_scale if images.full_scale > 1 else 1e-6
     return level, max(noise, quantum / 2)
 
 
 def _grey(images: ImageSet, number: int, rows: slice) -> Float32Array:
-    """Mean of the channels (rows, W), as fractions of full scale."""
+    """Returns the mean of the channels (rows, W), as fractions of full scale."""
     values = images.values(number, rows.start, rows.stop)
     return values if values.ndim == 2 else values.mean(axis=2)
 
 
 def _regions(lit: BoolArray) -> BoolArray:
-    """Regions of lit pixels above `min_component_share` of the largest; single pixels are closed or removed."""
+    """Returns the regions of lit pixels above `min_component_share` of the largest; closes or removes single pixels."""
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     cleaned = cv2.morphologyEx(lit.astype(np.uint8), cv2.MORPH_OPEN, cross)
     cleaned = cv2.morphologyEx(cleaned, cv2.MORPH_CLOSE, cross)
