@@ -41,8 +41,8 @@ class AlternationSettings:
     least_metal_albedo: float = tuned(0.33, "of the upper quartile")
     """Albedo of metal below which no lamp counts as mirrored in a pixel; it then counts as hardly lit. Measured on
     eleven captures of metal (design seeds 44 and 62, eight lights by two rings): 74 % of such pixels err by more than
-    15°, and 17 % of the others; with 0.2 it is 81 and 22 %; with 0.5 51 and 15 %, because surfaces of two albedos then
-    lose half of their pixels."""
+    15°, and 17 % of the others; with 0.2 it is 81 and 22 %; with 0.5 51 and 15 %, as surfaces of two albedos then lose
+    half their pixels."""
 
     @property
     def max_shift_m(self) -> float:

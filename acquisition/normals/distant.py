@@ -42,8 +42,7 @@ DIRECTION_SIGMA_RAD = POSITION_SIGMA_M / (4 * OBJECT_SIZE_M)
 
 CAMERA_M, LAMPS_M = 100.0, 90.0
 """Distances of camera and lamps from the object that stand for infinity. Irradiance varies by 0.2 % over the object and
-directions by 0.03° at its edges, and single precision still resolves 8 µm of depth. The two differ, so that no lamp is
-at the camera."""
+directions by 0.03° at its edges, and single precision still resolves 8 µm of depth. No lamp is at the camera."""
 
 BRIGHT_ALBEDO = 0.8
 """Assumed albedo of the brightest percent of the object; images do not determine the light's absolute strength."""

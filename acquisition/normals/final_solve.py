@@ -7,8 +7,7 @@ direction, and σ is accordingly large.
 Blocks of rows are solved separately, in any process (`BlockMap`). A pixel depends on its neighbours only through which
 of them are in shadow, and this reaches one row further with each solve after light is subtracted. With a margin of as
 many rows on either side, a block gets the same result as all rows together. Afterwards the normals are projected onto
-those of an integrable surface and regressed on their neighbours, σ is evaluated, and uncertain normals are regularised
-by those around.
+those of an integrable surface and regressed on their neighbours, σ is evaluated, and uncertain normals are regularised.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -40,8 +39,8 @@ SAMPLE_PIXELS = 4000
 @dataclass(frozen=True)
 class PixelSolution:
     """Final solve of N pixels: the estimate, `measured` values of nominal lamps (F, N), the `values` that were solved
-    after subtraction of `indirect` light (F, N), their variance beyond the noise model's (F, N), and the pixels that
-    hardly any lamp reaches (N,)."""
+    after subtraction of `indirect` light (F, N), their variance beyond the noise model's (F, N), and which pixels are
+    hardly lit (N,)."""
 
     estimate: Estimate
     measured: Float32Array

@@ -1,7 +1,6 @@
 """Masked images of a window in blocks of rows, and the coarse level of their pyramid.
 
-Only one block of rows of the images is held at a time. One pass over them gathers both the coarse grid and a sample of
-full-resolution pixels.
+Only one block of rows of the images is held at a time. One pass gathers the coarse grid and a sample of pixels.
 """
 
 from collections.abc import Iterator
@@ -122,8 +121,7 @@ def albedo_bound(
     masked: MaskedImages, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration
 ) -> Float32Array:
     """Returns a lower bound of the albedo (h, w) of a surface at depth (h, w): each pixel's largest value as a share of
-    a white surface's, infinite if one is clipped. Of a mosaic it is the least mean over the 2 × 2 cells round the
-    pixel."""
+    a white surface's, infinite if one is clipped. Of a mosaic it is the least mean of its 2 × 2 cells."""
     out = np.empty(masked.mask.shape, np.float32)
     for rows in masked.blocks():
         values, clipped, _ = masked.images.read(rows.start, rows.stop)

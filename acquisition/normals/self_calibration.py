@@ -127,7 +127,7 @@ class Equations:
         Where the model holds, the errors of pixels are independent, and the images hold `effective_sample_divisor`
         times the information on lamps and shift that they are weighted with. Given the terms, the covariance is that of
         the errors which then remain (sandwich estimator). The terms' own covariance keeps the divisor, because a term
-        only approximates the reflectance and errors are correlated. The contribution of a wrong model is part of
+        only approximates the reflectance and errors are correlated. Errors of a wrong model are part of
         `error_variance`.
         """
         total = self.matrix + self.precision
@@ -277,7 +277,7 @@ def normal_variance(
     """Propagates errors of the shared parameters to the normals, to first order.
 
     Returns the variance (N,), rad², over both tangential directions. `by_depth` (F, 3, N) is ∂s/∂Z; lamps (F, 6 or 9)
-    are the estimated ones.
+    as estimated.
     """
     of_each_lamp = [
         estimate.by_lamps,

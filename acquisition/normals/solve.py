@@ -73,8 +73,8 @@ def solve(
     Gain and read noise are first estimated from repeated and lamp-off frames; if these are too few, the calibration's
     values stay. `grey_tile`, if there is one, gives the lamp intensity of each image, and its σ replaces the
     calibration's. `block_map` solves the blocks of the final solve, by default one after another in this process.
-    Raises RigError normals.infeasible if fewer than three lights are usable, the lights are parallel or in one plane,
-    or nothing is lit.
+    Raises RigError normals.infeasible if fewer than three lights are usable, lights are parallel or in a plane, or
+    nothing is lit.
     """
     rows, columns = _window(place.region, calibration.height, calibration.width)
     sensor = sensor_estimate.estimate(observations, calibration, rows, columns)

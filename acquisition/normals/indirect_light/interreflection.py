@@ -7,8 +7,7 @@ without shadow prediction, bounce series or unknown lamp terms.
 The camera sees a height field along its own rays, so the light is gathered by horizon marching
 (`interreflection_kernels`). Visibility is exact, and discontinuities need no patches of their own: the wall under an
 edge fills the angle between foot and edge. The camera does not see that wall; its radiosity is calculated from the
-lamps. The table is part of the height field. The same horizons give the sky view factor, on which ambient light
-depends.
+lamps. The table is part of the height field. The same horizons give the sky view factor for ambient light.
 
 Shadows decide whether the predicted indirect light exists (`shadow_light`). Its subtraction lowers the mean error of a
 path-traced scene of albedo 0.7 from 4.05° to 1.51° (eight lights).
@@ -42,9 +41,9 @@ class InterreflectionSettings:
     direct_ratio: float = tuned(2.0, "ratio")
     """Ratio of a value to the indirect light that a pixel of median albedo would reflect, above which the value can be
     direct light. A larger ratio makes more pixels count as hardly lit. Measured on 19 Lambertian captures of design
-    seeds 0, 1, 20, 21, 60 and 63, some of them dark-and-bright: 65 % of the pixels that no lamp reaches count so, 95 %
-    of those that one reaches, and 0.4 % of those of three or more, whose error is 12°; with 1.4 it is 51, 94 and 0.2 %,
-    with 3 75, 95 and 1.0 %."""
+    seeds 0, 1, 20, 21, 60 and 63, some dark-and-bright: 65 % of pixels that no lamp reaches count so, 95 % of those
+    that one reaches, and 0.4 % of those of three or more, whose error is 12°; with 1.4 it is 51, 94 and 0.2 %, with 3
+    75, 95 and 1.0 %."""
 
     @property
     def wall_slope(self) -> float:
@@ -153,8 +152,7 @@ def hardly_lit(received: Float32Array, values: Float32Array, median_albedo: floa
 def normal_variance(estimate: Estimate, indirect: Float32Array) -> Float32Array:
     """Propagates `predicted_light_sigma` to the normals: variance (N,), rad², over both tangential directions.
 
-    A pixel's indirect light (F, N) is wrong by one factor under all lights, because hidden surfaces are missing in
-    each.
+    A pixel's indirect light (F, N) is wrong by one factor under all lights, as hidden surfaces are missing in each.
     """
     right = np.einsum("fn,fn,fan->na", estimate.weights, indirect, estimate.light, optimize=True).astype(np.float64)
     moved = pixel_solve.normal_perturbation(estimate, right[:, :, None])
@@ -222,8 +220,7 @@ def _wall_radiosity(
     walls: _Walls, point: Float32Array, radiosity: Float32Array, lamp: Float32Array, calibration: Calibration,
     affine: np.ndarray,
 ) -> Float32Array:  # fmt: skip
-    """Returns the radiosity of each wall (W, LEVELS, F) at each level and light: lamp light where no surface hides it,
-    and one bounce."""
+    """Returns the radiosity of each wall (W, LEVELS, F) by level and light: unoccluded lamp light and one bounce."""
     count = len(lamp)
     shape = (
         len(walls.point) // interreflection_kernels.LEVELS,

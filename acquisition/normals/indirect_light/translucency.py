@@ -11,8 +11,7 @@ The coefficient is the score of the blur in these pixels: 1 at the right mean fr
 
 There are exceptions: what a glossy surface mirrors, or the walls of a recess send, also reaches into shadows (decision
 48 lists the false positives). `term_alternatives` therefore looks for no leak once gloss or metal is modelled, and
-shadows have to cover `min_pixel_share` of the object. A defocused image looks like a translucent surface, and is
-corrected in the same way.
+shadows have to cover `min_pixel_share` of the object. A defocused image looks the same, and is corrected alike.
 """
 
 from dataclasses import dataclass
@@ -51,8 +50,7 @@ the pixels at the edge; sharpening by longer ones would amplify noise."""
 NEAR_PX = 6
 """Distance from lit pixels up to which dark pixels are used, in pixels of the coarse grid. It is twice the longest mean
 free path of the comparison, of which 3 % of the irradiance within a straight edge is left at this distance; of 1 px it
-is 0.04 %. Half of it is the standard deviation of the Gaussian for local means and for the brightness of the lit pixels
-around."""
+is 0.04 %. Half of it is the standard deviation of the Gaussian for local means and for the brightness of lit pixels."""
 
 TESTED_PX = 1.0
 """Mean free path for which the regression is tested."""

@@ -11,8 +11,7 @@ still lies behind the grazing ray and bounds the depth at the edge from one side
 The surface may be discontinuous at one place of the run: where the camera sees it most edge-on, which is the occluding
 contour of a round part, else right behind the edge. Only there is the prior weight of a pair of neighbours lowered. The
 equation then lifts the whole surface behind the edge and not a single pixel. Discontinuities without a shadow are left
-to iteratively reweighted least squares (Cauchy weights). The grid is coarse, so the sparse normal equations are solved
-directly.
+to iteratively reweighted least squares (Cauchy weights). The sparse normal equations are solved directly.
 """
 
 from dataclasses import dataclass
@@ -36,8 +35,8 @@ class DiscontinuitySettings:
     shadow_weight: float = tuned(0.03, "1")
     """Weight of a shadow's depth equation relative to a normal's slope, and of the slope of a pair of neighbours
     between which a shadow shows that the surface may be discontinuous. It is the squared ratio of errors, three degrees
-    of a normal to half a pixel of a shadow: three degrees change a slope by 0.05 facing the camera and by 0.10 at 45°,
-    which gives 0.01–0.04."""
+    of a normal to half a pixel of a shadow: three degrees change a slope by 0.05 facing the camera and 0.10 at 45°:
+    0.01–0.04."""
     robust_scale_px: float = tuned(0.6, "px")
     """Cauchy scale of the slope error, in pixels, beyond which a pair of neighbours counts as discontinuous. Measured:
     with 1 errors of 28 sound captures (design seeds 101–104) are 0.996 ± 0.009 of those with this value, but of eight
@@ -77,13 +76,12 @@ class ShadowImages:
     lamp: Float32Array
 
     def lit_share(self, dark: float) -> Float32Array:
-        """Ratio (F, N), 0–1, of each value to the pixel's largest one, per strength of the light; shadows: below
-        `dark`.
+        """Ratio (F, N), 0–1, of each value per strength of light to the pixel's largest one; in shadow below `dark`.
 
         Highlights are subtracted, but indirect light is not: predicted by a depth that is still wrong, it would move
         all shadow borders the same way, by up to a pixel. Under very slanted lamps, surfaces that face the camera are
-        as dark as shadows. Their share is set to `dark` at least where direct light exceeds three quarters of what
-        normals and albedo predict.
+        as dark as shadows. Their share is set to `dark` at least where direct light exceeds ¾ of the prediction by
+        normals and albedo.
         """
         light, clipped, ray = self.estimate.light, self.pixels.clipped, photometry.ray_directions(self.pixels.ray)
         strength = np.maximum(photometry.strength(light), np.float32(1e-9))
@@ -99,8 +97,7 @@ class ShadowImages:
 
 @dataclass(frozen=True)
 class _Equations:
-    """Equations log Z at `edge` − log Z at `tip` = `step`, or ≤ `step` for a `bound`, of E pairs of pixels (flat
-    indices in the window)."""
+    """Equations log Z at `edge` − log Z at `tip` = `step`, for a `bound` ≤ `step`, of E pairs of flat pixel indices."""
 
     edge: np.ndarray
     tip: np.ndarray
@@ -208,8 +205,7 @@ class _Slopes:
     pitch: float  # of pixels, in units of the rays
 
     def continuity_weight(self, solution: np.ndarray) -> np.ndarray:
-        """Returns the squared Cauchy weight (M,), 0–1, of each step's residual in a solution (N,); 0 is
-        discontinuous."""
+        """Returns the squared Cauchy weight (M,), 0–1, of each step's residual in a solution (N,); 0: discontinuous."""
         residual = (solution[self.second] - solution[self.first] - self.step) * self.cosine**2 / self.pitch
         return 1 / (1 + (residual / SETTINGS.robust_scale_px) ** 2) ** 2
 

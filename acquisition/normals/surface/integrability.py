@@ -4,8 +4,8 @@ A normal has two unknowns, a surface only one at each pixel. The slopes of a sur
 one depth, so their circulation round any cell of 2 × 2 pixels is zero (integrability; Frankot & Chellappa 1988). Pixels
 are solved one by one without this constraint, so a circulation is an error. The projection removes it by the least
 change of all normals in the metric of their covariances. This halves the variance that pixels do not share. It does not
-smooth: relief of any fineness is integrable and is kept. Errors of the lamps stay too, because they tilt all normals
-much as a surface could.
+smooth: relief of any fineness is integrable and is kept. Errors of the lamps stay too: they tilt all normals much as a
+surface could.
 
 At occluding contours, discontinuities and creases, a circulation is larger than its noise explains, or curvature makes
 a pixel's mean normal differ from its mean slope. The constraint of such a cell gets a variance of its own. The change
@@ -94,8 +94,7 @@ def project_integrable(
 
 def add_variance(sigma_deg: Float32Array, variance: Float32Array, change: Float32Array) -> None:
     """Adds a `change` (h, w), rad², of the variance that pixels do not share to `variance` and to `sigma_deg` squared,
-    in place. Nothing is added above `weakly_checked_sigma_deg`: such errors come from too few lights, and are
-    shared."""
+    in place. Above `weakly_checked_sigma_deg` errors come from too few lights and are shared: nothing is added."""
     weakly_checked = sigma_deg > photometry.SETTINGS.weakly_checked_sigma_deg
     change = np.where(weakly_checked, 0, change).astype(np.float32)
     sigma_deg[:] = np.degrees(np.sqrt(np.maximum(np.radians(sigma_deg) ** 2 + change, 0)))
@@ -226,8 +225,7 @@ def _slope_changes(multiplier: Float32Array, slope: Float32Array, change: Float3
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
 def _apply(change: Float32Array, multiplier: Float32Array, slack: Float32Array, out: Float32Array) -> None:
-    """Multiplies by the dual system's matrix: circulation of the slope changes, plus constraint variance ×
-    multiplier."""
+    """Applies the dual system's matrix: circulation of the slope changes plus constraint variance × multiplier."""
     height, width = change.shape[1:]
     half = np.float32(0.5)
     for i in numba.prange(height - 1):

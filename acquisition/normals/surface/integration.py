@@ -7,8 +7,8 @@ Poisson preconditioner (`poisson`). Edges are weighted by the confidence of both
 
 At a depth discontinuity any least-squares surface is wrong by the step. The option `keep_steps` adds bilateral normal
 integration (Cao et al., ECCV 2022) by iteratively reweighted least squares: each pixel's one-sided differences are
-weighted towards the side that agrees with its own normal. It is right at discontinuities, but a little less exact on
-smooth relief.
+weighted towards the side that agrees with its own normal. It is right at discontinuities, but less exact on smooth
+relief.
 """
 
 from collections.abc import Callable, Iterator
@@ -69,7 +69,7 @@ def depth(
 
 
 def confidence(variance: Float32Array) -> Float32Array:
-    """Confidence weight of normals, 0–1, from their variance, rad², over both tangential directions; a half at
+    """Confidence weight of normals, 0–1, by variance, rad², of both tangential directions; ½ at
     `weakly_checked_sigma_deg`."""
     out = variance / np.float32(np.radians(photometry.SETTINGS.weakly_checked_sigma_deg) ** 2)
     out += 1

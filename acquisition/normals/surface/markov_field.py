@@ -8,8 +8,8 @@ the logarithm of albedo. The usual size of these changes is measured where norma
 paint thus gives a narrow prior, a carved or painted one almost none.
 
 Pixels at an edge mix its two sides, and a region that few lamps reach may be wide, so distant neighbours are used
-first, then closer ones. Certain pixels do not change. σ does not change either, because it is unknown how much of their
-errors neighbours have in common.
+first, then closer ones. Certain pixels do not change. σ does not change either, as it is unknown how much of their
+errors neighbours share.
 
 Decision 93 states what the field improves and what it does not. The neighbours' normals are not used as prior mean of
 the pixel solve: this gains nothing, because beside walls and in holes the nearest ones belong to other surfaces.
@@ -182,8 +182,7 @@ def _sweep(
 ) -> None:  # fmt: skip
     """Moves each uncertain pixel of a parity by a Gauss–Newton step towards its conditional mode; updates its variance.
 
-    A neighbour is weighted by its own variance. Pixels of one parity are not neighbours, so their order does not
-    matter.
+    A neighbour is weighted by its own variance. Pixels of one parity are not neighbours, so order does not matter.
     """
     height, width = albedo.shape
     normal2, albedo2, tail = np.float32(of_normal), np.float32(of_albedo), np.float32(inverse_cauchy2)

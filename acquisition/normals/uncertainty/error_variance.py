@@ -20,9 +20,8 @@ and shadow borders alone does not count for the whole object (decision 88).
 
 Δ is the crease at the pixel: half of the change of the normal from one neighbour to the opposite one, less the changes
 on either side of them, over both directions. Curvature continues beyond the neighbours and cancels. A Lambertian pixel
-that mixes two surfaces fits its images as well as any other; its normal is a mean of theirs, and only the neighbours
-show that it is on neither. A crease of angle 2Δ anywhere in a pixel leaves an rms of 2Δ/√12 there, and less in the next
-one.
+that mixes two surfaces fits its images as well as any other; its normal is a mean of theirs, and only neighbours show
+that it is on neither. A crease of angle 2Δ anywhere in a pixel leaves an rms of 2Δ/√12 there, and less in the next one.
 
 λ is the detail at the pixel: half of the angle between its normal and the mean of its four neighbours'. Noise alone
 makes λ² = 5/16 σ₀². Light that spreads below the surface, or a defocused lens, smooths detail without a trace in the
@@ -37,7 +36,7 @@ share f of a pixel, images show fA = ω, but the surface has 0 or A. The mean sq
 ω (90° − ω)/2 over all possible A. λ and Δ are small there (decision 76).
 
 E is 1 σ of an unchecked normal (`photometry.SharedSettings.unchecked_sigma_deg`). It counts if fewer than four lights
-reach the pixel, or if something remains wrong with the whole capture; half of it counts if the surface is metal
+reach the pixel or something remains wrong with the whole capture, half of it for metal
 (`photometry.capture_sigma_deg`).
 
 Left out, by scratch fits on design seeds (November 2026): the weight of a depth discontinuity, which adds 0.003 to the
@@ -101,7 +100,7 @@ STRIP_ROWS, NEIGHBOUR_ROWS = 256, 3
 """Rows that are evaluated at once, and rows beyond them that are read with them."""
 
 POOLED_PX = 5
-"""Side of the square of pixels over which misfit is pooled; errors are likeliest with 5 of 3, 5, 7, 15 (decision
+"""Side of the square of pixels over which misfit is pooled: of 3, 5, 7, 15 errors are likeliest with 5 (decision
 86)."""
 
 

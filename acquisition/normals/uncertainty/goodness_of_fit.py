@@ -52,8 +52,7 @@ GRID = 4
 @dataclass(frozen=True)
 class Fit:
     """Misfit of all measurements, of each image (F,) and of each region (GRID, GRID), NaN where these are too few; mean
-    of Cauchy's loss, which the pixels' solves minimise; median residual as a share of the value, free of a noise
-    model."""
+    of Cauchy's loss, which the pixels' solves minimise; median residual as a share of the value."""
 
     misfit: float
     loss: float
@@ -97,8 +96,7 @@ def probability(misfit: float) -> float:
 def evaluate(estimate: Estimate, values: Float32Array, stated: Noise, extra: Float32Array, place: FloatArray) -> Fit:
     """Evaluates the fit of K pixels' `estimate` to the `values` (F, K) that it was solved from, in the `stated` noise.
 
-    `extra` (F, K) is variance beyond the noise model's; `place` (2, K) are row and column within the object's bounding
-    box, 0–1.
+    `extra` (F, K) is variance beyond the noise model's; `place` (2, K) are row and column in the bounding box, 0–1.
     """
     squares, relative, used = residual_noise.studentised_squares(estimate, values, stated, extra)
     cell = np.clip((place * GRID).astype(int), 0, GRID - 1)

@@ -26,14 +26,13 @@ class TransferSettings:
     max_tail_share: float = tuned(0.04, "share")
     """Share of a bin's differences beyond CLIP_SIGMA σ, 0.003 for a Gaussian, from which the bin is dropped. Such
     outliers are edges of shadows, or all edges if the scene has moved. Measured without edges on 120 synthetic sensors
-    of gains 0.1–10: the gain of 0.91 of them is known, with half as much of 0.91, with twice of 0.90 (scratch
-    evaluation, November 2026)."""
+    of gains 0.1–10: 0.91 of the gains are known, with half as much 0.91, with twice 0.90 (scratch evaluation, November
+    2026)."""
     rounding_sigma: float = tuned(0.06, "1")
     """1 σ of a bin's variance beyond its sampling error, by clipping of quantised values. As a share of the variance it
     is this number times step² / variance. Measured: without it the noise of a sensor that reads with 0.8 steps is 5 %
     too small, 5 of its σ (`test_fit_line_synthetic_sensor_recovers_gain_and_read_noise`); with 0.083 its 1 σ is over a
-    tenth of it. Errors of the same 120 sensors' floors are 0.80 of their σ (rms), with half as much 0.90, with twice
-    0.69."""
+    tenth of it. Errors of the same 120 sensors' floors are 0.80 of their σ (rms), with half 0.90, with twice 0.69."""
     pattern_sigma: float = tuned(0.001, "share")
     """1 σ of the difference of two frames from pixel to pixel, as a share of brightness, if a lamp came back displaced.
     Its variance is a term in the square of brightness that would otherwise count as photons. Measured on the same 120
@@ -119,8 +118,7 @@ def quad_differences(corners: NDArray[FloatT], axis: int = 0) -> NDArray[FloatT]
 
 
 def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: float) -> TransferCurve:
-    """Builds the photon-transfer curve of differences (N,), of one frame's variance, at brightness `level` (N,) to
-    `top`.
+    """Builds the photon-transfer curve of differences (N,), of one frame's variance, at `level` (N,) up to `top`.
 
     `step` is the quantisation of values. If the noise is less than half a step, quantisation does not add a twelfth of
     the squared step (Widrow & Kollár, Quantization Noise, 2008), and the bin is dropped.

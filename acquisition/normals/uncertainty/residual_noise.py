@@ -29,8 +29,7 @@ class ResidualNoiseSettings:
 
     max_leverage: float = tuned(0.8, "share")
     """Leverage above which a residual is not used, because too little of its noise is left: at this value a fifth of
-    the variance. With it P(e < σ) of the prototype is 0.62 and 0.60 at intensity errors of 0.3 and 3 % (decision
-    36)."""
+    the variance. P(e < σ) of the prototype is then 0.62 and 0.60 at intensity errors of 0.3 and 3 % (decision 36)."""
     bounds: tuple[float, float] = tuned((0.001, 0.05), "1")
     """Lower and upper bounds of c, a fraction, and of σ_d, rad. Measured for the upper one (scratch evaluations,
     November 2026): with 0.03 errors of 27 sound captures of design seeds 101–104 are 0.997 ± 0.003 of those with 0.05,

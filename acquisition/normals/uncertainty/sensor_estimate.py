@@ -151,8 +151,8 @@ def _dark_curve(read: Reader, darks: list[Shot], sensor: SensorModel) -> tuple[T
 def _quad_curve(
     level: Float32Array, scattered: Float32Array, sensor: SensorModel, good: BoolArray | None = None
 ) -> TransferCurve:
-    """Returns the photon-transfer curve of `scattered` (n, w), of one frame's variance, by four-neighbour
-    differences."""
+    """Returns the photon-transfer curve of `scattered` (n, w), of one frame's variance, by differences of four
+    neighbours."""
     middle = photon_transfer.quads(level).mean(axis=0)
     apart = photon_transfer.quad_differences(photon_transfer.quads(scattered))
     if good is not None:
