@@ -282,7 +282,7 @@ def hardly_lit(
 ) -> BoolArray:  # fmt: skip
     """`interreflection.hardly_lit` (N,) by the diffuse part of values (F, N); no pixel if `received` (F, N) is none.
     Metal has no diffuse light; there, pixels that mirror no lamp count. Their faint light would fit a dark surface that
-    mirrors one, but bare metal has one albedo, so that a low one shows them."""
+    mirrors one, but bare metal has one albedo, so a low albedo identifies them."""
     if terms is not None and terms.metal > 0:
         return estimate.albedo < np.float32(SETTINGS.least_metal_albedo * typical_albedo)
     if received is None:

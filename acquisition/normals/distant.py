@@ -89,9 +89,9 @@ def solve(images: ImageSet, solver: Solver = "auto", *, keep_steps: bool = False
 
 
 def _unexplained(solved: NormalMap) -> bool:
-    """Whether a finding is not corrected, residuals exceed what lights' errors explain, or gloss is no dielectric's.
-    The lobes of such gloss have many shapes: on a ball with a Gaussian lobe under 96 lights GGX of any strength leaves
-    an error of 0.69°, lobes fitted to each pixel 0.51°."""
+    """Whether no model of the whole object fits: a finding is not corrected, residuals exceed what lights' errors
+    explain, or gloss is no dielectric's. Such lobes have many shapes: on a ball with a Gaussian lobe under 96 lights
+    GGX of any strength leaves an error of 0.69°, lobes fitted to each pixel 0.51°."""
     return (
         any(not finding.corrected for finding in solved.findings)
         or not solved.notes["lobe"]["dielectric"]
@@ -128,7 +128,7 @@ def _distant(images: ImageSet) -> DistantLights:
 
 
 def _white(images: ImageSet) -> float:
-    """Returns the value of white facing a light of intensity 1, if BRIGHT_ALBEDO is that of the brightest percent."""
+    """Returns the value of white that faces a light of intensity 1, for BRIGHT_ALBEDO in the median image."""
     rows = np.flatnonzero(np.any(images.mask, axis=1))
     rows = rows[np.linspace(0, len(rows) - 1, min(SAMPLE_ROWS, len(rows))).astype(int)].tolist()
     bright: list[float] = []

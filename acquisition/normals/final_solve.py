@@ -39,8 +39,8 @@ SAMPLE_PIXELS = 4000
 @dataclass(frozen=True)
 class PixelSolution:
     """Final solve of N pixels: the estimate, `measured` values of nominal lamps (F, N), the `values` that were solved
-    after subtraction of `indirect` light (F, N), their variance beyond the noise model's (F, N), and which pixels are
-    hardly lit (N,)."""
+    after subtraction of `indirect` light (F, N), their variance beyond the noise model's (F, N), and which are hardly
+    lit (N,)."""
 
     estimate: Estimate
     measured: Float32Array
@@ -201,7 +201,7 @@ def solve(
         maps["sigma_deg"][window], maps["residual"][window], lights_used, stated_share, maps["normals"][window], facing,
         capture_deg=capture_sigma_deg, sharpened=sharpened,
     )  # fmt: skip
-    # With fewer than four lights E is taken off again: that nothing checks them does not make images less informative.
+    # E of fewer than four lights is subtracted: images of an unchecked normal are not less informative.
     known_deg = np.square(errors.sigma_deg)
     known_deg[lights_used < photometry.OVERDETERMINED] -= photometry.SETTINGS.unchecked_sigma_deg**2
     np.sqrt(np.maximum(known_deg, np.square(maps["sigma_deg"][window]), out=known_deg), out=known_deg)

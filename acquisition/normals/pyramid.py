@@ -1,6 +1,6 @@
 """Masked images of a window in blocks of rows, and the coarse level of their pyramid.
 
-Only one block of rows of the images is held at a time. One pass gathers the coarse grid and a sample of pixels.
+One block of rows is processed at a time. One pass over the images gathers the coarse grid and a sample of pixels.
 """
 
 from collections.abc import Iterator

@@ -37,8 +37,8 @@ class SolveCheckSettings:
     """Tuned number of the check that there is an object to solve."""
 
     min_pixels: int = tuned(16, "pixels")
-    """Least number of object pixels; with fewer the solve is refused. Measured: the cap of a mirror sphere, 32 pixels,
-    has a median error below 1.5° (`test_solve_purely_specular_surface_recovers_normals`)."""
+    """Least number of object pixels; with fewer the solve is refused. Measured: the cap of a purely specular ball, 32
+    pixels, has a median error below 1.5° (`test_solve_purely_specular_surface_recovers_normals`)."""
 
 
 SETTINGS = SolveCheckSettings()
@@ -70,11 +70,10 @@ def solve(
 ) -> NormalMap:
     """Solves the images of a session by near-light photometric stereo.
 
-    Gain and read noise are first estimated from repeated and lamp-off frames; if these are too few, the calibration's
-    values stay. `grey_tile`, if there is one, gives the lamp intensity of each image, and its σ replaces the
-    calibration's. `block_map` solves the blocks of the final solve, by default one after another in this process.
-    Raises RigError normals.infeasible if fewer than three lights are usable, lights are parallel or in a plane, or
-    nothing is lit.
+    Gain and read noise are first estimated from repeated and lamp-off frames; if too few, the calibration's values
+    stay. `grey_tile`, if there is one, gives the lamp intensity of each image, and its σ replaces the calibration's.
+    `block_map` solves the blocks of the final solve, by default one after another in this process. Raises RigError
+    normals.infeasible if fewer than three lights are usable, lights are parallel or in a plane, or nothing is lit.
     """
     rows, columns = _window(place.region, calibration.height, calibration.width)
     sensor = sensor_estimate.estimate(observations, calibration, rows, columns)

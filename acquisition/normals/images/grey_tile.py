@@ -4,8 +4,8 @@ A tile that lies flat beside the object shows in every image how bright the lamp
 values to those that the light model gives for an even white surface there, relative to the median of all images. The
 images are divided by it, and the tile's σ replaces the calibration's 1 σ of each image's intensity, which a lamp that
 warms up or ages during a session exceeds. The scale common to all images remains that of the calibration, because the
-tile's reflectance is unknown. If the tile is saturated or in a shadow, the intensity is interpolated from the images
-before and after.
+tile's reflectance is unknown. If the tile is saturated or in a shadow, the intensity is interpolated from neighbouring
+images.
 """
 
 from dataclasses import dataclass

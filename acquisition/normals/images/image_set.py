@@ -186,7 +186,7 @@ def direction_spread(vectors: FloatArray | Float32Array) -> float:
 
 
 def refuse_coplanar(vectors: FloatArray | Float32Array) -> None:
-    """Raises RigError normals.infeasible if directions (F, 3) from object to lights, of any length, lie in one
+    """Raises RigError normals.infeasible if directions (F, 3) from object to lights, of any length, are in one
     plane."""
     spread = direction_spread(vectors)
     if not spread > SETTINGS.min_direction_spread:

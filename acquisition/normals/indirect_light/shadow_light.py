@@ -4,10 +4,10 @@ In shadow a measurement consists of light from other surfaces, ambient light and
 o, where ψ is the sky view factor of the pixel. In lit pixels these are confused with errors of the normals.
 
 Measured by the plain model's solutions (design seeds 201–211, eight families, eight lights by two rings; scratch
-evaluation, November 2026): on 43 sound captures with such measurements a alone is at most 0.005, on two rough vessels
-0.010 and 0.024, and o alone at most 0.001, on these two 0.003 and 0.005. With ambient light of 3 % a is 0.027–0.030 on
-14 captures (0.045 on one of the vessels), with an offset of 3 % o is 0.028–0.030 on 13 (0.032). On all 29 the term that
-is present gains more than the other.
+evaluation, November 2026): on 43 sound captures with such measurements, a alone is at most 0.005 except on two rough
+vessels (0.010, 0.024), and o alone at most 0.001 (0.003, 0.005). With ambient light of 3 % a is 0.027–0.030 on 14
+captures (0.045 on one of the vessels), with an offset of 3 % o is 0.028–0.030 on 13 (0.032). On all 29 the term that is
+present gains more than the other.
 """
 
 from dataclasses import dataclass
@@ -27,8 +27,9 @@ class ShadowLightSettings:
     """Tuned number of the light in shadows."""
 
     detection_quantile: float = tuned(0.75, "quantile")
-    """Quantile of measured / predicted light in shadows, weighted by the prediction, that is compared. It is the upper
-    quartile, because a shape that is still wrong also predicts light where none falls."""
+    """Quantile of measured / predicted light in shadows, weighted by the prediction, that is compared with
+    `grazing_cosine`. It is the upper quartile, because a shape that is still wrong also predicts light where none
+    falls."""
 
 
 SETTINGS = ShadowLightSettings()

@@ -5,10 +5,9 @@ and q on it therefore have log Z_q − log Z_p = log(n·r_p / n·r_q). This is l
 orthographic depth is linear without a logarithm. The normal equations are solved by conjugate gradients with a DCT
 Poisson preconditioner (`poisson`). Edges are weighted by the confidence of both ends and by how frontal they are.
 
-At a depth discontinuity any least-squares surface is wrong by the step. The option `keep_steps` adds bilateral normal
-integration (Cao et al., ECCV 2022) by iteratively reweighted least squares: each pixel's one-sided differences are
-weighted towards the side that agrees with its own normal. It is right at discontinuities, but less exact on smooth
-relief.
+At a depth discontinuity any least-squares surface is wrong by the step. `keep_steps` adds bilateral normal integration
+(Cao et al., ECCV 2022) by iteratively reweighted least squares: each pixel's one-sided differences are weighted towards
+the side that agrees with its own normal. It is right at discontinuities, but less exact on smooth relief.
 """
 
 from collections.abc import Callable, Iterator
@@ -69,8 +68,7 @@ def depth(
 
 
 def confidence(variance: Float32Array) -> Float32Array:
-    """Confidence weight of normals, 0–1, by variance, rad², of both tangential directions; ½ at
-    `weakly_checked_sigma_deg`."""
+    """Confidence of normals, 0–1, by variance, rad², of both tangential directions; ½ at `weakly_checked_sigma_deg`."""
     out = variance / np.float32(np.radians(photometry.SETTINGS.weakly_checked_sigma_deg) ** 2)
     out += 1
     np.divide(1, out, out=out)

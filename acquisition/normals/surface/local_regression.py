@@ -86,9 +86,8 @@ def regress(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Arr
 (MX, MY, MZ, AX, AY, AZ, DX, DY, DZ, OWN, SQUARES, W, WA, WD, WAA, WAD, WDD, X, Y, Z, XA, YA, ZA, XD, YD, ZD) = (
     np.uint64(row * CHUNK_COLUMNS) for row in range(26)
 )
-"""Offsets of the rows of the buffer in which some columns are fitted: planes (middle, slopes across and down), the
-precision of what neighbours are compared with, the sum of squared residuals, and the normal equations (first the
-weights)."""
+"""Offsets of the rows of the buffer in which some columns are fitted: planes (middle, slopes across and down),
+precision of what neighbours are compared with, sum of squared residuals, and normal equations (first the weights)."""
 
 CERTAIN = np.float32(1e30)
 """Precision of a value without noise."""

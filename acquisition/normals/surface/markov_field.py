@@ -29,7 +29,7 @@ from acquisition.normals.pixels import pixel_solve
 
 REACH, SWEEPS = 32, 5
 """The largest distance between neighbours is the window's longer side over REACH; each distance gets SWEEPS sweeps.
-Measured: with half or twice of either errors change by 0.4 % at most."""
+Measured: with half or twice either number errors change by 0.4 % at most."""
 
 LARGEST_STEP = 0.7
 """Largest step of g as a share of its length, so that g does not change its sign."""

@@ -13,7 +13,7 @@ cavities that are hardly lit and fit badly have σ up to 480°, and 2–9 % of t
 ε = max(χ² − s, 0) is the misfit beyond the stated noise. χ² is the sum of the squared whitened residuals over their
 degrees of freedom (lights − 3), both pooled over 5 × 5 pixels. s is the part of χ² that sensor and calibration explain:
 the mean share of the stated in the estimated noise, which has absorbed part of the model's errors. Images share the
-excess, so it does not average out: it is multiplied by the number m of lights, by which σ₀² falls. ε̄ is its trimmed
+excess, so it does not average out: it is multiplied by the number m of lights, with which σ₀² falls. ε̄ is its trimmed
 mean over all pixels that face the camera, without the 8 % that fit worst (`min_pixel_share`). A model that is wrong
 elsewhere on the object is wrong here too, even if a few residuals happen to be small (decision 86); misfit at creases
 and shadow borders alone does not count for the whole object (decision 88).
@@ -100,8 +100,7 @@ STRIP_ROWS, NEIGHBOUR_ROWS = 256, 3
 """Rows that are evaluated at once, and rows beyond them that are read with them."""
 
 POOLED_PX = 5
-"""Side of the square of pixels over which misfit is pooled: of 3, 5, 7, 15 errors are likeliest with 5 (decision
-86)."""
+"""Side, px, of the square over which misfit is pooled: of 3, 5, 7 and 15 errors are likeliest with 5 (decision 86)."""
 
 
 @dataclass(frozen=True)
@@ -222,8 +221,8 @@ def crease_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
 
 
 def detail_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
-    """Returns λ² (H, W), deg², of normals (H, W, 3): half of the angle to the mean normal of the known ones among the
-    four neighbours, squared; 0 if none is known."""
+    """Returns λ² (H, W), deg², of normals (H, W, 3): squared half angle to the mean of the four neighbours' that are
+    known, else 0."""
     around = cv2.filter2D(normals * known[..., None], -1, FOUR_NEIGHBOURS, borderType=cv2.BORDER_CONSTANT)
     length = _length(around)
     chord = _length(normals - around / np.maximum(length, np.float32(1e-6))[..., None])

@@ -52,7 +52,7 @@ GRID = 4
 @dataclass(frozen=True)
 class Fit:
     """Misfit of all measurements, of each image (F,) and of each region (GRID, GRID), NaN where these are too few; mean
-    of Cauchy's loss, which the pixels' solves minimise; median residual as a share of the value."""
+    of Cauchy's loss, which the pixels' solves minimise; median residual over value (no noise model)."""
 
     misfit: float
     loss: float

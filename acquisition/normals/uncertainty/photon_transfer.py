@@ -26,7 +26,7 @@ class TransferSettings:
     max_tail_share: float = tuned(0.04, "share")
     """Share of a bin's differences beyond CLIP_SIGMA σ, 0.003 for a Gaussian, from which the bin is dropped. Such
     outliers are edges of shadows, or all edges if the scene has moved. Measured without edges on 120 synthetic sensors
-    of gains 0.1–10: 0.91 of the gains are known, with half as much 0.91, with twice 0.90 (scratch evaluation, November
+    of gains 0.1–10: 0.91 of the gains are known, with half 0.91, with twice 0.90 (scratch evaluation, November
     2026)."""
     rounding_sigma: float = tuned(0.06, "1")
     """1 σ of a bin's variance beyond its sampling error, by clipping of quantised values. As a share of the variance it

@@ -47,8 +47,7 @@ def estimate(
     line = photon_transfer.fit_line(photon_transfer.transfer_curve(level, apart, top, step))
     if line is None or not line.known:
         return images, "guessed: too few pixels tell"
-    # Few lit pixels are dark, so the floor alone is uncertain; together with the slope it gives the noise of lit
-    # pixels.
+    # Few lit pixels are dark, so the floor alone is uncertain; with the slope it gives the noise of lit pixels.
     shot, floor = images.shot * line.slope, np.maximum(line.floor * images.shot**2, images.floor)
     note = f"noise found in how neighbours differ: {1 / np.median(shot):.3g} electrons at a white surface's value"
     return replace(images, shot=shot, floor=floor), note
