@@ -63,8 +63,9 @@ REASONS: dict[str, str] = {
         photometry.LOBE_SAMPLES distant.SAMPLE_ROWS
         silhouette.SAMPLE_ROWS light_tests.REGIONS
         reflectance_solve.SAMPLE_PIXELS error_variance.STRIP_ROWS
-        error_variance.NEIGHBOUR_ROWS final_solve.SAMPLE_PIXELS integrability.STRIP_ROWS
-        integrability.OVERLAP_ROWS integrability.SAMPLED_CELLS integration.STRIP_ROWS interreflection.AZIMUTHS
+        error_variance.NEIGHBOUR_ROWS block_solve.INFORMATION_PIXELS pixel_solution.SAMPLE_PIXELS
+        integrability.STRIP_ROWS integrability.OVERLAP_ROWS integrability.SAMPLED_CELLS integration.STRIP_ROWS
+        interreflection.AZIMUTHS
         interreflection.WALL_AZIMUTHS light_tests.MAX_SWAPPED light_tests.MAX_TEST_PIXELS memory_mapped.LARGE_BYTES
         photon_transfer.INITIAL_SAMPLE pixel_noise.MAX_PRODUCTS
         pixel_solve_kernels.BLOCK_PIXELS poisson.SHARED_FROM_PIXELS
@@ -82,7 +83,7 @@ REASONS: dict[str, str] = {
         photometry.UNDISTORTION_ROUNDS reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
         photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE poisson.JACOBI_SHARE
         residual_noise.ROUNDS alternation.EXTRA_ROUNDS alternation.CONVERGED_DEG
-        alternation.INITIAL_DISCONTINUITY_ROUNDS alternation.MAX_SHIFT_STEP_M final_solve.PRELIMINARY_ITERATIONS
+        alternation.INITIAL_DISCONTINUITY_ROUNDS alternation.MAX_SHIFT_STEP_M pixel_solution.PRELIMINARY_ITERATIONS
         term_tests.LEAST_SIGNAL term_tests.LEAST_INFORMATION term_tests.TURN_DIFFERENCE_DEG
         interreflection_kernels.LEVELS surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS discontinuity.WEIGHT_FLOOR
         discontinuity.LEAST_START_WEIGHT discontinuity.LEAST_LAMP_M integration.BILATERAL_ROUNDS

@@ -2,7 +2,7 @@
 
 What pixels share with distant ones (lamp intensities and positions, reflectance, noise, the coarse depth, light from
 other surfaces) is estimated once, by the task that holds the session, on the coarse grid and the pixel sample of any
-solve. The final solve then goes from pixel to pixel, coupled to neighbours over a few rows only (`final_solve`): a tile
+solve. The final solve then goes from pixel to pixel, coupled to neighbours over a few rows only (`block_solve`): a tile
 is a run of its blocks with that margin, read and solved anywhere. The joined maps are made integrable and integrated as
 a whole by the task that holds the session. So the blocks, and with them the result, are those of one machine.
 
@@ -27,7 +27,7 @@ from acquisition.archive.entries import FileEntry
 from acquisition.formats.frames import FolderFrames
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.shot import FrameRef
-from acquisition.normals.final_solve import Block, BlockMap, BlockResult, BlockSolver
+from acquisition.normals.block_solve import Block, BlockMap, BlockResult, BlockSolver
 
 AHEAD = 2
 """Tiles submitted for each thread of the workers: one at work and one waiting, so that results do not pile up."""

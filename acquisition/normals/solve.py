@@ -16,10 +16,10 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.models.tuned import tuned
-from acquisition.normals import alternation, final_solve, pyramid
+from acquisition.normals import alternation, final_solve, pixel_solution, pyramid
 from acquisition.normals.alternatives import model_selection
 from acquisition.normals.alternatives.model_trial import Hypothesis
-from acquisition.normals.final_solve import BlockMap
+from acquisition.normals.block_solve import BlockMap
 from acquisition.normals.images import colour_albedo, session_images, silhouette
 from acquisition.normals.images import grey_tile as grey_tiles
 from acquisition.normals.images.grey_tile import GreyTile
@@ -142,7 +142,7 @@ def solve_stack(
     table = None
     if place.table_depth_m is not None:
         table = resampling.block_means(place.table_depth_m[rows, columns], factor)
-    level = masked.level(factor, final_solve.noise_sample(count), table)
+    level = masked.level(factor, pixel_solution.noise_sample(count), table)
     start = rough[masked.mask]
     if factor > 1:
         start = np.full(len(level.coarse.index), np.mean(start), np.float32)

@@ -9,7 +9,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.normals import ObjectPlace, solve
-from acquisition.normals.final_solve import BlockMap
+from acquisition.normals.block_solve import BlockMap
 from acquisition.normals.images.grey_tile import GreyTile
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ModelFinding
-from acquisition.normals import alternation, final_solve
+from acquisition.normals import alternation, pixel_solution
 from acquisition.normals.alternatives import (
     image_alternatives,
     lamp_alternatives,
@@ -85,7 +85,7 @@ def solve(hypothesis: Hypothesis) -> Solution:
     )  # fmt: skip
     state = alternation.refine(level, hypothesis.start_m, nominal, priors)
     scene = replace(nominal, lamps=state.shared.lamps(nominal.lamps), terms=nominal.terms and state.shared.terms)
-    scene, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
+    scene, sample = pixel_solution.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
     if not np.any(np.count_nonzero(sample.solution.estimate.usable, axis=0) > 1):
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,

@@ -12,16 +12,16 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.tuned import tuned
-from acquisition.normals import alternation, final_solve
+from acquisition.normals import alternation, pixel_solution
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.alternatives import light_tests, registration
 from acquisition.normals.alternatives.registration import Registration
 from acquisition.normals.alternatives.term_tests import TermScores
-from acquisition.normals.final_solve import SolvedSample
 from acquisition.normals.images import image_set
 from acquisition.normals.images.normalised_images import Images
 from acquisition.normals.indirect_light import surface_diffusion, translucency
 from acquisition.normals.indirect_light.translucency import Leak
+from acquisition.normals.pixel_solution import SolvedSample
 from acquisition.normals.pixels.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixels.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
@@ -124,7 +124,7 @@ class Hypothesis:
         masked = replace(self.masked, images=images)
         count = int(np.count_nonzero(masked.mask))
         table = None if self.level.table is None else self.level.table.depth_m
-        level = masked.level(self.level.factor, final_solve.noise_sample(count), table)
+        level = masked.level(self.level.factor, pixel_solution.noise_sample(count), table)
         noise = replace(self.nominal.noise, shot=images.shot, floor=images.floor)
         return replace(
             self,

@@ -22,7 +22,7 @@ from acquisition.formats.folders import session_folder as folders
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import pyramid
-from acquisition.normals.final_solve import Block, BlockMap, BlockResult, BlockSolver
+from acquisition.normals.block_solve import Block, BlockMap, BlockResult, BlockSolver
 from acquisition.normals.images import normalised_images
 from acquisition.runner.session_solve import solve_in_cell
 from tests.acquisition.archive import session_copies

@@ -8,7 +8,7 @@ import pytest
 from acquisition import image_values, normals, photometry
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
-from acquisition.normals import final_solve, pyramid
+from acquisition.normals import final_solve, pixel_solution, pyramid
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.images import normalised_images, session_images
 from acquisition.normals.images.normalised_images import Images
@@ -105,7 +105,7 @@ def test_solve_in_blocks_of_rows_equals_solve_in_one(
     known = replace(model(cushion.calibration, stack), terms=terms)
 
     def solved() -> NormalMap:
-        gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+        gathered = masked.level(FACTOR, pixel_solution.noise_sample(int(np.count_nonzero(cushion.mask))), None)
         return final_solve.solve(masked, gathered, refined(gathered, known.noise, received), known, (SIZE, SIZE))
 
     together = solved()
@@ -139,7 +139,7 @@ def test_solve_streamed_images_equals_solve_in_memory(cushion: scenes.Scene, mon
 def test_level_in_blocks_of_rows_equals_level_in_one(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     stack = images(cushion)
     masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, slice(0, SIZE), slice(0, SIZE)))
-    chosen = final_solve.noise_sample(int(np.count_nonzero(cushion.mask)))
+    chosen = pixel_solution.noise_sample(int(np.count_nonzero(cushion.mask)))
     table = scenes.TABLE_DEPTH + np.random.default_rng(0).random((SIZE, SIZE), np.float32)
     full = masked.level(7, chosen, table)
     monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
@@ -167,7 +167,7 @@ def test_flags_predicted_indirect_light_is_no_highlight(cushion: scenes.Scene) -
     falling = np.where(np.arange(len(LIGHTS)) == 0, 0.3, 0).astype(np.float32)
     lit = scenes.with_values(stack, stack.whole.values + (0.5 * falling)[:, None, None])
     masked = MaskedImages(lit, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
-    gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+    gathered = masked.level(FACTOR, pixel_solution.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, lit)
     result = replace(refined(gathered, known.noise, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
     received = np.repeat(falling[:, None], gathered.coarse.values.shape[1], axis=1)
@@ -194,7 +194,7 @@ def test_solve_pixels_with_two_lights_are_smoothed(cushion: scenes.Scene) -> Non
     masked = MaskedImages(
         scenes.with_values(stack, values), cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels)
     )
-    gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+    gathered = masked.level(FACTOR, pixel_solution.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
     start = replace(refined(gathered, known.noise, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
     result = final_solve.solve(masked, gathered, start, known, (SIZE, SIZE))
@@ -205,7 +205,7 @@ def test_solve_pixels_with_two_lights_are_smoothed(cushion: scenes.Scene) -> Non
 def test_solve_integrability_lowers_median_error(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     stack, all_pixels = images(cushion), slice(0, SIZE)
     masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
-    gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+    gathered = masked.level(FACTOR, pixel_solution.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
     start = replace(refined(gathered, known.noise, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
 
@@ -224,7 +224,7 @@ def test_solve_noise_beyond_what_is_stated_is_a_misfit(cushion: scenes.Scene) ->
     stack = images(cushion)
     all_pixels = slice(0, SIZE)
     masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
-    gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+    gathered = masked.level(FACTOR, pixel_solution.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     scene = model(cushion.calibration, stack)
     estimated = replace(scene, noise=replace(scene.noise, intensity=0.1, direction=0.05))
     state = refined(gathered, estimated.noise, 0.0)
