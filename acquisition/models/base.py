@@ -2,7 +2,7 @@
 
 Whatever crosses HTTP or disk is a frozen pydantic model that refuses unknown fields, NaN and infinity; whatever holds
 images or dense arrays is a frozen dataclass. Positions and directions are in the `view` frame (origin at the camera, x
-right, y up, z to the camera) unless a name says otherwise; lengths m, angles rad, times s.
+right, y up, z to the camera) unless a name says otherwise. Lengths are in m, angles in rad, times in s.
 """
 
 from collections.abc import Sequence
@@ -31,13 +31,13 @@ Matrix4 = Annotated[
 
 
 def as_joints(values: Sequence[float]) -> tuple[float, float, float, float, float, float]:
-    """Six joint angles as the tuple that values hold."""
+    """Returns six joint angles as a tuple, the type of fields of `Joints`."""
     one, two, three, four, five, six = (float(value) for value in values)
     return (one, two, three, four, five, six)
 
 
 def as_matrix4(matrix: FloatArray) -> Matrix4:
-    """A (4, 4) pose as the tuple that values hold."""
+    """Returns a (4, 4) pose as a tuple of rows, the type of fields of `Matrix4`."""
     rows = [tuple(float(value) for value in row) for row in matrix]
     return cast(Matrix4, tuple(rows))
 

@@ -14,8 +14,8 @@ from acquisition.models.colour import ColourCalibration, Mosaic
 
 
 class SensorModel(Value):
-    """Sensor noise model (photon transfer): a value is black_level + electrons / gain_e_per_dn, rounded, clipped at
-    2^bits − 1."""
+    """Noise model of the sensor (photon transfer). A value is black_level_dn + electrons / gain_e_per_dn, rounded and
+    clipped at 2^bits − 1."""
 
     bits: int = Field(ge=8, le=16, description="Bits of a value")
     gain_e_per_dn: float = Field(gt=0, description="Electrons per step of the value")
@@ -33,11 +33,11 @@ class SensorModel(Value):
 
 
 class LampLobe(Value):
-    """How a lamp's lobe differs from cos^`lobe_exponent`: by a factor over the angle off the axis, and to its sides.
+    """Deviation of a lamp's lobe from cos^`lobe_exponent`: a factor over the angle off the axis, and a tilt.
 
-    The factor is e to a cubic spline through the logarithms of `factors`, flat on the axis; beyond the last knot it
-    stays as there. Towards a unit direction with components x and y in the lamp's frame the intensity is 1 + tilt_x x +
-    tilt_y y times as large.
+    The factor is the exponential of a cubic spline through the logarithms of `factors`. The spline is flat on the axis;
+    beyond the last knot the factor is constant. The intensity in a unit direction with components x and y in the lamp's
+    frame is also multiplied by 1 + tilt_x x + tilt_y y.
     """
 
     knots_rad: Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=40)] = Field(
@@ -52,7 +52,7 @@ class LampLobe(Value):
 
     @model_validator(mode="after")
     def _is_a_spline(self) -> "LampLobe":
-        """Refuses knots that no spline goes through, and a factor on the axis other than 1."""
+        """Refuses knots that define no spline, a factor on the axis other than 1, and a tilt of 1 or more."""
         knots = self.knots_rad
         if len(knots) != len(self.factors):
             raise ValueError(f"{len(knots)} knots and {len(self.factors)} factors: give one for each")
@@ -68,10 +68,10 @@ Matrix5 = Annotated[tuple[_Row5, ...], Field(strict=False, min_length=5, max_len
 
 
 class FlatField(Value):
-    """What the lens passes to each pixel: sensitivity e^(a u + b v + c u² + d u v + e v²), 1 in the image's centre.
+    """Sensitivity of the camera over the image, e^(a u + b v + c u² + d u v + e v²): 1 in the image's centre.
 
-    u and v are counted from the centre in half diagonals. Lenses dim towards the corners smoothly (cos⁴, vignetting);
-    single pixels are the sensor's.
+    u and v are measured from the centre in half diagonals. The model describes the lens, which dims smoothly towards
+    the corners (cos⁴, vignetting). Differences between single pixels come from the sensor.
     """
 
     terms: Annotated[tuple[float, float, float, float, float], Field(strict=False)] = Field(
@@ -89,9 +89,9 @@ Matrix6 = Annotated[tuple[_Row6, ...], Field(strict=False, min_length=6, max_len
 class Calibration(Value):
     """Calibration of camera, hand–eye and lamp with uncertainties; `calibration.json`.
 
-    `lamp_intensity` is the signal, as a fraction of full scale (SensorModel.full_scale_dn) per second of exposure, of a
-    perfectly white diffuse surface that faces the lamp at `reference_m` on its axis: albedo is absolute. The lamp's
-    radiant intensity falls off its axis as cos^lobe_exponent, times what `lobe` says where it is stated.
+    `lamp_intensity` makes albedo absolute: it is the signal of a perfectly white diffuse surface that faces the lamp on
+    its axis at `reference_m`, as a fraction of full scale (SensorModel.full_scale_dn) per second of exposure. Off its
+    axis, the lamp's radiant intensity falls as cos^lobe_exponent, multiplied by `lobe` if there is one.
     """
 
     width: int = Field(description="Pixels of an image's row")
@@ -134,7 +134,7 @@ class Calibration(Value):
 
     @model_validator(mode="after")
     def _covariances_are_such(self) -> "Calibration":
-        """Refuses matrices that are no covariance."""
+        """Refuses matrices that are not covariances."""
         for name in ("tool_from_lamp_covariance", "base_from_camera_covariance"):
             stated = getattr(self, name)
             if stated is None:
@@ -148,6 +148,6 @@ class Calibration(Value):
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of the values that are stated: spaces in the file do not matter, nor fields that came later."""
+        """SHA-256 of the stated values. Spaces in the file and optional fields without a value do not change it."""
         stated = self.model_dump(mode="json", exclude_none=True)
         return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()

@@ -1,6 +1,6 @@
-"""What a check of the calibration in use found, and what is known of its age.
+"""Results of checks of the calibration in use, and the age of these checks.
 
-A check is for the values that it was made with: with another calibration in use it says nothing.
+A check applies only to the calibration that was in use when it was made.
 """
 
 from datetime import UTC, datetime
@@ -11,16 +11,16 @@ from pydantic import Field
 from acquisition.models.base import Value
 
 DAILY_S = 86_400.0
-"""Age of a check, s, from which on another one is suggested."""
+"""Age of a check, s, above which another one is suggested."""
 
 CheckTarget = Literal["board", "plane"]
 
 _OF = {"board": "camera, arm and lens", "plane": "the lamp"}
-"""What a target checks, for people."""
+"""The parts of the calibration that each target checks, as text for people."""
 
 
 class PartTest(Value):
-    """One part of the calibration, tested by itself."""
+    """Test of one part of the calibration, by itself."""
 
     name: str = Field(description="`camera`, `board`, `joints`, `lens`; `intensity`, `lobe`, `lamp`")
     change: Annotated[tuple[float, ...], Field(strict=False)] = Field(
@@ -34,7 +34,7 @@ class PartTest(Value):
 
 
 class CheckedImage(Value):
-    """One image's part in a check."""
+    """Deviation of one image in a check."""
 
     image: str
     sha256: str
@@ -45,7 +45,7 @@ class CheckedImage(Value):
 
 
 class CheckResult(Value):
-    """A check of the calibration in use; `check.json`."""
+    """Result of a check of the calibration in use; `check.json`."""
 
     kind: Literal["check"] = "check"
     target: CheckTarget
@@ -67,7 +67,7 @@ class CheckResult(Value):
 
 
 class CheckRecord(Value):
-    """The newest check on one target, as the journal has it."""
+    """The newest check with one target, as the journal records it."""
 
     session: str = Field(description="The session that made it")
     made_at: str = Field(description="When it was made, ISO 8601")
@@ -79,7 +79,7 @@ class CheckRecord(Value):
 
 
 class CheckState(Value):
-    """What is known of the calibration in use by its checks."""
+    """State of the calibration in use according to its checks."""
 
     checks: dict[CheckTarget, CheckRecord] = Field(
         default_factory=dict[CheckTarget, CheckRecord],
@@ -104,7 +104,7 @@ class CheckState(Value):
 
 
 def state(recorded: dict[str, CheckRecord], fingerprint: str, now: datetime | None = None) -> CheckState:
-    """What the checks recorded, by target, say of the calibration with this fingerprint."""
+    """Summarises the newest recorded check of each target for the calibration with this fingerprint."""
     moment = datetime.now(UTC) if now is None else now
     checks: dict[CheckTarget, CheckRecord] = {}
     ages_h: dict[CheckTarget, float] = {}

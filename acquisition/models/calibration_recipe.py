@@ -1,8 +1,8 @@
-"""Recipes of calibration sessions: which part of the calibration, on which target, how accurate, with how many images.
+"""Recipes of calibration sessions: the part to calibrate, the target, the accuracy and the number of images.
 
 A calibration session repeats the loop of a capture session (choose, route, capture, estimate) with poses in place of
-lights, so its recipe states the same limits: how many images a pass begins with, how many there may be, and the
-accuracy at which it stops.
+lights. Its recipe states the same limits: the number of images of the first pass, the maximum number of images, and
+the accuracy at which the session stops.
 """
 
 import math
@@ -19,7 +19,7 @@ from acquisition.models.recipe import Exposure, Recipe
 
 
 class CalibrationRecipe(Value):
-    """What the recipes of all calibration sessions have."""
+    """Fields common to the recipes of all calibration sessions."""
 
     tool: ClassVar[Tool]
     waits_for_targets: ClassVar[bool] = False
@@ -31,31 +31,31 @@ class CalibrationRecipe(Value):
 
     @property
     def first_images(self) -> int:
-        """Images of the first pass, before which nothing but the calibration in use is known."""
+        """Number of images of the first pass, before which only the calibration in use is known."""
         return min(self.max_images, FIRST_IMAGES)
 
     @property
     def takes_darks(self) -> bool:
-        """Whether each exposure time of a pass has a lamp-off image."""
+        """Whether a pass takes a lamp-off frame for each exposure time."""
         return False
 
     def images_after(self, taken: int) -> int:
-        """Images of the pass that follows on `taken` images."""
+        """Number of images of the pass that follows after `taken` images."""
         return self.first_images if taken == 0 else min(FURTHER_IMAGES, self.max_images - taken)
 
     @property
     def passes_most(self) -> int:
-        """Number of passes at most, the last without images where the accuracy has been reached."""
+        """Maximum number of passes. The last one has no images if the accuracy has been reached."""
         return 1 + math.ceil((self.max_images - self.first_images) / FURTHER_IMAGES) + 1
 
 
 FIRST_IMAGES, FURTHER_IMAGES = 8, 4
-"""Images of the first pass and of each further one, which is planned from the estimate so far: eight views determine
-all parameters, and an estimate after every four costs a few seconds for the moves that it saves."""
+"""Numbers of images of the first pass and of each further one. Eight views determine all parameters. Each further pass
+is planned from the estimate so far: an estimate after every four images takes a few seconds and saves moves."""
 
 
 class BoardRecipe(CalibrationRecipe):
-    """Camera, or camera and its place in the arm's base frame, from the board on the flange."""
+    """Recipe that calibrates the camera, or the camera and its pose in the base frame, with the board on the flange."""
 
     tool: ClassVar[Tool] = "board"
     kind: Literal["camera", "hand-eye"] = Field(
@@ -83,7 +83,8 @@ class BoardRecipe(CalibrationRecipe):
         return self
 
     def images_after(self, taken: int) -> int:
-        """As many as there are, where all are taken anyway: an estimate in between would save no move."""
+        """Number of images of the next pass. Without a target accuracy, the second pass takes all that remain, because
+        an estimate in between would save no moves."""
         ordered = self.target_px is not None or self.target_mm is not None
         left = self.max_images - taken
         return self.first_images if taken == 0 else min(FURTHER_IMAGES, left) if ordered else left
@@ -95,10 +96,10 @@ class BoardRecipe(CalibrationRecipe):
 
 
 class LampRecipe(CalibrationRecipe):
-    """The lamp's place from a mirror sphere, then its intensity and lobe from a matt plane, laid down once or more.
+    """Recipe that calibrates the lamp: first its position on a mirror sphere, then intensity and lobe on a matt plane.
 
-    The first pass is the sphere's, each other one a placing of the plane; between them the session waits for the next
-    target. The last placing of two or more takes no part and verifies the result.
+    The first pass captures the sphere, each further pass one placing of the plane. Before each further pass the session
+    waits until the target is in place. With two or more placings, the last one is not fitted but verifies the result.
     """
 
     tool: ClassVar[Tool] = "lamp"
@@ -111,21 +112,21 @@ class LampRecipe(CalibrationRecipe):
 
     @property
     def takes_darks(self) -> bool:
-        """The room's light on the plane is taken out."""
+        """True: lamp-off frames remove the room's light on the plane."""
         return True
 
     @property
     def first_images(self) -> int:
-        """Images of the sphere."""
+        """Number of images of the sphere."""
         return round(self.sphere_share * self.max_images)
 
     @property
     def placing_images(self) -> int:
-        """Images of each placing of the plane."""
+        """Number of images of each placing of the plane."""
         return (self.max_images - self.first_images) // self.placings
 
     def images_after(self, taken: int) -> int:
-        """The sphere's images, then those of a placing."""
+        """Number of images of the next pass: those of the sphere first, then those of each placing."""
         if taken == 0:
             return self.first_images
         return self.placing_images if taken < self.first_images + self.placings * self.placing_images else 0
@@ -143,34 +144,35 @@ class LampRecipe(CalibrationRecipe):
 
 
 LEAST_OF_A_PLACING = 10
-"""Images of one placing of the plane: fewer do not tell lobe, sides and flat field apart."""
+"""Minimum number of images of one placing of the plane. Fewer do not separate lobe, tilt and flat field."""
 
 
 @dataclass(frozen=True)
 class FrameSetting:
-    """One frame of a response session: its exposure time over that at which the brightest parts are full, and whether
-    the lamp is on."""
+    """Setting of one frame of a response session. `share` is the exposure time divided by that at which the brightest
+    parts are full; `lit`: the lamp is on."""
 
     share: float
     lit: bool
 
 
 class OnePassRecipe(CalibrationRecipe):
-    """All images in one pass: none is chosen by an estimate from those before it."""
+    """Recipe that takes all images in one pass: no estimate from earlier images chooses later ones."""
 
     @property
     def first_images(self) -> int:
-        """All."""
+        """All images."""
         return self.max_images
 
     @property
     def passes_most(self) -> int:
-        """One."""
+        """One pass."""
         return 1
 
 
 class ResponseRecipe(OnePassRecipe):
-    """The camera's response (black level, gain, noise, full well, linearity) at one light with the arm at rest."""
+    """Recipe that measures the camera's response at one light with the arm at rest: black level, gain, noise, full well
+    and linearity."""
 
     tool: ClassVar[Tool] = "lamp"
     kind: Literal["response"] = Field(
@@ -183,8 +185,8 @@ class ResponseRecipe(OnePassRecipe):
 
     @property
     def frames(self) -> tuple[FrameSetting, ...]:
-        """The settings of the images in the order of capture: the first at the recipe's exposure, the others by lot, so
-        that a lamp that warms up is no bend of the response."""
+        """Settings of the images in the order of capture. The first has the recipe's exposure. The others are in random
+        order, so that the drift of a lamp that warms up does not appear as nonlinearity."""
         count = (self.max_images - 1) // 4
         shares = [LONGEST_SHARE * ((step + 1) / count) ** 1.5 for step in range(count)]
         ordered = [FrameSetting(share, lit) for share in shares for lit in (True, True, False, False)]
@@ -193,12 +195,12 @@ class ResponseRecipe(OnePassRecipe):
 
 
 LONGEST_SHARE = 1.5
-"""Longest exposure time of a response session, over that at which the brightest parts are full: pixels have to be full
-for their full well to be seen."""
+"""Longest exposure time of a response session, divided by that at which the brightest parts are full. It exceeds 1,
+because the full well shows only in pixels that are full."""
 
 
 class CheckRecipe(OnePassRecipe):
-    """Few images that tell whether the calibration in use is still true; it changes nothing."""
+    """Recipe that checks with few images whether the calibration in use is still true. It changes nothing."""
 
     tool: ClassVar[Tool] = "board"
     kind: Literal["check"] = Field(
@@ -214,12 +216,12 @@ class CheckRecipe(OnePassRecipe):
 
     @property
     def takes_darks(self) -> bool:
-        """The room's light on the plane is taken out."""
+        """Whether lamp-off frames are taken: for the plane, to remove the room's light on it."""
         return self.target == "plane"
 
     @property
     def lit(self) -> bool:
-        """The board is lit by the room, the plane by the lamp."""
+        """Whether the lamp is on while a frame is exposed: it lights the plane, the room lights the board."""
         return self.target == "plane"
 
     @property
@@ -229,7 +231,7 @@ class CheckRecipe(OnePassRecipe):
 
 
 TAGS = ("capture-recipe", "board-recipe", "lamp-recipe", "response-recipe", "check-recipe")
-"""What an error's location names beside the fields: which of the recipes was read."""
+"""Tags that name the kind of recipe in the location of a validation error, beside the names of fields."""
 
 
 def _kind(recipe: object) -> str | None:
@@ -254,18 +256,18 @@ AnyRecipe = Annotated[
         custom_error_message="`kind` is one of capture, camera, hand-eye, lamp, response, check; without it capture",
     ),
 ]
-"""The recipe of a session of any kind; without `kind` it is one of capture."""
+"""Recipe of a session of any kind. A recipe without `kind` is a capture recipe."""
 
 _ANY: TypeAdapter[AnyRecipe] = TypeAdapter(AnyRecipe)
 
 
 def read(content: str) -> AnyRecipe:
-    """A recipe of any kind from its JSON."""
+    """Reads a recipe of any kind from JSON."""
     return _ANY.validate_json(content)
 
 
 def require_capture(recipe: AnyRecipe) -> Recipe:
-    """The recipe of a capture session. Raises RigError session.action_not_allowed for one of calibration."""
+    """Returns a recipe of a capture session. Raises RigError session.action_not_allowed for one of a calibration."""
     if isinstance(recipe, Recipe):
         return recipe
     raise RigError(
@@ -276,7 +278,7 @@ def require_capture(recipe: AnyRecipe) -> Recipe:
 
 
 def tool_of(recipe: AnyRecipe) -> Tool:
-    """What is on the flange during a session."""
+    """Returns the tool that a session needs on the flange."""
     if isinstance(recipe, Recipe) or (isinstance(recipe, CheckRecipe) and recipe.target == "plane"):
         return "lamp"
     return recipe.tool

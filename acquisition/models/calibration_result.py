@@ -1,4 +1,4 @@
-"""Results of calibrations, as their files hold them: values with covariance, and residuals of each view."""
+"""Results of calibrations as their files hold them: values with covariance, and the residuals of each image."""
 
 import math
 from typing import Annotated, Literal
@@ -13,7 +13,7 @@ Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(strict=False)], ...], 
 
 
 class ViewResidual(Value):
-    """One image's part in a calibration."""
+    """Residuals of one image of the board in a calibration."""
 
     image: str
     sha256: str
@@ -23,7 +23,7 @@ class ViewResidual(Value):
 
 
 class CameraResult(Value):
-    """A calibrated camera; `camera.json`."""
+    """Calibration of a camera; `camera.json`."""
 
     kind: Literal["camera"] = "camera"
     made_at: str
@@ -45,7 +45,7 @@ class CameraResult(Value):
 
 
 class HandEyeResult(Value):
-    """Base from camera, found with a board on the flange; `hand_eye.json`."""
+    """Pose of the camera in the arm's base frame, found with a board on the flange; `hand_eye.json`."""
 
     kind: Literal["hand-eye"] = "hand-eye"
     made_at: str
@@ -71,19 +71,18 @@ class HandEyeResult(Value):
 
     @property
     def shared_covariance(self) -> Rows:
-        """Of all that is uncertain alike in every image: (10, 10) with the joints' offsets, (6, 6) in files that came
-        before these were stated."""
+        """Covariance of the errors that all images share: (10, 10) with joint offsets, (6, 6) in files without them."""
         return self.covariance if self.pose_and_offsets_covariance is None else self.pose_and_offsets_covariance
 
     @property
     def deviation_m(self) -> float:
-        """1 σ of a place as far from the flange as the board's corner, by the arm's deviations, per axis, m."""
+        """1 σ per axis, m, by which the arm's deviations move a point as far from the flange as the board's corner."""
         x, y, z = (row[3] for row in self.flange_from_board[:3])
         return math.hypot(self.arm_sigma_m, math.hypot(x, y, z) * self.arm_sigma_rad)
 
 
 class CalibrationSummary(Value):
-    """What an estimate of a calibration session found, in figures that a person reads first."""
+    """Main figures of an estimate of a calibration session, for people."""
 
     kind: str = Field(description="`camera`, `hand-eye`, …: the session's")
     images: int = Field(ge=0, description="Images so far")
@@ -130,7 +129,7 @@ class CalibrationSummary(Value):
 
 
 class ExposureResidual(Value):
-    """One exposure time's part in a calibration of the response."""
+    """Means and residual of one exposure time in a calibration of the response."""
 
     exposure_s: float
     mean_dn: float = Field(description="Mean of the lit frames over those without lamp, values")
@@ -142,7 +141,7 @@ class ExposureResidual(Value):
 
 
 class DefectivePixel(Value):
-    """A pixel that does not do what its neighbours do."""
+    """A pixel that is bright in the dark, or whose sensitivity differs from that of its neighbours."""
 
     column: int
     row: int
@@ -178,7 +177,7 @@ class ResponseResult(Value):
 
 
 class HighlightResidual(Value):
-    """One image's part in the lamp's calibration."""
+    """Residual of one image in the calibration of the lamp's position."""
 
     image: str
     sha256: str
@@ -202,7 +201,7 @@ class LampResult(Value):
 
 
 class PlaneResidual(Value):
-    """One image's part in the calibration of the lamp's lobe."""
+    """Deviation of one image in the calibration of the lamp's lobe."""
 
     image: str
     sha256: str

@@ -1,4 +1,4 @@
-"""A set of calibration values that a session may be captured with, and what it was made from."""
+"""A set of calibration values for sessions, with the record of how it was made."""
 
 from pydantic import Field
 
@@ -10,7 +10,7 @@ CELL_FILE = "cell"
 
 
 class CalibrationSet(Value):
-    """A complete calibration that a session has made; `set.json` beside its `calibration.json`."""
+    """A complete calibration that was made by a session; `set.json` beside its `calibration.json`."""
 
     id: str = Field(description="Identifier: that of the session that made it")
     kind: str = Field(description="What was calibrated: `camera`, `hand-eye`, …; the other values are those before it")

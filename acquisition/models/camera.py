@@ -1,7 +1,7 @@
-"""What a camera can do, the settings that it reads back, and what is kept of them with each image.
+"""Capabilities of a camera, the settings that it reads back, and the record that is stored with each image.
 
-Only what a camera says of itself stands here. That a value was set does not mean that the camera has it: dials are
-bumped, tethering programs write, firmware rounds. So a frame counts under the settings that were read back before it.
+All values are reported by the camera itself. The camera may not have a setting that was written: dials are bumped,
+tethering programs write, firmware rounds. A frame therefore counts under the settings that were read back before it.
 """
 
 import hashlib
@@ -14,11 +14,13 @@ from acquisition.models.base import Value
 from acquisition.models.colour import Mosaic
 
 TriggerKind = Literal["software", "hardware"]
-"""By a command over the camera's own link; by a level on its input, which an output of the arm's controller sets."""
+"""`software`: a command over the camera's own link. `hardware`: a level on the camera's input, which an output of the
+arm's controller sets."""
 
 FaultKind = Literal["lost", "late", "doubled", "damaged", "settings", "gone", "returned"]
-"""No frame came; one of an earlier trigger came; the one before came again; incomplete or of another size; taken with
-other settings than asked for; the camera does not answer; it does again."""
+"""`lost`: no frame came. `late`: a frame of an earlier trigger came. `doubled`: the previous frame came again.
+`damaged`: the frame is incomplete or of another size. `settings`: it was taken with other settings than requested.
+`gone`: the camera does not answer. `returned`: it answers again."""
 
 
 class CameraSettings(Value):
@@ -37,18 +39,18 @@ class CameraSettings(Value):
 
     @property
     def fingerprint(self) -> str:
-        """First 16 hexadecimal digits of the SHA-256 of all but the exposure time, which changes from image to image"""
+        """First 16 hexadecimal digits of the SHA-256 of all settings but the exposure time, which changes per image."""
         values = self.model_dump(mode="json", exclude={"exposure_s"})
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
     def differences(self, other: "CameraSettings") -> list[str]:
-        """What differs in another one but the exposure time, for people."""
+        """Lists the settings but the exposure time that differ in `other`, as text for people."""
         mine, its = (one.model_dump(exclude={"exposure_s", "other"}) | dict(one.other) for one in (self, other))
         return [f"{name}: {mine.get(name)} → {its.get(name)}" for name in mine | its if mine.get(name) != its.get(name)]
 
 
 class CameraCapabilities(Value):
-    """What a camera says of itself when it is connected."""
+    """Capabilities that a camera reports when it is connected."""
 
     name: str = Field(description="Maker, model and serial number, as far as it tells")
     width: int = Field(gt=0, description="Width of a frame, px")
@@ -67,7 +69,7 @@ class CameraCapabilities(Value):
 
 
 class CameraRecord(Value):
-    """What is kept of camera and settings with an image."""
+    """Camera settings and frame data that are stored with an image."""
 
     settings: str = Field(description="Fingerprint of the settings read back, all but the exposure time")
     exposure_s: float = Field(description="Exposure time as read back, s")

@@ -14,11 +14,11 @@ GenicamFormat = Literal[
     "BayerRG8", "BayerRG10", "BayerRG12", "BayerRG16", "BayerBG8", "BayerBG10", "BayerBG12", "BayerBG16",
     "BayerGR8", "BayerGR10", "BayerGR12", "BayerGR16", "BayerGB8", "BayerGB10", "BayerGB12", "BayerGB16",
 ]  # fmt: skip
-"""Pixel formats of one unpacked value per site; the sites of a mosaic sensor are solved as they are."""
+"""Pixel formats with one unpacked value per site. The sites of a mosaic sensor are solved without demosaicing."""
 
 
 class CameraConfig(Value):
-    """Settings of every camera."""
+    """Settings common to all cameras."""
 
     min_exposure_s: float = Field(default=1e-4, gt=0)
     max_exposure_s: float = Field(default=1.0, gt=0)
@@ -39,7 +39,7 @@ class CameraConfig(Value):
 
 
 class SimCameraConfig(CameraConfig):
-    """The simulated cell's camera, a TCP port at `address`."""
+    """The camera of the simulated cell, at a TCP port of `address`."""
 
     kind: Literal["sim"] = "sim"
     address: str
@@ -64,7 +64,7 @@ class LineTriggerConfig(CameraConfig):
 
 
 class PylonCameraConfig(LineTriggerConfig):
-    """A Basler camera (GigE or USB3) by its serial number; needs the extra `basler`."""
+    """A Basler camera (GigE or USB3), identified by its serial number; needs the extra `basler`."""
 
     kind: Literal["pylon"]
     serial: str = Field(min_length=1)
@@ -74,7 +74,7 @@ class PylonCameraConfig(LineTriggerConfig):
 
 
 class AravisCameraConfig(LineTriggerConfig):
-    """A GigE Vision or USB3 Vision camera of any maker, through Aravis of the system."""
+    """A GigE Vision or USB3 Vision camera of any maker, through the system's Aravis library."""
 
     kind: Literal["aravis"]
     device: str = Field(min_length=1, description="Address, or the identifier that `arv-tool-0.8` lists")
@@ -113,7 +113,7 @@ class FolderCameraConfig(CameraConfig):
 
     @model_validator(mode="after")
     def _can_be_released(self) -> "FolderCameraConfig":
-        """Refuses a camera that nothing releases, and exposure times that nobody sets."""
+        """Refuses a camera that nothing releases, and a range of exposure times that nothing sets."""
         if not self.trigger_command and self.trigger_output is None:
             raise ValueError("state `trigger_command` or `trigger_output`: nothing else releases the camera")
         if "{exposure_s}" not in self.trigger_command and self.min_exposure_s != self.max_exposure_s:

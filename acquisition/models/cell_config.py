@@ -1,6 +1,6 @@
-"""The cell file: configuration of a cell. Frozen models read from TOML; any unknown or missing field rejects the file.
+"""Configuration of a cell, read from a TOML file into frozen models. An unknown or missing field rejects the file.
 
-Deployment settings (host, port, data folder) are no property of the cell and come from the environment.
+Deployment settings (host, port, data folder) are not properties of the cell; they come from the environment.
 """
 
 import hashlib
@@ -55,8 +55,8 @@ Tool = Literal["lamp", "board"]
 
 
 class BoardConfig(Value):
-    """A ChArUco board for calibration sessions, on the flange; its frame has x along the columns, y along the rows of
-    squares from their upper left corner, and z into it."""
+    """A ChArUco board on the flange, for calibration sessions. Its frame has its origin at the upper left corner of the
+    squares, x along the columns, y along the rows and z into the board."""
 
     columns: int = Field(ge=3, le=40, description="Squares along x")
     rows: int = Field(ge=3, le=40, description="Squares along y")
@@ -90,7 +90,7 @@ class BoardConfig(Value):
 
 
 class LampTargetsConfig(Value):
-    """What a lamp is calibrated with, in the object's place: a mirror sphere, and a matt plane in a ChArUco frame."""
+    """Targets of a lamp calibration, in the object's place: a mirror sphere, and a matt plane in a ChArUco frame."""
 
     sphere_radius_m: float = Field(ge=0.001, le=0.2, description="As stamped on a bearing ball, or by a calliper")
     window_radius_m: float = Field(
@@ -107,8 +107,8 @@ class LampTargetsConfig(Value):
 
 
 class GreyTileConfig(Value):
-    """An even, matt tile that lies flat on the table in the picture, beside the object and out of its shadows: it tells
-    how bright the lamp was in each image."""
+    """A uniform matt tile that shows the lamp's brightness in each image. It lies flat on the table in the picture,
+    beside the object and out of its shadows."""
 
     outline_px: list[tuple[float, float]] = Field(
         min_length=3, max_length=32, description="Its corners in the image, in their order: column and row"
@@ -162,7 +162,7 @@ class ArmConfig(Value):
 
 
 class LampConfig(Value):
-    """The digital output of the controller that switches the lamp (0–7 standard, 8–15 configurable, 16–17 tool)."""
+    """Digital output of the controller that switches the lamp (0–7 standard, 8–15 configurable, 16–17 tool)."""
 
     kind: Literal["ur-output"] = "ur-output"
     output: int = Field(ge=0, le=17)
@@ -170,7 +170,7 @@ class LampConfig(Value):
 
 
 class KeepOut(Value):
-    """A cylinder that encloses the object, standing on the origin of its frame, axis +z; not shrunk by any margin."""
+    """A cylinder that encloses the object: foot at the origin of its frame, axis along +z. No margin shrinks it."""
 
     radius_m: float = Field(gt=0)
     height_m: float = Field(gt=0)
@@ -184,11 +184,11 @@ class ObjectConfig(Value):
 
 
 MIN_SLANT_DEG, MAX_SLANT_DEG = 8.0, 75.0
-"""Usual slants of a dome of lights: nearer to the view axis lamps stand in the picture, beyond they graze the table."""
+"""Usual limits of a dome's slants. Nearer to the view axis, lamps are in the picture; beyond, they graze the table."""
 
 
 class DomeConfig(Value):
-    """Dome of light positions: a spherical cap about `center_m` (object frame), slants measured from the view axis."""
+    """Dome of light positions: a spherical cap about `center_m` (object frame). Slants are angles to the view axis."""
 
     center_m: Vector3 = Field(default=(0.0, 0.0, 0.03), description="In the object's frame, m")
     radius_m: float = Field(default=0.45, gt=0, description="Distance of the lights from there")
@@ -205,7 +205,7 @@ class ObstacleBase(Value):
 
 
 LEAST_NORMAL = 1e-6
-"""Length of a half-space's normal, below which it has no direction and nothing would ever collide with it."""
+"""Minimum length of a half-space's normal. A shorter one has no direction, and nothing would collide with it."""
 
 
 class HalfSpace(ObstacleBase):
@@ -251,14 +251,14 @@ class Cone(ObstacleBase):
 
 
 FLAT_M = 1e-6
-"""Smallest singular value in m of the centred vertices; below it they are coplanar within rounding."""
+"""Smallest singular value of the centred vertices, m, below which they are coplanar within rounding."""
 
 
 class ConvexMesh(ObstacleBase):
     """The convex hull of vertices in a frame of its own.
 
-    A cell file may name an STL file (`file`, relative to it, in m) instead of the vertices: they are read with the
-    cell, so that the loaded cell is self-contained.
+    Instead of the vertices, a cell file may name an STL file (`file`, relative to the cell file, in m). Its vertices
+    are read together with the cell, so that the loaded cell is self-contained.
     """
 
     kind: Literal["convex-mesh"] = "convex-mesh"
@@ -290,7 +290,7 @@ _LATER_FIELDS = (
     ("arm", "polyscope"), ("arm", "robot_api_port"), ("arm", "tool"), ("board", "payload_kg"),
     ("board", "payload_center_m"), ("board",), ("lamp_targets",), ("grey_tile",), ("camera", "reconnect_s"),
 )  # fmt: skip
-"""Fields that came after sessions had been recorded; each has a default that means what was before."""
+"""Fields that cells of recorded sessions may lack. The default of each is the behaviour without the field."""
 
 
 class CellConfig(Value):
@@ -319,8 +319,8 @@ class CellConfig(Value):
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of the cell's values: comments and spaces in the file do not matter, nor do later fields at their
-        defaults, so that an interrupted session can be resumed after an upgrade."""
+        """SHA-256 of the cell's values. Comments and spaces in the file do not change it, nor do `_LATER_FIELDS` at
+        their defaults, so that an interrupted session can be resumed after an upgrade."""
         values = self.model_dump(mode="json")
         for *sections, name in _LATER_FIELDS:
             owner: Value | None = self

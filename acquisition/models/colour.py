@@ -7,18 +7,18 @@ from pydantic import Field, model_validator
 from acquisition.models.base import Value, Vector3
 
 Mosaic = Literal["rggb", "bggr", "grbg", "gbrg"]
-"""Channels of a mosaic (Bayer) sensor's upper left 2 × 2 sites, row by row, as GenICam's pixel formats name them."""
+"""Channels of the upper left 2 × 2 sites of a mosaic (Bayer) sensor, row by row, as in GenICam's pixel formats."""
 
 _BAYER: dict[str, Mosaic] = {"BayerRG": "rggb", "BayerBG": "bggr", "BayerGR": "grbg", "BayerGB": "gbrg"}
 
 
 def mosaic_of(pixel_format: str) -> Mosaic | None:
-    """The mosaic that a pixel format of GenICam states, such as BayerRG12; none: it is monochrome."""
+    """Returns the mosaic of a GenICam pixel format such as BayerRG12; None: the format is monochrome."""
     return _BAYER.get(pixel_format[:7])
 
 
 WHITE_TOLERANCE = 1e-3
-"""Largest deviation of `ColourCalibration.white`'s mean from 1: what rounding of a file leaves."""
+"""Largest accepted deviation of the mean of `ColourCalibration.white` from 1, to allow for rounding in files."""
 
 Matrix3x3 = Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
 
@@ -26,9 +26,9 @@ Matrix3x3 = Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
 class ColourCalibration(Value):
     """White balance and colour matrix of the camera under the lamp.
 
-    An albedo is the channels' values over those of a white surface (`white`), times `matrix`: linear values of sRGB's
-    primaries (IEC 61966-2-1), white D65. `lamp_intensity` is that of the mean over a 2 × 2 cell, R + 2 G + B over four,
-    so the same mean of `white` is 1.
+    The albedo is the channels' values divided by those of a white surface (`white`), then multiplied by `matrix`. It is
+    linear, with sRGB's primaries (IEC 61966-2-1) and white D65. `lamp_intensity` is that of the mean over a 2 × 2 cell,
+    (R + 2 G + B)/4, so the same mean of `white` is 1.
     """
 
     white: Vector3 = Field(description="Factors of R, G, B: values on a white surface over their mean, (R + 2 G + B)/4")
@@ -39,7 +39,7 @@ class ColourCalibration(Value):
 
     @model_validator(mode="after")
     def _is_relative(self) -> "ColourCalibration":
-        """Refuses values of white that are not relative to their mean."""
+        """Refuses values of white that are not positive, or not relative to their mean."""
         red, green, blue = self.white
         if min(self.white) <= 0 or abs((red + 2 * green + blue) / 4 - 1) > WHITE_TOLERANCE:
             raise ValueError("white must be positive, and (R + 2 G + B)/4 of it 1")

@@ -135,7 +135,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.REQUEST_TIMEOUT: Problem(
         408, "The request did not arrive in time", "Send the full request at once, over a faster connection."
     ),
-    # Not 408, which browsers take for an idle connection's end and send the request again.
+    # Not 408: browsers take it as the end of an idle connection and send the request again.
     ErrorCode.REQUEST_EXPIRED: Problem(
         409,
         "The request arrived after the time until which it was valid",
@@ -387,18 +387,19 @@ PROBLEMS: dict[ErrorCode, Problem] = {
 
 
 NOT_WRITTEN = frozenset({ErrorCode.STORE_DISK_FULL, ErrorCode.STORE_UNWRITABLE})
-"""Problems of the journal for which an entry that must not be lost waits."""
+"""Problems of writing the journal. An entry that must not be lost is tried again until they are solved."""
 
 
 def problem(code: ErrorCode, detail: str, **context: Any) -> dict[str, Any]:
-    """Problem object for journal and status: the table's entry and this case."""
+    """Returns the problem object for journal and status: the table's entry with the detail of this case."""
     entry = PROBLEMS[code]
     return {"code": str(code), "title": entry.title, "detail": _open(detail), "remedy": entry.remedy, **context}
 
 
 class RigError(Exception):
-    """A problem with a code from the table, a sentence about this case without its full stop (further text may follow),
-    and `context` for programs.
+    """A problem with a code from the table, a sentence about this case, and `context` for programs.
+
+    The sentence has no full stop, because further text may follow.
     """
 
     def __init__(self, code: ErrorCode, detail: str, **context: Any) -> None:
@@ -408,7 +409,7 @@ class RigError(Exception):
         self.context = context
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Errors cross from the compute and driver processes; the default would lose code and context.
+        # Errors are pickled to leave the compute and driver processes; the default would lose code and context.
         return _rebuild, (str(self.code), self.detail, self.context)
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""Jogging: which way a person moves the arm while a button is held."""
+"""Jogging: the motion of the arm while a person holds a button."""
 
 from typing import Literal
 
@@ -11,7 +11,7 @@ MAX_STEP_RAD, MAX_STEP_M = 0.1, 0.03
 
 
 class JogMotion(Value):
-    """One joint or one axis of the base frame, and the direction."""
+    """One joint, or one axis of the base frame, and the direction of the motion."""
 
     joint: int | None = Field(default=None, ge=0, le=5, description="Joint to be turned, 0: the base; or give `axis`")
     axis: Literal["x", "y", "z"] | None = Field(

@@ -1,4 +1,4 @@
-"""Forecast for lights that a person places: what each gains, whether the arm serves it, and the σ to expect."""
+"""Forecast for lights that a person places: the gain of each, whether the arm can reach it, and the expected σ."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from acquisition.models.shot import Observations
 
 @dataclass(frozen=True)
 class ForecastInput:
-    """What the forecasts of one review rest on; `result` is the folder of the last result, none before the first."""
+    """Input of the forecasts of one review. `result` is the folder of the last result, None before the first."""
 
     recipe: Recipe
     cell: CellConfig
@@ -37,7 +37,7 @@ class PlacedLight(Value):
 
 
 class LightForecast(Value):
-    """Expected σ with the lights that the arm serves; those that it cannot serve are left out of all figures."""
+    """Expected σ with the placed lights. Lights that the arm cannot reach are left out of all figures."""
 
     lights: list[PlacedLight] = Field(description="The lights in the order in which they were given")
     sigma_before_deg: float | None = Field(

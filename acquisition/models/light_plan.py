@@ -18,14 +18,14 @@ class Light(Value):
 
 
 class FrameExposure(Value):
-    """Equal frames of one light."""
+    """One or more frames of one light with the same exposure time."""
 
     exposure_s: float = Field(gt=0, description="Exposure time of each, s")
     frames: int = Field(default=1, ge=1, description="How many of them; they are averaged")
 
 
 class LightExposure(Value):
-    """The exposures of one light, merged into one image by their noise."""
+    """The exposures of one light, which are merged into one image with inverse-variance weights."""
 
     frames: list[FrameExposure] = Field(
         min_length=1, description="The first is the one that the image is judged by; others are longer or shorter"
@@ -50,7 +50,7 @@ class ForecastPoint(Value):
 
 
 class PriorForecast(Value):
-    """Expected σ against the number of images before the first one, of an assumed object."""
+    """Forecast before the first image: the expected σ of an assumed object against the number of images."""
 
     points: list[ForecastPoint] = Field(description="Ascending number of images; the recipe's own number is among them")
     assumption: str = Field(description="What object is assumed, one or two sentences")

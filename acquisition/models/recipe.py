@@ -8,10 +8,11 @@ from acquisition.models.base import Value, Vector3
 
 Method = Literal["optimal", "two-rings", "ring", "drbohlav", "max-distance", "paper", "random", "user"]
 ExposurePlan = Literal["fixed", "planned"]
-"""One automatic exposure of each light; or exposures as part of the plan, several of a light merged by their noise."""
+"""`fixed`: one automatic exposure of each light. `planned`: exposures are part of the plan; several exposures of one
+light are merged with inverse-variance weights."""
 
 UNPLANNED_FACTOR = 8.0
-"""How many times as long the second exposure of a light is for which none is planned yet, as for a pilot's."""
+"""Ratio of a light's second exposure time to its automatic one while its exposures are not planned, as in a pilot."""
 
 FORMER_OBJECTIVES = ("capped", "mean", "quantile", "coverage")
 """Values of `objective` in recipes of release 0.1."""
@@ -63,7 +64,7 @@ class Capture(Value):
 
 
 class Recipe(Value):
-    """Parameters of a capture session; the defaults, `{}`, are a complete recipe."""
+    """Parameters of a capture session. The defaults, `{}`, are a complete recipe."""
 
     kind: Literal["capture"] = Field(default="capture", description="Kind of recipe; there is one")
     method: Method = Field(
@@ -105,7 +106,7 @@ class Recipe(Value):
     @model_validator(mode="before")
     @classmethod
     def _objective_of_release_0_1_is_left_out(cls, given: Any) -> Any:
-        """There is one objective now, what was `capped`; the others' recipes are read, and get it."""
+        """Ignores `objective` in recipes of release 0.1, since there is only one objective."""
         if isinstance(given, dict) and cast(dict[str, Any], given).get("objective") in FORMER_OBJECTIVES:
             return {name: value for name, value in cast(dict[str, Any], given).items() if name != "objective"}
         return given

@@ -15,10 +15,10 @@ LIT, ATTACHED, CAST, SATURATED, HIGHLIGHT = 1, 2, 4, 8, 16
 
 @dataclass(frozen=True)
 class FisherInformation:
-    """Fisher information of K sample pixels, the only part of a normal map that the planner's criterion reads.
+    """Fisher information of K sample pixels, from which the planner's criterion starts.
 
-    `matrices` is the Fisher information of (g, z), g = albedo × normal (3) in units of absolute albedo and z the depth
-    in m, from the images alone (no prior), with the weights that the solver used.
+    `matrices` is the information of (g, z), where g is albedo × normal (3) in units of absolute albedo and z the depth
+    in m. It comes from the images alone, without a prior, with the weights that the solver used.
     """
 
     rows: npt.NDArray[np.int64]  # (K,)
@@ -36,9 +36,9 @@ class ModelFinding(Value):
 
 
 class GoodnessOfFit(Value):
-    """How well the images fit the model, against the noise that sensor and calibration state.
+    """Goodness of fit of the images to the model, relative to the noise that sensor and calibration state.
 
-    A misfit is the robust rms of studentised residuals; its probability is that of a sound capture fitting as badly.
+    A misfit is the robust rms of studentised residuals. Its probability is that of a sound capture fitting as badly.
     """
 
     misfit: float = Field(description="Of all images: rms of studentised residuals; 1 is as expected")
@@ -51,17 +51,18 @@ class GoodnessOfFit(Value):
 
 
 MEAN_ERROR_PER_SIGMA, MEDIAN_ERROR_PER_SIGMA = 0.886, 0.833
-"""Mean and median of the angular error in units of σ, if both tangential errors are Gaussian alike (Rayleigh): √π/2 and
-√ln 2."""
+"""Mean and median of the angular error in units of σ: √π/2 and √ln 2. They hold if both tangential errors are Gaussian
+with the same variance (Rayleigh distribution)."""
 
 
 @dataclass(frozen=True)
 class NormalMap:
-    """Per-pixel result of a solve; arrays are zero (σ: NaN) outside `mask`.
+    """Per-pixel result of a solve. Arrays are zero (σ: NaN) outside `mask`.
 
-    `sigma_deg`: √ of the variance summed over both tangential directions, so that the angular error is Rayleigh with
-    mean 0.886 σ, median 0.833 σ, P(e < σ) = 0.632. Where `doubtful` is true σ is unreliable: fewer than three lights,
-    hardly any lamp that reaches the pixel, or more `indirect` light, from other surfaces, than light from the lamps.
+    `sigma_deg` is the square root of the variance summed over both tangential directions. The angular error then has a
+    Rayleigh distribution with mean 0.886 σ, median 0.833 σ and P(e < σ) = 0.632. σ is unreliable where `doubtful` is
+    true: fewer than three lights are used, hardly any light of the lamps reaches the pixel, or more light comes from
+    other surfaces (`indirect`) than from the lamps.
     """
 
     normals: Float32Array  # (H, W, 3) view frame
@@ -118,7 +119,7 @@ class ResultSummary(Value):
 
 
 class SolveSettings(Value):
-    """How normals are solved."""
+    """Settings of a solve."""
 
     depth_rounds: int = Field(
         default=2, ge=0, le=10, description="Times that depth is integrated and the solve repeated"

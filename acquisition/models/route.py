@@ -60,7 +60,7 @@ class Refusal(Value):
 
 
 class Reach(Protocol):
-    """Light positions to choose from: the only interface of the arm for the stages that choose lights."""
+    """Light positions to choose from. The stages that choose lights know the arm only by this interface."""
 
     @property
     def candidates(self) -> FloatArray:
@@ -74,8 +74,8 @@ class Reach(Protocol):
 
 
 class ArmReach(Reach, Protocol):
-    """The reach of an arm, which may get to other positions too."""
+    """The reach of an arm, which can also judge positions other than the candidates."""
 
     def allows(self, position: FloatArray) -> Refusal | None:
-        """None if the lamp can be moved to `position` (3,) and back home, else the refusal."""
+        """Returns None if the lamp can be moved to `position` (3,) and back home, else the refusal."""
         ...

@@ -1,4 +1,4 @@
-"""Captured images: what was measured while each was exposed, and the set of all that a session has captured."""
+"""Captured images with the measurements made during their exposures, and the set of all images of a session."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from acquisition.models.light_plan import Light
 
 
 class ShotKey(Value):
-    """Which image of a session: pass and number within the pass."""
+    """Key of an image in its session: the pass, and the number within the pass."""
 
     pass_number: int = Field(ge=0, description="Number of the pass")
     number: int = Field(ge=0, description="Number within the pass")
@@ -30,7 +30,7 @@ class FrameRef(Value):
 
 
 class FrameQuality(Value):
-    """What the check of a frame found, as shares of the object's pixels (or of the frame where no mask is known)."""
+    """Result of the check of a frame. Shares are of the object's pixels, or of the frame if no mask is known."""
 
     saturated: float = Field(description="Share of saturated pixels, 0 to 1")
     bright_level: float = Field(description="99.5th percentile above black, fraction of full scale")
@@ -45,7 +45,7 @@ class FrameQuality(Value):
 
 
 class ShotMotion(Value):
-    """How the lamp moved while an image was exposed: it was taken on the way (`capture.while_moving`)."""
+    """Motion of the lamp during the exposure of an image taken while the arm moved (`capture.while_moving`)."""
 
     moved_m: float = Field(description="Largest distance between two places of the lamp during the exposure, m")
     sigma_m: float = Field(
@@ -54,7 +54,7 @@ class ShotMotion(Value):
 
 
 class Shot(Value):
-    """One image and what was measured while it was exposed."""
+    """One image and the measurements made during its exposure."""
 
     key: ShotKey = Field(description="Pass and number")
     kind: Literal["light", "dark", "reference", "bracket"] = Field(
@@ -100,9 +100,11 @@ class FrameSource(Protocol):
 
 @dataclass(frozen=True)
 class Observations:
-    """All images captured so far: lit shots, the lamp-off frame for each exposure time, and where to read them;
-    `repeats` are second captures of lit shots and lamp-off frames, which serve the noise estimate only; `further` are
-    the further frames of lit shots, by pass and number of the light."""
+    """All images captured so far: lit shots, the lamp-off frame of each exposure time, and the source of their frames.
+
+    `repeats` are second captures of lit shots and lamp-off frames; only the noise estimate uses them. `further` are the
+    further frames of lit shots, by pass and number of the light.
+    """
 
     shots: Sequence[Shot]
     darks: dict[float, Shot]
@@ -112,18 +114,19 @@ class Observations:
 
     @property
     def lit(self) -> list[tuple[Shot, Light]]:
-        """The lit shots whose light is known, each with it."""
+        """The lit shots whose light is known, each with its light."""
         return [(shot, shot.light) for shot in self.shots if shot.kind == "light" and shot.light is not None]
 
     def frames_of(self, shot: Shot) -> Sequence[Shot]:
-        """All frames of a lit shot's light: itself, and the further ones that are merged with it."""
+        """Returns all frames of a lit shot's light: the shot itself, and the further frames that are merged with it."""
         if shot.light_number is None:
             return (shot,)
         return (shot, *self.further.get((shot.key.pass_number, shot.light_number), ()))
 
     @classmethod
     def of(cls, captured: Iterable[Shot], frames: FrameSource) -> "Observations":
-        """Sorts shots by key into lit, lamp-off and repeated ones; the newest lamp-off frame of an exposure counts."""
+        """Sorts shots by key into lit, lamp-off, further and repeated ones. Of several lamp-off frames of one exposure
+        time, the last counts; the others are repeats."""
         shots = sorted(captured, key=lambda shot: (shot.key.pass_number, shot.key.number))
         darks = {shot.exposure_s: shot for shot in shots if shot.kind == "dark"}
         again = [shot for shot in shots if shot.kind == "reference"]
@@ -136,8 +139,8 @@ class Observations:
         return cls(lit, darks, frames, [*again, *older], dict(further))
 
     def lit_as(self, light_of: Callable[[FloatArray, FloatArray], Light]) -> "Observations":
-        """The same images with lights computed anew from the measured tool poses (4, 4) and joints (6,), as of another
-        calibration."""
+        """Returns the same images with lights recomputed, as for another calibration, by `light_of` from the measured
+        tool poses (4, 4) and joints (6,)."""
 
         def again(shot: Shot) -> Shot:
             if shot.light is None or shot.base_from_tool is None or shot.joints is None:

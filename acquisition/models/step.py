@@ -1,4 +1,4 @@
-"""The steps of a session: what `session.next_step` asks for and the step executor does, each a value."""
+"""The steps of a session, as values: `session.next_step` chooses one, and the step executor carries it out."""
 
 from dataclasses import dataclass
 
@@ -29,8 +29,8 @@ class AwaitTarget:
 
 @dataclass(frozen=True)
 class RepeatReference:
-    """Take an image again, to verify that nothing has moved since: one that was captured before an interruption, or,
-    when a pass has all its images, the session's first."""
+    """Take an image again, to verify that nothing has moved since. After an interruption it is an image captured before
+    it; when a pass has all its images, it is the session's first."""
 
     shot: Shot
     key: ShotKey
@@ -54,7 +54,7 @@ class TakeShot:
 
     @property
     def light(self) -> ShotKey:
-        """The light of the image, whose first frame it is."""
+        """Key of the light, whose first frame this is."""
         return self.key
 
 
@@ -72,7 +72,7 @@ class TakeScan:
 
 @dataclass(frozen=True)
 class TakeFurther:
-    """Take the further frame `number` of a light's image, from 0, with the arm at the light's waypoint."""
+    """Take a further frame of a light, with the arm at the light's waypoint. `number` counts from 0."""
 
     key: ShotKey
     light: ShotKey

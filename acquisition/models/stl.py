@@ -1,6 +1,6 @@
 """STL files, the one mesh format that every drawing program writes and reads.
 
-Only the vertices are read: obstacles are convex hulls, so faces say nothing more. Written are whole surfaces.
+Reading returns the vertices only, since obstacles are their convex hulls. Writing takes whole surfaces.
 """
 
 import re
@@ -17,7 +17,7 @@ _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribut
 
 
 def vertices(path: Path) -> FloatArray:
-    """The different vertices (N, 3) of a binary or text STL file, in its own unit. Raises OSError, ValueError."""
+    """Reads the distinct vertices (N, 3) of a binary or text STL file, in its own unit. Raises OSError, ValueError."""
     data = path.read_bytes()
     faces = int.from_bytes(data[_HEADER : _HEADER + _COUNT], "little")
     if len(data) == _HEADER + _COUNT + faces * _FACE:
@@ -30,7 +30,7 @@ def vertices(path: Path) -> FloatArray:
 
 
 def encoded(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> bytes:
-    """Binary STL of triangles `faces` (F, 3), outwards, over `vertices` (V, 3), in their own unit."""
+    """Encodes triangles `faces` (F, 3), facing outwards, over `vertices` (V, 3) in their own unit as binary STL."""
     corners = np.asarray(vertices, np.float32)[np.asarray(faces)]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)

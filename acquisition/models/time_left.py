@@ -1,4 +1,4 @@
-"""How long a session will still take, with what the estimate rests on."""
+"""Estimate of the time that a session will still take, and the source of the estimate."""
 
 from typing import Literal
 
@@ -7,12 +7,12 @@ from pydantic import Field
 from acquisition.models.base import Value
 
 Basis = Literal["this-session", "earlier-sessions", "route", "assumed"]
-"""Times measured in this session; in completed sessions of this cell; the route's computed moving time with assumed
-stops; a constant of the software."""
+"""Source of a time: measured in this session; measured in completed sessions of this cell; the route's computed moving
+time with assumed stops; a constant of the software."""
 
 
 class TimePart(Value):
-    """What is left of one kind of work."""
+    """Remaining work of one kind."""
 
     work: Literal["pilot", "plan", "waypoints", "images", "normals", "estimate"] = Field(
         description="Choosing the first lights, planning further ones, computing the route, capturing images (moves "
@@ -24,7 +24,7 @@ class TimePart(Value):
 
 
 class TimeLeft(Value):
-    """Estimated time until the session ends, without what a person takes for a review or after an interruption."""
+    """Estimated time until the session ends, without the time of people for reviews or after an interruption."""
 
     seconds: float = Field(ge=0, description="Sum of the parts, less what the step in progress has taken so far, s")
     at_least: bool = Field(

@@ -8,10 +8,10 @@ UNIT = "unit"
 
 
 def tuned(value: NumberT, unit: str) -> NumberT:
-    """The default of a dataclass's field that was chosen by measurement or judgement; `1` is the unit of ratios.
+    """Declares the default of a dataclass field that was chosen by measurement or judgement. Ratios have the unit `1`.
 
-    The field's docstring says in its first sentence what it is, in the others where the value comes from. The page
-    `docs/reference/tuned-numbers.md` lists all fields with how the error moves when they are halved or doubled.
+    The first sentence of the field's docstring says what the number is, the others where its value comes from. The page
+    `docs/reference/tuned-numbers.md` lists all fields, and how the error changes when they are halved or doubled.
     """
     declared: Any = field(default=value, metadata={UNIT: unit})
     return declared
