@@ -1,9 +1,9 @@
-"""Light positions by optimum experimental design: the next lights that lower the variance of the normals most.
+"""Light positions by optimum experimental design: the next lights that lower the mean σ of the normals most.
 
-Before: `normals`, whose normal map, albedo, depth, σ and information per pixel are the only input. After: `waypoints`,
-or nothing when the recipe is fulfilled. Of a `DesignProblem`, `choose` plans a number of lights, `plan_to_target` also
-chooses how many a target accuracy needs, `forecast` predicts σ as a function of that number. `prior_forecast` does so
-before the first image, and `baseline` gives the fixed patterns that plans are compared with.
+Before: `normals`, whose normal map, albedo, depth, σ and information per pixel are the input. After: `waypoints`, or
+nothing when the recipe is fulfilled. From a `DesignProblem`, `choose` plans a number of lights, `plan_to_target` also
+chooses how many a target accuracy needs, and `forecast` predicts σ as a function of that number. `prior_forecast` does
+so before the first image. `baseline` returns the fixed patterns with which plans are compared.
 """
 
 from acquisition.plan.baselines import baseline

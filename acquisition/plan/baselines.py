@@ -1,7 +1,8 @@
 """Fixed light patterns for comparison: two rings, one ring, Drbohlav–Chantler, Gardi–Walter–Garbe, maximin, random.
 
-Each is a set of ideal directions, assigned to the nearest reachable positions. The strongest from eight lights on is
-`two-rings`; completed to the captured lights it is a start of the planner's search, and its reference.
+Ring patterns are ideal directions, assigned to the nearest reachable positions; the others are drawn from the reachable
+positions. `two-rings` is the strongest pattern from eight lights on. Completed round the captured lights, it is a start
+of the planner's search and its reference.
 """
 
 import numpy as np
@@ -20,16 +21,16 @@ DRBOHLAV_SLANT_DEG = 54.74
 """arccos(1/√3): orthogonal lights when there are three (Drbohlav and Chantler 2005)."""
 
 AZIMUTH_STEPS = 12
-"""Azimuths of a ring pattern, as fractions of its step, that are tried."""
+"""Number of azimuths of a ring pattern that are tried, at equal fractions of its step."""
 FAR_DEG = 10.0
-"""Angle from its position in the pattern beyond which a light is noted."""
+"""Angle between a light and its position in the pattern above which the plan has a note."""
 
 
 def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightPlan:
-    """Fixed light pattern of a method, without a prediction of σ.
+    """Returns the fixed light pattern of a method, without a prediction of σ.
 
-    Raises RigError plan.infeasible when the reach does not allow so many lights, request.invalid for methods that are
-    no pattern.
+    Raises RigError plan.infeasible when the reach does not allow so many lights, and request.invalid for a method that
+    is not a pattern.
     """
     if method in ("optimal", "user"):
         raise RigError(ErrorCode.REQUEST_INVALID, f"method `{method}` is no pattern")
@@ -58,8 +59,8 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
 
 
 def _nearest_pattern(method: Method, count: int, recipe: Recipe, units: FloatArray) -> tuple[list[int], FloatArray]:
-    """Numbers of the candidates nearest to a ring pattern, at the azimuth where they are nearest, and by how many
-    degrees (count,) they miss it."""
+    """Assigns candidates to a ring pattern, at the azimuth where they are nearest to it. Returns their numbers, and the
+    angles (count,), degrees, between them and their positions in the pattern."""
     slants = {
         "ring": np.radians(recipe.slant_deg),
         "drbohlav": np.radians(DRBOHLAV_SLANT_DEG),
@@ -74,8 +75,8 @@ def _nearest_pattern(method: Method, count: int, recipe: Recipe, units: FloatArr
 
 
 def two_rings(count: int, turn: float = 0.0) -> FloatArray:
-    """Two-ring pattern: unit directions (count, 3), a third at 25°, the rest at 55°, staggered by half a step; each is
-    turned by `turn` of its step."""
+    """Two-ring pattern: unit directions (count, 3), a third at 25°, the rest at 55°. The inner ring is turned by half a
+    step of the outer one, and both by `turn` of that step."""
     inner = round(count / 3) if count > 3 else 0
     outer = count - inner
     step = 2 * np.pi / outer
@@ -87,17 +88,17 @@ def two_rings(count: int, turn: float = 0.0) -> FloatArray:
 def ring(count: int, slant_rad: float, turn: float = 0.0) -> FloatArray:
     """One ring: unit directions (count, 3) at equal steps of azimuth, the first at `turn` of a step.
 
-    At the greatest slant θ allowed it minimises the criterion of Gardi, Walter and Garbe for a surface that faces the
-    camera: of m unit lights S, tr(B(SᵀS)⁻¹Bᵀ) with B = I − n nᵀ is at least 4/(m sin²θ), which m ≥ 3 of a ring attain.
+    At the greatest allowed slant θ it minimises the criterion of Gardi, Walter and Garbe for a surface that faces the
+    camera: for m unit lights S, tr(B(SᵀS)⁻¹Bᵀ) with B = I − n nᵀ is at least 4/(m sin²θ), as a ring of m ≥ 3 attains.
     """
     return geometry.direction(slant_rad, (turn + np.arange(count)) * 2 * np.pi / count)
 
 
 def two_ring_completions(captured: FloatArray, units: FloatArray, count: int) -> list[list[int]]:
-    """Completes unit lights `captured` (T, 3) to two rings: sets of `count` distinct numbers of `units` (K, 3), one for
-    each turn of the rings, that which the captured lights fit best first.
+    """Completes the unit lights `captured` (T, 3) to two rings with `count` of the candidates `units` (K, 3).
 
-    Each captured light fills a position (linear assignment of least squared angle), and the open ones are added.
+    Each captured light fills one position of the pattern (linear assignment by least squared angle), candidates fill
+    the others. Returns a set of distinct numbers for each turn of the rings, that with the best fit first.
     """
     scored: list[tuple[float, list[int]]] = []
     for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS:
@@ -110,7 +111,7 @@ def two_ring_completions(captured: FloatArray, units: FloatArray, count: int) ->
 
 
 def _maximin(units: FloatArray, count: int) -> list[int]:
-    """Maximin design: candidates with the largest minimum angle, by farthest-point selection, then exchange."""
+    """Maximin design: chooses candidates with the largest minimum angle by farthest-point selection, then exchange."""
     cosines = np.clip(units @ units.T, -1, 1)
     chosen = [int(np.argmax(units[:, 2]))]
     while len(chosen) < count:
@@ -136,7 +137,7 @@ def describe_direction(unit: FloatArray) -> str:
 
 
 def user_lights(recipe: Recipe, reach: ArmReach) -> LightPlan:
-    """The user's own lights. Raises RigError waypoints.unreachable naming those that the arm cannot reach."""
+    """Returns the user's own lights. Raises RigError waypoints.unreachable naming those that the arm cannot reach."""
     positions = np.array(recipe.user_lights, dtype=float).reshape(-1, 3)
     refusals = {
         number: refusal for number, position in enumerate(positions) if (refusal := reach.allows(position)) is not None

@@ -1,4 +1,4 @@
-"""Candidate lights: of an arm's reach, a free dome round the object, or a list of the lamps that there are."""
+"""Candidate lights: the reach of an arm, a free dome round the object, or a list of existing lamps."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from acquisition.models.cell_config import MAX_SLANT_DEG, MIN_SLANT_DEG
 from acquisition.models.light_plan import Light
 
 DOME_CANDIDATES = 300
-"""Candidates of a free dome; with 800 the errors are the same."""
+"""Number of candidates of a free dome. With 800 the errors are the same."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class CandidateLights:
     def dome(
         cls, center: FloatArray, radius_m: float, max_slant_rad: float = math.radians(MAX_SLANT_DEG)
     ) -> "CandidateLights":
-        """A free dome: Fibonacci lattice between the least slant and `max_slant_rad`, equal areas, none above
-        another."""
+        """A free dome: a Fibonacci lattice of equal areas, no two at one azimuth, from the least slant to
+        `max_slant_rad`."""
         cosine = np.linspace(np.cos(np.radians(MIN_SLANT_DEG)), np.cos(max_slant_rad), DOME_CANDIDATES)
         azimuth = np.arange(DOME_CANDIDATES) * np.pi * (3 - np.sqrt(5))
         return cls(center + radius_m * geometry.direction(np.arccos(cosine), azimuth), center)
@@ -46,6 +46,6 @@ class CandidateLights:
         return offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
 
     def numbers(self, lights: Sequence[Light]) -> list[int]:
-        """The number of the candidate at each light's position, each number once."""
+        """Assigns a candidate of its own to each light by least total distance, and returns the candidates' numbers."""
         places = np.array([light.position for light in lights])
         return linear_sum_assignment(cdist(places, self.candidates))[1].tolist()

@@ -1,16 +1,17 @@
 """Bayesian linear design: posterior angular variance of each pixel's normal under a set of lights, and their loss.
 
-The parameters of a sample pixel are (g, ζ), albedo × normal and a scaled depth offset, with the Fisher information of
-the images so far as prior. A light adds a design row: its light vector at the pixel, whitened by the noise of its image
-(`planned_images`), zero where the pixel will not see it. How far normals and depth are wrong there decides that, so a
-third of the pixels each count as turned away from all lights by 1 σ, as they are, and towards them by 1 σ: an error of
-a pixel's normal hides all lights of one side together. Multiplying information by the probability of being seen instead
-would be optimistic (decision 0068).
+The parameters of a sample pixel are (g, ζ): albedo × normal, and a scaled depth offset. Their prior is the Fisher
+information of the images so far. A light adds a design row: its light vector at the pixel, whitened by the noise of its
+image (`planned_images`), or zero where the pixel will not see the light.
 
-The loss is the mean σ over the pixels, which is what a plan forecasts; the mean variance would be decided by a few that
-no light can reach. Many sets of lights are within a few per cent of the best. Even ones among them suffer least from
-wrong depth; what makes plans even is the wide prior of the depth offset
-(`photometry.SETTINGS.integrated_depth_sigma_m`), not a term of the loss (decision 0068).
+Visibility is uncertain, and an error of a pixel's normal hides all lights of one side together. So a third of the
+pixels each count as turned away from all lights by 1 σ, as they are, and turned towards them by 1 σ. Multiplying
+information by the probability of being seen would be optimistic (decision 0068).
+
+The loss is the mean σ over the pixels, which a plan also forecasts. A few pixels that no light can reach would decide
+the mean variance. Many sets of lights are within a few per cent of the best; even sets suffer least from wrong depth.
+The wide prior of the depth offset (`photometry.SETTINGS.integrated_depth_sigma_m`) makes plans even, not a term of the
+loss (decision 0068).
 """
 
 from collections.abc import Sequence
@@ -41,9 +42,9 @@ class Samples:
     information: FloatArray  # (4, 4, P) of (g, ζ), weak prior included
     light_count: Float32Array  # (P,) images so far in which the pixel is lit
     indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
-    margin: FloatArray  # (P,) by which cosine of incidence and slope of clearance exceed a shadow's threshold if lit
+    margin: FloatArray  # (P,) least excess of cosine of incidence and slope of clearance over a shadow's threshold
     offset_sigma_m: float = field(default_factory=lambda: photometry.SETTINGS.depth_sigma_m)  # depth offset of ζ = 1
-    regression_share: float = 1.0  # of independent noise, a variance, that the regression on neighbours leaves
+    regression_share: float = 1.0  # share of the variance of independent noise that regression on neighbours leaves
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Candidates:
     def posterior(
         self, chosen: Sequence[int] | npt.NDArray[np.intp] | None = None, weight: FloatArray | None = None
     ) -> Posterior:
-        """Bayesian update by the `chosen` lights (M,), None: all of them, each `weight` (M,) times, None: once."""
+        """Bayesian update by the `chosen` lights (M,), each counted `weight` (M,) times; None: all lights, once."""
         numbers = slice(None) if chosen is None else np.asarray(chosen, np.intp)
         row, visible, sample = self.row[numbers], self.visible[numbers], self.sample
         weight = np.ones(len(row)) if weight is None else weight
@@ -89,8 +90,8 @@ class Candidates:
         )
 
     def scan(self, present: Posterior, *, slope: bool = False) -> FloatArray:
-        """Rank-one update (Sherman–Morrison): the loss (K,) with each one of the lights added to the present posterior;
-        for `slope`, its gradient in each one's design weight."""
+        """Returns the loss (K,) with each one of the lights added to the present posterior, by a rank-one update
+        (Sherman–Morrison). With `slope`, returns the gradient of the loss in each light's design weight instead."""
         covariance, variance = np.ascontiguousarray(present.covariance, np.float32), present.variance.astype(np.float32)
         inverse_albedo2, out = (1 / self.sample.albedo**2).astype(np.float32), np.empty(len(self.row))
         _scan(covariance, variance, self.row, self.sample.normal, inverse_albedo2, slope, out)
@@ -98,7 +99,7 @@ class Candidates:
 
 
 def prior_information(albedo: Float32Array) -> FloatArray:
-    """Information (4, 4, P) of the weak prior: ±`prior_scale` ρ of each component of g, ±1 of the scaled offset ζ."""
+    """Information (4, 4, P) of the weak prior: 1 σ is `prior_scale` ρ for each component of g, 1 for the offset ζ."""
     prior = np.zeros((4, 4, len(albedo)))
     prior[(0, 1, 2), (0, 1, 2)] = 1.0 / (photometry.SETTINGS.prior_scale * albedo) ** 2
     prior[3, 3] = 1.0
@@ -121,7 +122,7 @@ def _scan(
     slope: bool,
     out: FloatArray,  # (K,)
 ) -> None:
-    """The mean σ with each candidate added in turn; for `slope`, its gradient −mean |P C a|²/(2 ρ² σ)."""
+    """Computes the mean σ with each candidate added in turn; with `slope`, its gradient −mean |P C a|²/(2 ρ² σ)."""
     pixels = len(variance)
     zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
     for k in numba.prange(row.shape[0]):

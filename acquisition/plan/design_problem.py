@@ -22,17 +22,17 @@ from acquisition.plan.expected_sigma import ExpectedSigma, Prediction
 from acquisition.plan.planned_images import PlannedImages
 
 SAMPLE_PIXELS = 900
-"""Number of random sample pixels of the search; from 50 to 4,000 the errors of the plans differ by less than 5 %."""
+"""Number of random sample pixels of the search. From 50 to 4,000 the errors of the plans differ by less than 5 %."""
 
 MAX_CANDIDATES = 300
-"""Maximum number of candidate positions, evenly out of those within reach; 300 and 800 give the same errors."""
+"""Maximum number of candidate positions, picked evenly from those within reach. 300 and 800 give the same errors."""
 
 
 @dataclass(frozen=True)
 class DesignProblem:
     """Sample pixels of the search, held-out pixels of all predictions, and what the images of a light depend on.
 
-    The variance of the pixels that the search has used is optimistic, so no σ that is predicted is theirs.
+    The variance of the pixels that the search has used is optimistic, so σ is predicted at other pixels.
     """
 
     recipe: Recipe
@@ -49,12 +49,12 @@ class DesignProblem:
         cls, normal_map: NormalMap, observations: Observations, recipe: Recipe, reach: Reach, calibration: Calibration,
         *, region: BoolArray | None = None, surround: bool = True,
     ) -> "DesignProblem":  # fmt: skip
-        """The design problem after a solve of the images so far.
+        """Makes the design problem after a solve of the images so far.
 
-        `region` (H, W) are the pixels whose normals count, None: those of the full object; not to `surround` the object
-        is for candidates that are all the lights there are, such as a dome's lamps. Raises RigError plan.infeasible
-        when the normal map has too few usable pixels, the region is of another size, or the candidates are too few or
-        on one side.
+        `region` (H, W) marks the pixels whose normals count; None: those of the whole object. Without `surround` the
+        candidates need not surround the object, for example if they are all the lamps of a dome. Raises RigError
+        plan.infeasible when the normal map has too few usable pixels, the region is of another size, or the candidates
+        are too few or on one side.
         """
         order = np.random.default_rng(recipe.seed).permutation(_counted(normal_map, calibration, region))
         half = max(len(order) // 2, photometry.SETTINGS.min_sample // 2)
@@ -81,31 +81,31 @@ class DesignProblem:
 
     @cached_property
     def before(self) -> Prediction:
-        """What is expected without further lights, at the held-out pixels."""
+        """Prediction without further lights, at the held-out pixels."""
         return self.predict(np.empty((0, 3)))
 
     def lights(self, positions: FloatArray) -> list[Light]:
-        """Lights at positions (M, 3) with their axes towards the dome's centre."""
+        """Returns lights at positions (M, 3) with their axes towards the dome's centre."""
         return [lamp_pose.light_at(position, self.reach.center) for position in positions]
 
     def rows(
         self, sample: Samples, positions: FloatArray, exposures: Sequence[Sequence[FrameExposure]] | None = None
     ) -> Candidates:
-        """Design rows of lights at positions (M, 3), m, view frame; exposures as of `PlannedImages.candidates`."""
+        """Design rows of lights at positions (M, 3), m, view frame; `exposures` as in `PlannedImages.candidates`."""
         return self.images.candidates(sample, self.lights(positions), exposures)
 
     def predict(
         self, positions: FloatArray, exposures: Sequence[Sequence[FrameExposure]] | None = None,
         sample: Samples | None = None,
     ) -> Prediction:  # fmt: skip
-        """What lights at positions (M, 3) bring at the pixels of a sample, None: at the held-out ones."""
+        """Predicts σ with lights at positions (M, 3), at the pixels of `sample`; None: at the held-out pixels."""
         return Prediction(self.rows(sample or self.holdout_sample, positions, exposures), self.expected)
 
 
 def candidates_of(reach: Reach, *, surround: bool = True) -> CandidateLights:
-    """The candidates, evenly out of those in reach.
+    """Picks at most `MAX_CANDIDATES` candidates evenly from those in reach.
 
-    Raises RigError plan.infeasible where there are none or, where they are to `surround` the object, all on one side.
+    Raises RigError plan.infeasible if there are none or, with `surround`, if all are on one side of the object.
     """
     count = len(lamp_pose.directions(reach.candidates, reach.center, 1, surround=surround))
     kept = np.linspace(0, count - 1, min(count, MAX_CANDIDATES)).round().astype(int)
@@ -118,7 +118,7 @@ def positions_of(lights: Sequence[Light]) -> FloatArray:
 
 
 def _counted(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None) -> np.ndarray:
-    """Numbers of the information's pixels that count. Raises RigError plan.infeasible when they are too few."""
+    """Numbers of the information's pixels that count. Raises RigError plan.infeasible as `DesignProblem.of` does."""
     usable, where = sample_pixels.usable(normal_map, calibration), ""
     if region is not None:
         if region.shape != normal_map.mask.shape:

@@ -1,16 +1,18 @@
-"""σ expected of a result after planned lights: the variance components of a result, as far as the images so far tell.
+"""σ expected of a result after planned lights: the variance components of a result, estimated from the images so far.
 
     σ² = 1 / (1/w + 1/V²),   w = (1 + B m (κ − 1)) (v + 2 L²) + S² + E²
 
-v is the posterior's variance, of both tangential directions, and m the number of lights that will reach the pixel.
-κ − 1 is the mean of ε + ε̄ of the images so far over all pixels that face the camera, since few images have few
-residuals, in place of each pixel's own; what raises it is shared by images, so that its part does not fall with their
-number. L is what the calibration leaves uncertain of all lamps alike, per axis, E that of normals which nothing checks:
-by fewer than four lights, or in a capture of which something is wrong (`photometry.capture_sigma_deg`). S is what
-creases, detail and lines make of σ in the images so far, mean over the pixels; without it the mean error that is
-forecast is 0.61 of what is found, with it 0.83, lines left out (geometric means of 16 plans of eight lights, design
-seeds 46 and 47; scratch evaluation, November 2026). V is 1 σ of a normal of which nothing is known
-(`photometry.bounded_variance`), as in a result.
+- v is the posterior's variance, of both tangential directions; m is the number of lights that will reach the pixel.
+- κ − 1 is the mean of ε + ε̄ (`photometry.SETTINGS.misfit_factor`) over all pixels that face the camera. It replaces
+  each pixel's own value, because few images have few residuals. Causes of misfit are shared by images, so that this
+  part does not fall with their number.
+- L is 1 σ, per axis, of the lamp directions by errors of the calibration that all lamps share.
+- E is 1 σ of normals that nothing checks: those of fewer than four lights, or of a capture in which something is wrong
+  (`photometry.capture_sigma_deg`).
+- S is the part of σ by creases, detail and lines in the images so far, mean over the pixels. Without it the mean error
+  that is forecast is 0.61 of the error found, with it 0.83, lines left out (geometric means of 16 plans of eight
+  lights, design seeds 46 and 47; scratch evaluation, November 2026).
+- V is 1 σ of a normal of which nothing is known (`photometry.bounded_variance`), as in a result.
 """
 
 from dataclasses import dataclass
@@ -26,8 +28,8 @@ from acquisition.plan.criterion import Candidates, Posterior
 
 @dataclass(frozen=True)
 class ExpectedSigma:
-    """What of the expected σ depends on the images so far: κ, and E and S in degrees; and L, 1 σ in rad of the lamps'
-    directions, per axis, by errors of the calibration that all of them share."""
+    """Terms of the expected σ that do not depend on the planned lights: κ (`misfit`), E of the capture and S in degrees
+    from the images so far, and L in rad from the calibration."""
 
     misfit: float = 1.0
     capture_deg: float = 0.0
@@ -36,10 +38,10 @@ class ExpectedSigma:
 
     @classmethod
     def of(cls, normal_map: NormalMap, calibration_rad: float = 0.0) -> "ExpectedSigma":
-        """Misfit and findings of the images so far; a misfit of 1, that of a model that holds, where none is stated.
+        """Takes misfit and findings of the images so far. If no misfit is stated, it is 1, that of a model that holds.
 
-        What is named of fewer than `photometry.REDUNDANT` images, with which most other models are not tried, further
-        images can put right, so that it does not count.
+        Uncorrected findings of fewer than `photometry.REDUNDANT` images do not count: most other models are not tried
+        with so few images, and further images can correct what was found.
         """
         told = len(normal_map.flags) >= photometry.REDUNDANT
         findings = [finding for finding in normal_map.findings if told or finding.corrected]
@@ -51,11 +53,11 @@ class ExpectedSigma:
         )
 
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
-        """Expected σ (P,) in degrees of pixels with a posterior."""
+        """Returns the expected σ (P,), degrees, of pixels with this posterior."""
         settings = photometry.SETTINGS
         factor = 1 + settings.misfit_factor * posterior.light_count * (self.misfit - 1)
         few = np.where(posterior.light_count <= photometry.PIXEL_UNKNOWNS, settings.unchecked_sigma_deg**2, 0.0)
-        # Both tangential directions of a normal, as the posterior's variance counts them.
+        # Both tangential directions of a normal, as in the posterior's variance.
         shared = 2 * self.calibration_rad**2
         of_model = few + self.capture_deg**2 + self.structure_deg**2
         variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + of_model
@@ -76,7 +78,7 @@ class Prediction:
 
     @cached_property
     def without_deg(self) -> FloatArray:
-        """Expected σ (L, P) in degrees by all lights but one, for each of them."""
+        """Expected σ (L, P) in degrees without each one of the lights."""
         numbers = np.arange(len(self.lights.row))
         without = [self.expected.sigma_deg(self.lights.posterior(np.delete(numbers, one))) for one in numbers]
         return np.reshape(without, (len(numbers), len(self.sigma_deg)))

@@ -1,7 +1,7 @@
-"""Pictures of what planned and placed lights bring: expected σ, and each light's leave-one-out gain.
+"""Pictures of the effect of planned and placed lights: expected σ, and each light's leave-one-out gain.
 
-The gain of a light at a pixel is the increase of σ if all other lights of the plan were captured but this one not. So
-the gains of two redundant lights are both small, and where an image is bright, its light has no substitute.
+The gain of a light at a pixel is the increase of σ if all lights of the plan but this one were captured. Two redundant
+lights therefore both have small gains. Where the picture of a light is bright, the light has no substitute.
 """
 
 from dataclasses import dataclass, replace
@@ -29,14 +29,14 @@ BRIGHTEST_PERCENTILE = 98.0
 OUTSIDE = (32, 32, 32)
 """Colour (RGB, 8 bits) outside the object."""
 SHOWN_RANGE = 100.0
-"""Ratio of the largest σ that a picture tells apart to the smallest, on a logarithmic scale: lights take σ from 15°
-after a pilot to 1°, so that on a linear one the picture of a good plan is black."""
+"""Ratio of the largest σ that a picture resolves to the smallest, on a logarithmic scale. Lights lower σ from 15° after
+a pilot to 1°, so on a linear scale the picture of a good plan would be black."""
 
 
 @dataclass(frozen=True)
 class Basis:
-    """What pictures need of the images so far, whatever the lights are: their pixels `inside` the object, to which they
-    are cropped, show the `nearest` of P shown ones."""
+    """The part of the pictures that does not depend on the lights. Pictures are cropped to the object. Each pixel
+    `inside` the object shows the value of the `nearest` of the P `shown` sample pixels."""
 
     problem: DesignProblem
     shown: Samples
@@ -47,7 +47,7 @@ class Basis:
     def of(
         cls, problem: DesignProblem, normal_map: NormalMap, observations: Observations, calibration: Calibration
     ) -> Self:
-        """Prepares pictures from the last result and the `problem` that was made of it."""
+        """Prepares pictures from the last result and the `problem` that was made from it."""
         usable = sample_pixels.usable(normal_map, calibration)
         shown = sample_pixels.samples(normal_map, calibration, usable, observations=observations)
         shown = replace(shown, margin=np.zeros(len(usable)))  # neighbours of different margins would speckle
@@ -67,7 +67,7 @@ class Basis:
         return float(np.percentile(none.sigma_deg, BRIGHTEST_PERCENTILE))
 
     def sigma_picture(self, positions: FloatArray) -> bytes:
-        """Expected σ with lights at positions (L, 3), m, view frame, as a PNG; dark is certain."""
+        """Expected σ with lights at positions (L, 3), m, view frame, as a PNG; dark pixels have a small σ."""
         sigma_deg = self.problem.predict(positions, sample=self.shown).sigma_deg
         return self._png(1 + np.log(np.maximum(sigma_deg / self.brightest_deg, 1e-9)) / np.log(SHOWN_RANGE))
 
@@ -77,13 +77,13 @@ class Basis:
         return planned.without_deg - planned.sigma_deg
 
     def gain_pictures(self, positions: FloatArray) -> tuple[list[bytes], float]:
-        """Each light's gain as a PNG, dark is no gain, and the gain in degrees that is shown brightest."""
+        """Returns each light's gain as a PNG (dark: no gain), and the gain in degrees that is shown brightest."""
         gains_deg = self.gains_deg(positions)
         brightest_deg = max(float(np.percentile(gains_deg, BRIGHTEST_PERCENTILE)), 1e-6)
         return [self._png(of_light / brightest_deg) for of_light in gains_deg], brightest_deg
 
     def _png(self, shares: FloatArray) -> bytes:
-        """Values (P,) of the shown pixels as a colour-mapped PNG: 0 is dark, 1 brightest."""
+        """Encodes values (P,) of the shown pixels as a colour-mapped PNG: 0 is dark, 1 brightest."""
         levels = np.zeros(self.inside.shape, np.uint8)
         levels[self.inside] = np.clip(255 * shares[self.nearest], 0, 255).astype(np.uint8)
         coloured = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)

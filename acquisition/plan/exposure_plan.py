@@ -1,11 +1,13 @@
 """Exposure plan: exposure times and numbers of frames of each light, for the least expected loss in a given time.
 
-What a further light is worth sets the price of time: σ falls with the number of images as n^−0.63, so a session of
-expected loss L and capture time T is as good as any that has the same L · T^0.63, and the exposures minimise this
-product (for the exponent 1/2 the efficiency of a Monte Carlo estimate; Hammersley and Handscomb 1964). The loss is that
-of the lights' choice, with the sensor's variance at each pixel by the frames that do not saturate there. Coordinate
-descent over the lights, each time over all options of one, whose times are octaves so that lights share lamp-off
-frames. Decision 0067.
+The exposures minimise L · T^0.63, where L is the expected loss and T the capture time of the session. The exponent is
+the rate at which further lights buy accuracy: σ falls with the number of images as n^−0.63, so all sessions with the
+same product are equally good (with the exponent 1/2 it is the efficiency of a Monte Carlo estimate; Hammersley and
+Handscomb 1964). The loss is the one by which lights are chosen. The sensor's variance at a pixel is that of the frames
+that do not saturate there.
+
+The search is a coordinate descent over the lights. Each step tries all options of one light. Exposure times are octaves
+so that lights share lamp-off frames. Decision 0067.
 """
 
 from collections.abc import Sequence
@@ -27,30 +29,30 @@ class ExposurePlanSettings:
     """Tuned numbers of the exposure plan."""
 
     time_exponent: float = tuned(0.63, "exponent")
-    """Exponent of the capture time in the product that is minimised. Errors fall with n^−0.63 from 8 to 20 images, with
-    the arm moving between them: 0.66, 0.50 and 0.37° by 8, 12 and 20, most of them planned, on seven simulated objects
-    (three to six draws, November 2026)."""
+    """Exponent of the capture time in the product that is minimised. A larger one gives shorter exposures. Measured:
+    errors fall with n^−0.63 from 8 to 20 images, with the arm moving between them: 0.66, 0.50 and 0.37° by 8, 12 and
+    20 images, most of them planned, on seven simulated objects (three to six draws, November 2026)."""
 
 
 SETTINGS = ExposurePlanSettings()
 
 SHORTEST, LONGEST = -3, 6
-"""Octaves of the exposure times, relative to the automatic one, among which a light's are chosen."""
+"""Range of the exposure times of a light, in octaves relative to the automatic one."""
 
 FRAMES = (1, 2, 4)
-"""Numbers of equal frames among which the shorter exposure's is chosen."""
+"""Options for the number of equal frames of the shorter exposure time."""
 
 RATIOS = (2, 3, 4, 5)
-"""Octaves by which the longer of two exposure times exceeds the shorter."""
+"""Options for the octaves by which the longer of two exposure times exceeds the shorter."""
 
 SWEEPS = 3
-"""Most rounds of the coordinate descent; most plans are settled after two."""
+"""Maximum number of rounds of the coordinate descent. Most plans settle after two."""
 
 
 @dataclass(frozen=True)
 class CaptureTimes:
-    """Limits and times of a capture, s: the camera's shortest and longest exposure, the time between two lights without
-    their frames (path, settling, lamp), and that of a frame beside its exposure."""
+    """Limits and times of a capture, s: the camera's shortest and longest exposure, `move_s` from one light to the next
+    (path, settling, lamp) without their frames, and `frame_s` of a frame beside its exposure."""
 
     shortest_s: float
     longest_s: float
@@ -62,15 +64,15 @@ class CaptureTimes:
         return sum(one.frames * (one.exposure_s + self.frame_s) for one in exposures)
 
     def of_pass(self, lights: Sequence[Sequence[FrameExposure]]) -> float:
-        """Time of a pass's lights with their moves and the lamp-off frames of all their exposure times, s."""
+        """Time of the lights of a pass, with their moves and the lamp-off frames of all their exposure times, s."""
         times = {one.exposure_s for exposures in lights for one in exposures}
         return sum(self.move_s + self.of_light(one) for one in lights) + sum(times) + len(times) * self.frame_s
 
 
 def choose(problem: DesignProblem, positions: FloatArray, times: CaptureTimes | None) -> list[LightExposure] | None:
-    """The exposures of lights at positions (M, 3), each with its time, and with its gain at the held-out pixels.
+    """Plans the exposures of lights at positions (M, 3), each with its time, and its gain at the held-out pixels.
 
-    None where the recipe has fixed exposures, or nothing is known of the capture's `times`.
+    Returns None if the recipe has fixed exposures, or if the capture's `times` are not known.
     """
     wanted = problem.recipe.exposure
     if wanted.plan == "fixed" or times is None:
@@ -89,7 +91,7 @@ def choose(problem: DesignProblem, positions: FloatArray, times: CaptureTimes | 
 
 
 def options(automatic_s: float, wanted: Exposure, times: CaptureTimes) -> list[list[FrameExposure]]:
-    """All exposures that one light may get: equal frames of one time, or these and one longer frame, in octaves."""
+    """Lists all exposures that one light may get: equal frames of one time, or these and one longer frame."""
     base = np.floor(np.log2(automatic_s) + 1e-9)
 
     def exposure(octave: int, frames: int = 1) -> FrameExposure:
@@ -111,7 +113,7 @@ def options(automatic_s: float, wanted: Exposure, times: CaptureTimes) -> list[l
 def _descend(
     problem: DesignProblem, positions: FloatArray, choices: Sequence[list[list[FrameExposure]]], times: CaptureTimes
 ) -> list[list[FrameExposure]]:  # fmt: skip
-    """Coordinate descent of loss · time^0.63 over the exposure options of each light."""
+    """Minimises loss · time^0.63 over the exposure options of each light by coordinate descent."""
     sample, count = problem.search_sample, len(positions)
     spent_s = times.of_pass(problem.exposures) if problem.exposures else 0.0
     rows = [
@@ -134,7 +136,7 @@ def _descend(
 
 
 def sentence(exposures: Sequence[LightExposure]) -> str:
-    """What the exposures are, for people."""
+    """Describes the exposures in one sentence, for people."""
     times = sorted({frame.exposure_s for one in exposures for frame in one.frames})
     frames = sum(frame.frames for one in exposures for frame in one.frames)
     seconds = sum(one.seconds for one in exposures)

@@ -10,19 +10,19 @@ import numpy as np
 from acquisition.plan.criterion import Candidates
 
 RANDOM_START_LIGHTS = 40
-"""Total number of lights of all random starts, so that designs of few lights, with more local minima, get more starts.
+"""Total number of lights of all random starts. Designs of few lights have more local minima and thus get more starts.
 One start in eight leads to the best set."""
 
 MAX_PASSES = 5
-"""Most passes of exchange over all lights; most designs settle after three."""
+"""Maximum number of passes of exchange over all lights. Most designs settle after three."""
 
 MIN_IMPROVEMENT = 1e-4
 """Smallest relative decrease of the loss that counts as an improvement."""
 
 
 def search(options: Candidates, patterns: Sequence[list[int]], count: int, seed: int) -> list[int]:
-    """Multistart exchange algorithm, from the best of the patterns and random starts: numbers of the best set of
-    `count` options."""
+    """Multistart exchange algorithm, from the best of the patterns and from random starts. Returns the numbers of the
+    best set of `count` options."""
 
     def loss(chosen: list[int]) -> float:
         return options.posterior(chosen).loss
@@ -36,7 +36,7 @@ def search(options: Candidates, patterns: Sequence[list[int]], count: int, seed:
 
 
 def exchange(options: Candidates, start: list[int]) -> list[int]:
-    """Coordinate exchange: replaces one light at a time by the best candidate, until no improvement."""
+    """Coordinate exchange: replaces one light at a time by the best candidate, until nothing improves the loss."""
     chosen = list(start)
     unchanged = 0
     for turn in range(MAX_PASSES * len(chosen)):

@@ -1,11 +1,12 @@
 """Planned images at sample pixels: shading, exposure, noise and shadows, as whitened design rows of lights.
 
-The noise of y is that of the final solve, not the calibration's: the final solve self-calibrates each image's
-intensity, and what remains is mostly common to all images, which affects the albedo only; depth is a nuisance parameter
-of its own, so that the error of the light's direction is that of the lamp's position, and changes y only at oblique
-incidence; independent pixel noise is halved by the projection of the normals to an integrable field, and the regression
-on neighbours leaves as much of it as of the images so far. Indirect radiance, estimated from the images so far, is
-subtracted by a prediction whose error is proportional to it, so dark measurements beside it carry less information.
+The noise of y is that of the final solve, not that of the calibration. The final solve self-calibrates each image's
+intensity; the remaining error is mostly common to all images and affects the albedo only. Depth is a nuisance parameter
+of its own, so the error of the light's direction is that of the lamp's position, which changes y only at oblique
+incidence. The projection of the normals to an integrable field halves independent pixel noise; the regression on
+neighbours leaves the same share of it as in the images so far. Indirect radiance is estimated from the images so far
+and subtracted. The error of this prediction is proportional to it, so dark measurements with indirect light carry less
+information.
 """
 
 from collections.abc import Sequence
@@ -32,17 +33,17 @@ class PlannedImagesSettings:
     """Tuned numbers of the images that a plan expects."""
 
     indirect_sigma: float = tuned(0.4, "share")
-    """1 σ of the residual indirect radiance after correction, as a share of it, for each light. By a tenth of it lights
-    differ, by which the solver weights (`predicted_indirect_sigma`); a fifth and more is common to all, which affects
-    normals least where many lights are well visible. Eight path-traced images have 0.98–0.99 times the error of two
-    rings with 0.4, 1.03 times without."""
+    """1 σ of the indirect radiance that remains after correction, as a share of it, for each light. A tenth of it
+    differs from light to light; the solver weights by that (`predicted_indirect_sigma`). A fifth or more is common to
+    all lights, and affects normals least where many lights are well visible. Measured: eight path-traced images have
+    0.98–0.99 times the error of two rings with 0.4, and 1.03 times without this term."""
 
 
 SETTINGS = PlannedImagesSettings()
 
 INTEGRABILITY_SHARE = 0.5
-"""Share of independent pixel noise, a variance, that the projection of the normals to an integrable field leaves: of
-two slopes of equal variance one is a surface's. What it leaves of pilots, 0.52–0.82, forecasts no better."""
+"""Share of the variance of independent pixel noise that the projection of the normals to an integrable field leaves: a
+surface has one of two slopes of equal variance. Forecasts with the shares of pilots, 0.52–0.82, are no better."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,8 @@ class Shading:
 
 @dataclass(frozen=True)
 class PlannedImages:
-    """What the images of any lights depend on: the object's surface (None: convex, without cast shadows), the
-    calibration, and the exposure that the recipe asks for."""
+    """Everything that the images of any lights depend on: the object's surface (None: convex, without cast shadows),
+    the calibration, and the recipe's exposure."""
 
     surface: Surface | None
     calibration: Calibration
@@ -69,11 +70,8 @@ class PlannedImages:
     def candidates(
         self, sample: Samples, lights: Sequence[Light], exposures: Sequence[Sequence[FrameExposure]] | None = None
     ) -> Candidates:
-        """Whitened design rows of lights, at each light's own exposures.
-
-        `exposures` None: the automatic one of each light, with planned exposures also one that is `UNPLANNED_FACTOR`
-        times as long, until they are planned.
-        """
+        """Returns whitened design rows of lights, with the `exposures` of each. None: each light has its automatic
+        exposure and, if the recipe's exposures are planned, another one `UNPLANNED_FACTOR` times as long."""
         shaded = shading(sample, lights, self.calibration, self.surface)
         if exposures is None:
             factors = (1.0,) if self.exposure.plan == "fixed" else (1.0, UNPLANNED_FACTOR)
@@ -90,7 +88,7 @@ class PlannedImages:
         return Candidates(sample, np.ascontiguousarray(row * (shaded.seen & ~saturated)[:, None], np.float32))
 
     def automatic_seconds(self, shaded: Shading) -> FloatArray:
-        """The automatic exposure time (K,), s, of lights by the sample pixels' expected level."""
+        """Exposure time (K,), s, of each light: the recipe's, or the automatic one for the sample pixels' values."""
         if self.exposure.seconds is not None:
             return np.full(len(shaded.value), self.exposure.seconds)
         brightest = np.maximum(np.quantile(np.where(shaded.seen, shaded.value, 0.0), 0.995, axis=1), 1e-4)
@@ -100,7 +98,7 @@ class PlannedImages:
 def shading(
     sample: Samples, lights: Sequence[Light], calibration: Calibration, surface: Surface | None = None
 ) -> Shading:
-    """Shading of the sample pixels by lights, with the cast shadows of a `surface`, where one is given."""
+    """Computes the shading of the sample pixels by lights, with the cast shadows of `surface` if one is given."""
     lamp = photometry.lamps(lights)
     light = photometry.light_vectors(sample.point, lamp, calibration)
     length = photometry.strength(light)
@@ -116,7 +114,7 @@ def shading(
 def sensor_variance(
     value: Float32Array, exposures: Sequence[Sequence[FrameExposure]], calibration: Calibration
 ) -> tuple[FloatArray, BoolArray]:
-    """The sensor's part of the variance of values (K, P) by each light's exposures, and which are saturated."""
+    """Returns the sensor's part of the variance of values (K, P) with each light's exposures, and which saturate."""
     variances, saturated = np.empty(value.shape), np.empty(value.shape, np.bool_)
     for number, (one, wanted) in enumerate(zip(value, exposures, strict=True)):
         variances[number], saturated[number] = image_values.merged_variance(one, wanted, calibration)
@@ -124,8 +122,8 @@ def sensor_variance(
 
 
 def variance(shading: Shading, sensor: FloatArray, calibration: Calibration, sample: Samples) -> FloatArray:
-    """Heteroscedastic noise model of a diffuse surface: expected variance of y (K, P), of which `sensor` (K, P) is the
-    sensor's part, with the sample's indirect radiance and what regression leaves of its noise."""
+    """Heteroscedastic noise model of a diffuse surface: expected variance of y (K, P). `sensor` (K, P) is the sensor's
+    part. The sample gives the indirect radiance and the share of noise that the regression leaves."""
     value, strength = shading.value, shading.strength
     lamp_angle = calibration.lamp_position_sigma_m / shading.distance
     pixel_variance = sensor + photometry.SETTINGS.flat_field_sigma**2 * value**2

@@ -16,13 +16,12 @@ def choose(
     problem: DesignProblem, count: int | None = None, *, certify: bool = True, times: CaptureTimes | None = None,
     forecast_counts: Sequence[int] = (),
 ) -> LightPlan:  # fmt: skip
-    """Sequential Bayesian design: the `count` lights that lower the mean σ most, given the images so far.
+    """Sequential Bayesian design: chooses the `count` lights that lower the mean σ most, given the images so far.
 
-    `count` None: as many as remain of the recipe; an empty plan means that it is fulfilled. To `certify` it, the
-    relaxation's lower bound is stated. `times`: limits and times of the capture, by which exposures are planned where
-    the recipe asks for it; None: each light has the automatic one. `forecast_counts`: numbers of further lights for
-    which σ is forecast, where there are as many candidates. Raises RigError plan.infeasible when the arm reaches too
-    few positions.
+    Without `count`, as many lights as the recipe has left are chosen; an empty plan means that it is fulfilled.
+    `certify` adds the relaxation's lower bound. `times` are limits and times of the capture, with which exposures are
+    planned if the recipe says so; None: each light has the automatic one. σ is forecast for `forecast_counts` further
+    lights, up to the number of candidates. Raises RigError plan.infeasible when the arm reaches too few positions.
     """
     count = max(problem.recipe.lights_total - len(problem.captured), 0) if count is None else count
     if count == 0:
@@ -74,8 +73,8 @@ def choose(
 def forecast(problem: DesignProblem, counts: Sequence[int]) -> list[ForecastPoint]:
     """Expected mean σ after each of `counts` further lights (ascending), by a search for each and isotonic regression.
 
-    A light more makes no normal less certain: where σ rises, it is by which of the held-out pixels the fewer lights
-    happen to reach, and neighbouring points are averaged. Raises RigError as `choose` does.
+    A further light makes no normal less certain. A rise of the predicted σ comes from which held-out pixels the fewer
+    lights happen to reach; the regression averages such neighbouring points. Raises RigError as `choose` does.
     """
     found = [_search(problem, count)[0] if count else [] for count in counts]
     sigma_deg = [problem.predict(problem.reach.candidates[chosen]).mean_deg for chosen in found]
@@ -87,15 +86,15 @@ def forecast(problem: DesignProblem, counts: Sequence[int]) -> list[ForecastPoin
 
 
 def _search(problem: DesignProblem, count: int) -> tuple[list[int], list[int]]:
-    """Numbers of the best candidates, of those that complete the captured lights to two rings."""
+    """Returns the numbers of the best candidates, and of those that complete the captured lights to two rings."""
     patterns = baselines.two_ring_completions(problem.captured, problem.reach.units, count)
     return optimise.search(problem.options, patterns, count, problem.recipe.seed), patterns[0]
 
 
 def _certificate(problem: DesignProblem, chosen: list[int], pattern: list[int]) -> dict[str, float | str]:
-    """Efficiency of plan and two rings against the relaxation's lower bound, as fields of `LightPlan`.
+    """Efficiencies of the plan and of two rings against the relaxation's lower bound, as fields of `LightPlan`.
 
-    The certificate is of the posterior: variances that no light lowers would pull all efficiencies towards 1.
+    They compare the posterior σ only: variances that no light lowers would pull all efficiencies towards 1.
     """
     options = problem.options
     bound, gap = relaxation.bound(options, len(chosen))
@@ -114,7 +113,7 @@ def _certificate(problem: DesignProblem, chosen: list[int], pattern: list[int]) 
 
 
 def _reason(unit: FloatArray, with_all_deg: FloatArray, without_deg: FloatArray) -> str:
-    """What a light in the direction `unit` (3,) does to σ (P,)."""
+    """Describes the effect of a light in the direction `unit` (3,) on σ (P,)."""
     improved = with_all_deg < 0.95 * without_deg
     effect = "makes all pixels a little more certain"
     if np.any(improved):

@@ -1,9 +1,9 @@
 """Forecast of σ before the first image: the posterior of an assumed surface under the recipe's own lights.
 
 Before the pilot nothing is known of the object, so the design is evaluated on a surface that shows every slant: a matt
-sphere of middling albedo, as large as the cell's keep-out admits, without interreflection, whose images fit the model.
-What real objects have beside it (creases, gloss, indirect light, cast shadows) makes σ larger, a flat object makes it
-smaller. The lights after the pilot are chosen by the planner's search, as in the forecast of a plan.
+sphere of medium albedo, as large as the cell's keep-out admits, without interreflection, whose images fit the model.
+Creases, gloss, indirect light and cast shadows of a real object make σ larger; a flat object has a smaller σ. The
+planner's search chooses the lights after the pilot, as in the forecast of a plan.
 """
 
 from collections.abc import Sequence
@@ -25,10 +25,10 @@ from acquisition.plan.expected_sigma import ExpectedSigma
 from acquisition.plan.planned_images import PlannedImages
 
 SAMPLE_PIXELS = 450
-"""Number of sample pixels: with twice as many σ differs by 3 % at most, and an answer takes twice the time."""
+"""Number of sample pixels. With twice as many, σ differs by at most 3 % and an answer takes twice the time."""
 
 SHOWN_LIGHTS = 16
-"""Number of images to which a forecast extends at least, so that it shows what more lights would bring."""
+"""Number of images to which a forecast extends at least, so that it shows the effect of more lights."""
 
 POINTS = 9
 """Approximate number of points of a forecast."""
@@ -41,12 +41,12 @@ ASSUMPTION = (
     "shows every slant and fits the model. Creases, gloss, deep shadows and light between surfaces make σ larger, and "
     "the forecast after the pilot takes the place of this one."
 )
-"""What is assumed, for people."""
+"""The assumed object, as text for people."""
 
 
 def assumed_sphere(center: FloatArray, radius_m: float) -> Samples:
-    """Sample pixels of a sphere (`center` (3,) m, view frame) seen by a camera at the origin, evenly over its picture
-    out to the graded slant, without any information on their normals."""
+    """Sample pixels of a sphere about `center` (3,), m, view frame, without any information on their normals. They lie
+    evenly over its picture as seen by a camera at the origin, out to the graded slant."""
     number, distance = np.arange(SAMPLE_PIXELS), np.linalg.norm(center)
     sine = np.sqrt((number + 0.5) / SAMPLE_PIXELS) * np.sin(np.radians(photometry.GRADED_SLANT_DEG))
     polar = np.arcsin(sine) - np.arcsin(sine * radius_m / distance)  # slant to the ray less the ray's own
@@ -73,9 +73,9 @@ def forecast(
 ) -> PriorForecast:
     """Bayesian design for an unseen object: expected σ of the assumed sphere against the number of images.
 
-    From the pilot's number, or a pattern's smallest, to `SHOWN_LIGHTS` or the recipe's own. `first_lights` are those of
-    the recipe's first pass, `radius_m` is the assumed sphere's. Raises RigError plan.infeasible when the arm reaches
-    too few positions for the recipe's lights.
+    The numbers run from that of the pilot, or the smallest of a pattern, to `SHOWN_LIGHTS` or the recipe's own.
+    `first_lights` are those of the recipe's first pass; `radius_m` is the radius of the assumed sphere. Raises RigError
+    plan.infeasible when the arm reaches too few positions for the recipe's lights.
     """
     known = first_lights if recipe.method == "optimal" else []
     images, candidates = PlannedImages(None, calibration, recipe.exposure), design_problem.candidates_of(reach)

@@ -1,9 +1,9 @@
 """Lower bound of any design by convex relaxation with multiplicative updates: the certificate of a plan.
 
 Each candidate gets a design weight in [0, 1]. The mean σ is convex in the weights, so its tangent at any weights bounds
-it from below, and the minimum of the tangent over all choices of m lights is the sum of its m smallest slopes: a bound
-for every exact design, whether the weights are optimal or not (the gap of the equivalence theorem). How far they are
-from optimal is the relaxation's own gap. Decision 0028.
+it from below. The tangent is least for the m lights with the smallest slopes, and this minimum bounds every exact
+design, whether the weights are optimal or not (the gap of the equivalence theorem). The relaxation's own gap says how
+far the weights are from optimal. Decision 0028.
 
 Multiplicative updates: S. D. Silvey, D. M. Titterington and B. Torsney, J. Statist. Plann. Inference 2 (1978).
 """
@@ -27,7 +27,7 @@ def bound(options: Candidates, count: int) -> tuple[float, float]:
     """Multiplicative updates (Silvey, Titterington and Torsney 1978) until the gap closes.
 
     Returns the best lower bound of the mean σ (rad) of any `count` of the candidates (K ≥ count ≥ 1), and the
-    relaxation's own gap: the fraction by which the mean σ at the best weights exceeds the bound.
+    relaxation's own gap: the excess of the mean σ at the best weights over the bound, as a fraction of that σ.
     """
     weights, lower, best = np.full(len(options.row), count / len(options.row)), -np.inf, np.inf
     for _ in range(MAX_ROUNDS):
@@ -43,7 +43,7 @@ def bound(options: Candidates, count: int) -> tuple[float, float]:
 
 
 def _scaled_to_sum(weights: FloatArray, count: int) -> FloatArray:
-    """Weights scaled so that, clipped at 1, they sum to `count`."""
+    """Scales weights so that they sum to `count` after clipping at 1."""
     weights = np.where(weights < MIN_RELATIVE_WEIGHT * np.max(weights), 0.0, weights)
     weights = weights * (count / np.sum(weights))
     for _ in range(50):

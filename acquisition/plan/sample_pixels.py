@@ -18,7 +18,7 @@ from acquisition.plan.criterion import Samples, prior_information
 
 
 def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
-    """Numbers of the information's pixels that a plan can use: finite, and among those that error figures count."""
+    """Numbers of the information's pixels that a plan can use: those with finite values that error figures count."""
     information = normal_map.information
     rows, columns = information.rows, information.columns
     if not len(rows):
@@ -36,10 +36,10 @@ def samples(
     normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray,
     offset_sigma_m: float | None = None, observations: Observations | None = None,
 ) -> Samples:  # fmt: skip
-    """Sample pixels of a normal map, by numbers in its `information`, with a prior of their depth offsets in m; none:
-    `depth_sigma_m`.
+    """Makes sample pixels of a normal map from the `chosen` numbers in its `information`.
 
-    With `observations`, the images so far, their information is reweighted.
+    `offset_sigma_m` is 1 σ of the prior of their depth offsets, m; None: `depth_sigma_m`. With `observations`, the
+    images so far, their information is reweighted.
     """
     rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
     ray = visibility.rays_at(calibration, rows, columns)
@@ -66,20 +66,20 @@ def samples(
 
 
 def shadow_margins(sigma_rad: FloatArray) -> FloatArray:
-    """Margins (P,) of shadows where normals have σ (P,): for a third of the pixels each −1 σ, 0 and 1 σ of the normal's
-    component towards a light."""
+    """Margins (P,) of shadows where normals have σ (P,): a third of the pixels each gets −1 σ, 0 and 1 σ of the
+    normal's component towards a light."""
     return (np.arange(len(sigma_rad)) % 3 - 1.0) * sigma_rad / np.sqrt(2.0)
 
 
 def of_frames(frames: Sequence[Shot]) -> list[FrameExposure]:
-    """The exposures of one light's frames."""
+    """Counts the frames of one light by exposure time."""
     times = Counter(shot.exposure_s for shot in frames)
     return [FrameExposure(exposure_s=seconds, frames=count) for seconds, count in sorted(times.items())]
 
 
 def reweight(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
-    """Reweights each pixel's information from the variance by which the solver weighted to the planner's, and fills in
-    the mean indirect part of the images."""
+    """Reweights each pixel's information from the solver's variances to the planner's, and fills in the mean indirect
+    part of the images. Raises RigError plan.infeasible if the normals are of another number of images."""
     shots = observations.lit
     if not shots:
         return sample

@@ -1,9 +1,9 @@
 """Sequential stopping rule: how many lights a target σ needs, and when to stop.
 
-The first number of lights whose forecast nearly meets the target is planned and captured. Then the images decide: while
-their solved σ is above the target, lights are added, as many as a new forecast requires, scaled by the ratio of the
-solved to the expected σ so far. Nothing but the images is remembered between passes. The σ compared is the result's
-mean σ, the components that no light lowers included. Decision 0031.
+The smallest number of lights whose forecast nearly meets the target is planned and captured. Then the images decide:
+while their solved σ is above the target, lights are added, as many as a new forecast requires. This forecast is scaled
+by the ratio of the solved to the expected σ so far. Nothing but the images is remembered between passes. The σ that is
+compared is the result's mean σ, which includes the components that no light lowers. Decision 0031.
 """
 
 from collections.abc import Sequence
@@ -28,12 +28,12 @@ class StoppingRuleSettings:
 
     tolerance: float = tuned(0.03, "share")
     """Fraction by which the mean σ, and forecasts after the first, may exceed the target and still meet it. Measured
-    errors scatter by more, and near the limit of what is attainable a light lowers σ by 1 %. Where even the maximum
-    number of lights does not meet the target, final lights that together gain no more are omitted."""
+    errors scatter by more, and near the attainable limit a light lowers σ by 1 %. If even the maximum number of lights
+    does not meet the target, final lights that together lower σ by no more than this fraction are omitted."""
     first_slack: float = tuned(0.2, "share")
-    """Fraction by which the first forecast may exceed the target: a missing light costs a pass, a superfluous one an
-    image. Forecasts from the pilot are 5–14 % too large. The pilot itself must be below the target by it: too few
-    images to self-calibrate the lamps predict their own errors poorly (measured over predicted 0.9–1.5)."""
+    """Fraction by which the first forecast may exceed the target. A missing light costs a pass, a superfluous one an
+    image. Forecasts from the pilot are 5–14 % too large. The pilot itself must be below the target by this fraction:
+    too few images to self-calibrate the lamps predict their errors poorly (measured over predicted 0.9–1.5)."""
 
 
 SETTINGS = StoppingRuleSettings()
@@ -42,8 +42,8 @@ SETTINGS = StoppingRuleSettings()
 def plan_to_target(problem: DesignProblem, achieved_deg: float, times: CaptureTimes | None = None) -> LightPlan:
     """Sequential design towards the recipe's `target_sigma_deg`: the next lights, or an empty plan with a `conclusion`.
 
-    `achieved_deg` is the mean σ so far of the pixels that count, `times` as of `choose`. Raises RigError
-    request.invalid when the recipe has no target, plan.infeasible as `choose` does.
+    `achieved_deg` is the mean σ so far of the pixels that count; `times` is as in `choose`. Raises RigError
+    request.invalid when the recipe has no target, and plan.infeasible as `choose` does.
     """
     recipe, captured = problem.recipe, len(problem.captured)
     target = recipe.target_sigma_deg
@@ -81,7 +81,7 @@ def plan_to_target(problem: DesignProblem, achieved_deg: float, times: CaptureTi
 
 
 def _fewest_lights_meeting(curve: Sequence[ForecastPoint], target_deg: float) -> int:
-    """Smallest number of further lights whose expected σ meets the target; the last of the curve if none does."""
+    """Smallest number of further lights whose expected σ meets the target; if none does, the largest of the curve."""
     added = np.arange(curve[0].added, curve[-1].added + 1)
     captured = curve[0].lights - curve[0].added
     log_lights, log_sigma = np.log([(point.lights, point.sigma_deg) for point in curve]).T

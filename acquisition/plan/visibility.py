@@ -1,7 +1,7 @@
 """Cast-shadow visibility by ray marching over the reconstructed depth map.
 
-The depth map is resampled without distortion, by nearest neighbours on a grid that is coarse enough to be fast; where
-there is no object, the depth is large. A ray's clearance is the least slope at which it passes over the surface.
+The depth map is resampled without lens distortion, by nearest neighbours, on a grid that is coarse enough to be fast.
+Outside the object, the depth is behind it. A ray's clearance is the least slope at which it passes over the surface.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ MAP_SIZE = 192
 
 @dataclass(frozen=True)
 class Surface:
-    """Depth (h, w) in m as a camera of matrix `camera` (3, 3) without distortion sees it, and the object's least."""
+    """Depth map (h, w) in m of a camera with matrix `camera` (3, 3) and no distortion, and the object's least depth."""
 
     depth: Float32Array
     camera: FloatArray
@@ -35,7 +35,7 @@ class Surface:
 
 
 def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
-    """The surface of a normal map that has some finite depth."""
+    """Resamples the depth of a normal map, which must have some finite depth."""
     solved = normal_map.mask & (normal_map.depth > 0) & np.isfinite(normal_map.depth)
     rows, columns = photometry.bounding_box(solved)
     top, bottom, left, right = rows.start, rows.stop - 1, columns.start, columns.stop - 1
@@ -57,7 +57,7 @@ def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
 def shaded(
     normal_map: NormalMap, lights: Sequence[Light], calibration: Calibration, pixels: tuple[np.ndarray, np.ndarray]
 ) -> BoolArray:
-    """Cast-shadow mask (F, K) of lights at pixels, rows and columns (K,)."""
+    """Returns which lights cast a shadow on which pixels (F, K); `pixels` are rows and columns (K,)."""
     rows, columns = pixels
     point = photometry.points(rays_at(calibration, rows, columns), normal_map.depth[rows, columns])
     return surface(normal_map, calibration).clearance(point, photometry.lamps(list(lights))) < 0
