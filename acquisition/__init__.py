@@ -36,9 +36,9 @@ __all__ = [
     "write_result",
 ]  # fmt: skip
 
-# Threads that wait for the next parallel loop sleep. OpenMP lets them spin, which takes the cores from the driver's
-# kicks and from every other process: on two busy cores a plan took three times as long. Read when the first loop runs.
-# OpenMP comes first because TBB, which numba takes wherever the system has it, yields in a loop instead of sleeping.
+# Threads that wait for the next parallel loop have to sleep. OpenMP lets them spin, which takes the cores from the
+# driver's kicks and all other processes: on two busy cores a plan took three times as long. The first loop reads this.
+# OpenMP is preferred because TBB, which numba takes wherever the system has it, yields in a loop instead of sleeping.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp tbb workqueue")
 

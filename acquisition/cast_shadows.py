@@ -10,7 +10,7 @@ from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import Float32Array, FloatArray
 
 HIDDEN = -2.0
-"""Slope of clearance at which a ray is certainly in shadow whatever the uncertainty of the shape: the march ends."""
+"""Slope of clearance below which a ray is in shadow whatever the uncertainty of the shape. The march ends there."""
 
 
 def clearance(
@@ -19,8 +19,8 @@ def clearance(
     """Ray marching over a depth map (h, w) in m: least slope of clearance (K, P) of the rays from points (3, P) to
     lamps (K, 3 or more), both in m, view frame.
 
-    Column and row are `affine` (4,), factor and offset each, of the rays in the OpenCV camera frame; `nearest` is the
-    least depth of the object, `start` the distance in m at which marches begin.
+    `affine` (4,) has factor and offset that take rays in the OpenCV camera frame to columns, then to rows. `nearest` is
+    the least depth of the object, `start` the lateral distance at which marches begin, both in m.
     """
     sign = np.diag(VIEW_FROM_CAMERA)[:3].astype(np.float32)
     out = np.empty((len(lamp), point.shape[1]), np.float32)
@@ -46,8 +46,8 @@ def _march(
     start: float,  # m, where a march begins
     out: Float32Array,  # (K, P)
 ) -> None:
-    """Least slope of clearance of each light's ray, depth above the surface over lateral distance; some slope below
-    HIDDEN for rays certainly in shadow, −10 for those of lamps no nearer to the camera than the point."""
+    """Least slope of clearance of each ray: depth above the surface over lateral distance. Rays certainly in shadow get
+    some slope below HIDDEN, rays to lamps no nearer to the camera than the point −10."""
     height, width = depth.shape
     for k in numba.prange(lamp.shape[0]):
         for p in range(point.shape[1]):

@@ -1,7 +1,7 @@
 """Colour spaces and colour difference: linear sRGB, CIELAB under D50, CIEDE2000.
 
-Reference values of charts are CIELAB under D50 (ISO 13655), albedos linear sRGB (white D65); the Bradford adaptation
-takes one to the other (ICC.1:2022, annex E).
+Reference values of charts are in CIELAB under D50 (ISO 13655), albedos in linear sRGB (white D65). The Bradford
+adaptation converts one to the other (ICC.1:2022, annex E).
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ def lab_from_srgb(linear: FloatArray) -> FloatArray:
 
 
 def srgb_from_lab(lab: FloatArray) -> FloatArray:
-    """Linear sRGB (..., 3) of CIELAB under D50 (..., 3); beyond 0 to 1 where sRGB has no such colour."""
+    """Linear sRGB (..., 3) of CIELAB under D50 (..., 3); outside 0 to 1 for colours that sRGB does not have."""
     y = (lab[..., 0] + 16) / 116
     f = np.stack([y + lab[..., 1] / 500, y, y - lab[..., 2] / 200], axis=-1)
     ratio = np.where(f > 6 / 29, f**3, (116 * f - 16) / _KAPPA)

@@ -1,10 +1,9 @@
 """Normalised values of frames, and their variance.
 
-A value y (`photometry`) is the signal of a lit frame less that of a lamp-off frame, over what a white surface would
-give. Its variance has four terms: shot noise; read noise and quantisation, of the lit frame and of the dark frame that
-is subtracted from it; a share c of y for intensity errors; and (σ_d ρ|s|)² for errors of the light's direction. The
-last two dominate in practice, and without the last one a surface at the terminator would seem to carry infinite
-information.
+A value y (`photometry`) is the signal of a lit frame less that of a lamp-off frame, divided by the signal of a white
+surface. Its variance has four terms: shot noise; read noise and quantisation, of the lit frame and of the dark frame
+that is subtracted from it; (c y)² for intensity errors; and (σ_d ρ|s|)² for errors of the light's direction. The last
+two dominate in practice. Without the last one, a surface at the terminator would seem to carry infinite information.
 """
 
 from collections.abc import Sequence
@@ -20,7 +19,7 @@ from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.light_plan import FrameExposure
 
 SATURATION_SHARE = 0.985
-"""Share of the clipping level above which a value is taken as clipped."""
+"""Share of the clipping level above which a value counts as clipped."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class Noise:
         )
 
     def single_precision(self) -> "Noise":
-        """The same, whose variance of float32 images is float32: half the memory where images are of megapixels."""
+        """Returns the same noise in float32: the variance of float32 images then takes half the memory."""
         return replace(self, shot=self.shot.astype(np.float32), floor=self.floor.astype(np.float32))
 
 
@@ -72,7 +71,7 @@ def flat_terms(pixels: FloatArray, width: int, height: int) -> FloatArray:
 
 
 def sensitivity(calibration: Calibration, rows: slice, columns: slice) -> Float32Array | None:
-    """Sensitivity (h, w) of a window of pixels by the calibrated flat field; none where it is not known."""
+    """Sensitivity (h, w) of a window of pixels by the calibrated flat field; None: there is no flat field."""
     if calibration.flat_field is None:
         return None
     v, u = np.mgrid[rows, columns]
@@ -110,7 +109,7 @@ def sensor_noise(
 def frames_noise(
     calibration: Calibration, exposures: Sequence[FrameExposure], ambient_dn: Sequence[float] | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """`sensor_noise` of the mean of as many equal frames as each exposure says, less one lamp-off frame: (G,) each."""
+    """`sensor_noise` (G,) of the mean of each exposure's equal frames, less one lamp-off frame."""
     frames = np.array([one.frames for one in exposures], dtype=np.float64)
     shot, floor = sensor_noise(calibration, [one.exposure_s for one in exposures], ambient_dn)
     return shot / frames, floor * (1 + 1 / frames) / 2
@@ -119,10 +118,10 @@ def frames_noise(
 def merged_variance(
     value: FloatArray | Float32Array, exposures: Sequence[FrameExposure], calibration: Calibration
 ) -> tuple[FloatArray, BoolArray]:
-    """Variance that the sensor gives to values y (P,) merged of several exposures, without ambient light, and which of
-    them saturate in the shortest.
+    """The sensor's part of the variance of values y (P,) merged from several exposures, and which of them saturate in
+    the shortest. Ambient light is left out.
 
-    Frames count where they do not saturate, weighted by their inverse variances.
+    Frames count where they do not saturate, weighted by inverse variances.
     """
     shot, floor = frames_noise(calibration, exposures)
     sensor = calibration.sensor
@@ -137,7 +136,7 @@ def merged_variance(
 def model_noise(calibration: Calibration, shot: FloatArray, floor: FloatArray, distance_m: float) -> Noise:
     """The noise of images with a sensor's `shot` and `floor` (F,) and lamps at about `distance_m` from the object.
 
-    A lamp misplaced along the ray changes the intensity by 2/r, across it the direction by 1/r.
+    An error of the lamp's position changes the intensity by 2/r along the ray, and the direction by 1/r across it.
     """
     position = calibration.lamp_position_sigma_m
     return Noise(

@@ -1,9 +1,9 @@
 """Lamp poses: lights on the dome of reachable positions, and the tool poses that bring the lamp there.
 
-Below the stages, because several need it: capture records the light from the measured tool pose, waypoints computes the
-tool pose of a planned light, pilot and planner choose among the dome's candidates. Ideal patterns of lights are given
-by directions, but the arm reaches some positions only: each ideal direction is assigned its own nearest reachable
-candidate, and a set of candidates that cannot surround the object is refused before anything moves.
+Several stages use it: capture records the light from the measured tool pose, waypoints computes the tool pose of a
+planned light, pilot and planner choose among the dome's candidates. Patterns of lights are ideal directions, but the
+arm reaches some positions only, so each direction is assigned its own nearest reachable candidate. A set of candidates
+that cannot surround the object is refused before anything moves.
 """
 
 import math
@@ -19,7 +19,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.shot import Shot
 
 MIN_SUPPORT = 0.05
-"""Smallest extent of the candidates (sine of the slant) towards every azimuth; below it they lie in one half-plane."""
+"""Least extent of the candidates (sine of the slant) towards any azimuth. Below it they lie in one half-plane."""
 
 
 def light_at(position: FloatArray, center: FloatArray) -> Light:
@@ -93,7 +93,7 @@ def nearest_distinct(ideal: FloatArray, units: FloatArray) -> tuple[list[int], F
 
 
 def nearest_pattern(patterns: Iterable[FloatArray], units: FloatArray) -> tuple[list[int], FloatArray]:
-    """`nearest_distinct` of that of some patterns (M, 3) which the candidates fit best, by least squares."""
+    """Returns `nearest_distinct` for the one of the patterns (M, 3) that the candidates fit best by least squares."""
     found = [nearest_distinct(ideal, units) for ideal in patterns]
     return min(found, key=lambda one: float(np.sum(one[1] ** 2)))
 
@@ -111,8 +111,8 @@ def light_from_tool(base_from_tool: FloatArray, calibration: Calibration) -> Lig
 
 
 def with_motion(calibration: Calibration, shots: Sequence[Shot]) -> Calibration:
-    """The calibration with the lamp's position σ that images have of which some were taken on the way: root of the mean
-    variance, that of the lamp's motion and of its time included."""
+    """Returns the calibration with the lamp's position σ for images of which some were taken while the arm moved: the
+    mean variance by motion and clocks is added to the calibrated one."""
     variances = [0.0 if shot.motion is None else shot.motion.sigma_m**2 for shot in shots]
     if not any(variances):
         return calibration
@@ -121,12 +121,12 @@ def with_motion(calibration: Calibration, shots: Sequence[Shot]) -> Calibration:
 
 
 def common_errors(base_from_tools: FloatArray, calibration: Calibration) -> FloatArray | None:
-    """First-order propagation of what the calibration leaves uncertain for all lamps alike to their positions.
+    """First-order propagation of the calibration errors that all lamps share to the lamps' positions.
 
-    From tool poses (F, 4, 4): displacements (F, 3, C) in m, view frame, of each lamp by 1 σ of each of C independent
-    errors: of `tool_from_lamp`, which turn with the tool, and of `base_from_camera`, which move all lamps against the
-    camera as one body. Their covariance is the product of the displacements with their transpose over C. None where the
-    calibration states neither covariance.
+    For tool poses (F, 4, 4), returns displacements (F, 3, C) in m, view frame, of each lamp by 1 σ of each of C
+    independent errors. Those of `tool_from_lamp` turn with the tool; those of `base_from_camera` move all lamps against
+    the camera as one body. The covariance is the product of the displacements with their transpose over C. Returns None
+    if the calibration states neither covariance.
     """
     view_from_base = geometry.inverse(base_from_view(calibration))
     view_from_tool = view_from_base @ base_from_tools
@@ -142,7 +142,7 @@ def common_errors(base_from_tools: FloatArray, calibration: Calibration) -> Floa
 def common_direction_sigma_rad(positions: FloatArray, center: FloatArray, calibration: Calibration) -> float:
     """1 σ in rad, per axis, of the directions from `center` (3,) to lamps (K, 3), m, view frame, by `common_errors`.
 
-    The rolls of the tool are not known yet, so that the error of `tool_from_lamp` counts alike in all directions.
+    The rolls of the tool are not known yet, so the error of `tool_from_lamp` counts equally in all directions.
     """
     offsets = positions - center
     distance = np.linalg.norm(offsets, axis=1)
@@ -166,7 +166,7 @@ def _by_camera(positions: FloatArray, covariance: Sequence[Sequence[float]]) -> 
 
 
 def _root(covariance: Sequence[Sequence[float]]) -> FloatArray:
-    """A square root R (N, N) of a covariance R Rᵀ, which may be singular; its units may differ by orders."""
+    """A square root R (N, N) of a covariance R Rᵀ, which may be singular and have units of very different size."""
     matrix = np.array(covariance)
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
     variance, axes = np.linalg.eigh(matrix / np.outer(scale, scale))

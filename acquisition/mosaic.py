@@ -1,8 +1,8 @@
 """Sites of a mosaic sensor: the channel that each pixel sees, means over cells, and interpolation to three channels.
 
-Photometric stereo needs no demosaicing: each site is a monochrome pixel whose albedo is that of its channel. What looks
-at neighbouring pixels needs the sites' channels; means that hold each channel in the share that a 2 × 2 cell has of it
-(R + 2 G + B) are free of the pattern.
+Photometric stereo needs no demosaicing: each site is a monochrome pixel whose albedo is that of its channel. Operations
+on neighbouring pixels need the channels of the sites. Means that hold the channels in the proportions of a 2 × 2 cell
+(R + 2 G + B) are free of the mosaic's pattern.
 """
 
 import cv2
@@ -18,7 +18,7 @@ CELL = 2
 """Side of a cell of the mosaic, pixels."""
 
 BALANCED_KERNEL = np.array([1.0, 2.0, 1.0], np.float32) / 4
-"""Weights along rows and columns of a mean over 3 × 3 sites that holds R : G : B as 1 : 2 : 1, wherever its middle."""
+"""Weights along rows and columns of a mean over 3 × 3 sites, which holds R : G : B as 1 : 2 : 1 round any site."""
 
 Sites = npt.NDArray[np.uint8]
 
@@ -31,13 +31,13 @@ def sites(mosaic: Mosaic, rows: slice, columns: slice) -> Sites:
 
 
 def of_calibration(calibration: Calibration, rows: slice, columns: slice) -> Sites | None:
-    """`sites` of the calibration's sensor; none of a monochrome one."""
+    """`sites` of the calibration's sensor; None: it is monochrome."""
     mosaic = calibration.sensor.mosaic
     return None if mosaic is None else sites(mosaic, rows, columns)
 
 
 def white(calibration: Calibration) -> Float32Array:
-    """Values (3,) of R, G, B on a white surface over their mean; ones where no colour calibration says."""
+    """Values (3,) of R, G, B on a white surface over their mean; ones without a colour calibration."""
     colour = calibration.colour
     return np.ones(3, np.float32) if colour is None else np.array(colour.white, np.float32)
 
@@ -45,7 +45,7 @@ def white(calibration: Calibration) -> Float32Array:
 def balanced_mean(image: Float32Array, inside: BoolArray | None = None) -> Float32Array:
     """Mean (h, w) over the 3 × 3 sites round each pixel, R : G : B as 1 : 2 : 1, of an image (h, w) of a mosaic.
 
-    `inside` (h, w): the pixels that count; near its border the shares of the channels are not kept.
+    `inside` (h, w) marks the pixels that count. Near its border the proportions of the channels are not kept.
     """
     border = cv2.BORDER_REFLECT_101  # keeps the sites' pattern
     if inside is None:
@@ -60,7 +60,7 @@ def balanced_mean(image: Float32Array, inside: BoolArray | None = None) -> Float
 def least_cell_mean(image: Float32Array) -> Float32Array:
     """Least of the means (h, w) over the four cells of 2 × 2 sites that each pixel lies in, of an image (h, w).
 
-    Free of the mosaic's pattern, and beside a bright region as dark as what surrounds it, where a mean would blur.
+    It is free of the mosaic's pattern. Beside a bright region it is as dark as the surroundings; a mean would blur.
     """
     padded = np.pad(image, 1, mode="reflect")
     means = (padded[1:, 1:] + padded[1:, :-1] + padded[:-1, 1:] + padded[:-1, :-1]) / 4
@@ -77,9 +77,9 @@ def cell_means(image: npt.NDArray[np.uint16]) -> FloatArray:
 def interpolated(image: Float32Array, channel: Sites, inside: BoolArray) -> Float32Array:
     """Three channels (h, w, 3) of an image (h, w) of a mosaic's sites, by interpolation of colour differences.
 
-    Green first, then red and blue less green, which hardly change at edges of brightness (Hibbard 1995 without its
-    choice of direction); bilinear, over the sites `inside` (h, w) alone. A site keeps its own value. Where no site of a
-    channel is near, its value is that of the site itself.
+    Green is interpolated first, then red and blue less green, which hardly change at edges of brightness (Hibbard 1995
+    without its choice of direction). Interpolation is bilinear, over the sites `inside` (h, w) alone. A site keeps its
+    own value. Where no site of a channel is near, the channel has the value of the site itself.
     """
     green = _filled(image, inside & (channel == 1), image)
     out = np.empty((*image.shape, 3), np.float32)
@@ -92,8 +92,8 @@ def interpolated(image: Float32Array, channel: Sites, inside: BoolArray) -> Floa
 
 
 def _filled(image: Float32Array, known: BoolArray, otherwise: Float32Array) -> Float32Array:
-    """Normalised convolution (Knutsson & Westin 1993) of an image where it is not `known`: bilinear over 3 × 3, then
-    over 5 × 5 sites."""
+    """Fills an image where it is not `known` by normalised convolution (Knutsson & Westin 1993): bilinear over 3 × 3,
+    then over 5 × 5 sites. Values out of reach are taken from `otherwise`."""
     out, missing = np.where(known, image, otherwise), ~known
     for size in (3, 5):
         ramp = np.minimum(np.arange(1, size + 1), np.arange(size, 0, -1)).astype(np.float32)

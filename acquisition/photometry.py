@@ -4,14 +4,13 @@ A Lambertian point x with normal n and albedo ρ, lit by a lamp at p with axis a
 
     y = ρ max(0, n·s),   s = (R0/r)² cosᵘ(a, x − p) d/r,   d = p − x, r = |d|,
 
-times what a calibrated lobe has beyond that power of the cosine (`lobe_table`); that is, the signal as a fraction of
-what a perfectly white surface facing the lamp on its axis at R0 would give. The model is near light throughout: a lamp
-on an arm stands at three object sizes, where a distant light is wrong by 20°.
+the signal as a fraction of that of a perfectly white surface that faces the lamp on its axis at R0. If the lobe is
+calibrated, its deviation from the power of the cosine multiplies s (`lobe_table`). The model is near light throughout:
+a lamp on an arm stands at three object sizes, where a distant-light model is wrong by 20°. `image_values` has the
+variance of y.
 
-The variance of y is `image_values`'.
-
-Pixels live on the distorted image as the camera gives it; distortion is in the rays. Kernels compile at import, into
-numba's cache: `KERNELS` lists them.
+Pixels are those of the camera's distorted image; their rays are free of distortion. Kernels compile at import, into
+numba's cache; `KERNELS` lists them.
 """
 
 from collections.abc import Sequence
@@ -38,116 +37,115 @@ class SharedSettings:
     """Tuned numbers that planner and solver share: priors, and factors of σ."""
 
     depth_sigma_m: float = tuned(0.002, "m")
-    """1 σ of a pixel's depth after integration: of the depth offset that is a nuisance parameter beside g in forecasts
-    and score tests, and in the direction term of noise. Depth maps of three path-traced objects err by 0.3, 1.5 and
-    2.6 mm (standard deviation; prototype, November 2026)."""
+    """1 σ of a pixel's depth after integration. It is the prior of the depth offset, a nuisance parameter beside g in
+    forecasts and score tests, and enters the direction term of the noise. Measured: depth maps of three path-traced
+    objects err by 0.3, 1.5 and 2.6 mm (standard deviation; prototype, November 2026)."""
     prior_scale: float = tuned(0.5, "of the albedo")
-    """1 σ of the weak prior of g = ρn in units of the albedo: it keeps σ finite (about 40°) where no light reaches.
+    """1 σ of the weak prior of g = ρn, in units of the albedo. It keeps σ finite (about 40°) where no light reaches.
     Half of the albedo in both tangential directions is 0.5 √2 rad = 40°, near the 49° of a random visible normal.
-    Measurements, which are known to a few per cent, outweigh it."""
+    Measurements outweigh the prior, since they are known to a few per cent."""
     flat_field_sigma: float = tuned(0.005, "share")
-    """1 σ of what remains of the flat field and of the lobe, as a fraction. Indirect light of less than twice that,
-    at the 98th percentile of pixels, is not subtracted; lobes of single pixels, and their normals in rad, are no
-    surer. A judgement that holds: lobes to 40° of 19 simulated calibrations are 0.2 % off in the median and 0.7 % at
-    worst (`docs/how-to/calibrate.md`, November 2026). With indirect light subtracted from 0.005 on a rough ball under
-    96 lights errs by 0.59 in place of 0.33° (`gloss_scenes`)."""
+    """1 σ of the remaining error of flat field and lobe, as a fraction. Indirect light of less than twice this
+    fraction, at the 98th percentile of pixels, is not subtracted. Lobes of single pixels, and their normals in rad,
+    have no smaller σ. A judgement that holds: lobes out to 40° of 19 simulated calibrations err by 0.2 % in the median
+    and 0.7 % at worst (`docs/how-to/calibrate.md`, November 2026). If indirect light is subtracted from 0.005 on, a
+    rough ball under 96 lights errs by 0.59° in place of 0.33° (`gloss_scenes`)."""
     integrated_depth_sigma_m: float = tuned(0.01, "m")
-    """1 σ of integrated depth in self-calibration and in the search for lights: it is wrong by that much behind
-    occluding contours. Thousands of pixels held to 3 mm explain it by a shift and wrong intensities: 12 mm and 2 % on a
-    figure, where it is 5 mm. It makes plans even, since wrong depth biases normals unless lights surround the object:
-    errors of eight images against plans with 3 mm and a penalty on imbalance 0.963 ± 0.016 and 1.009 ± 0.021 on
-    fourteen and nine path-traced objects."""
+    """1 σ of integrated depth in self-calibration and in the search for lights. Depth is wrong by that much behind
+    occluding contours. With 3 mm, thousands of pixels explain this error by a shift and wrong intensities (12 mm in
+    place of 5 mm, and 2 %, on a figure). A large value also makes plans even, since wrong depth biases normals unless
+    lights surround the object. Measured: errors of eight images are 0.963 ± 0.016 and 1.009 ± 0.021 of those of plans
+    with 3 mm and a penalty on imbalance, on fourteen and nine path-traced objects."""
     min_view_cosine: float = tuned(0.05, "cosine")
-    """Cosine between normal and viewing ray, of 87°, below which slopes, lobes and normals are those at it; and of
-    the normals along the outline, on average, to the directions inwards, from which an object may be hollow: 0.03 at
-    most of 16 sound ones (design seeds 60 and 62), 0.02 of a glossy relief (102), which opposite lamps then fit, 0.2
-    of a hollow sheet (43)."""
+    """Least cosine between normal and viewing ray, of 87°. Slopes, lobes and normals beyond it are taken at it. An
+    object may be hollow if its outwardness is below minus this value. Measured: minus the outwardness is at most 0.03
+    on 16 sound objects (design seeds 60 and 62), 0.02 on a glossy relief (102), which opposite lamps would fit, and 0.2
+    on a hollow sheet (43)."""
     significant_deviations: float = tuned(5.0, "σ")
-    """Deviation from what is expected, in σ, that is no noise among millions of pixels: of an object from its
-    background, and of a highlight from the diffuse prediction. Silhouettes of 432 simulated objects before tables have
-    a mean overlap (IoU) of 0.964 with it and 0.963 with 6 (scratch evaluation, November 2026)."""
+    """Deviation from the expected value, in σ, that is not noise even among millions of pixels. It separates an object
+    from its background, and a highlight from the diffuse prediction. Measured: silhouettes of 432 simulated objects
+    before tables have a mean overlap (IoU) of 0.964 with 5 and 0.963 with 6 (scratch evaluation, November 2026)."""
     outlying_deviations: float = tuned(3.0, "σ")
-    """Deviation, in σ, from which something counts as outlying. Of Gaussian deviations 0.3 % are larger. Its uses are:
+    """Deviation, in σ, above which something is an outlier. Of Gaussian deviations 0.3 % are larger. It limits:
 
-    (pixels) rms residuals that ask for a second start; the cost of a measurement in shadow to a solution with gloss;
-    the end of biweights in the regression on neighbours; the normals of a line narrower than a pixel; the noise of a
-    value of which channels are clipped;
+    (pixels) the rms residual above which a pixel is solved from a second start; the cost of a measurement in shadow to
+    a solution with gloss; biweights in the regression on neighbours; deviations of normals at a line narrower than a
+    pixel; the relative noise of a value with clipped channels;
 
-    (images) a misfit against the others', by which one is left out on trial; an intensity under the widest prior, by
-    which one is scaled; intensities, of one or their scatter, against what is stated; their noise that no sound capture
-    has; measurements below zero once light from elsewhere is subtracted;
+    (images) the misfit, against that of the others, above which an image is left out on trial; the intensity under the
+    widest prior beyond which it is scaled; intensities, or their scatter, against the stated σ; the noise of
+    intensities of a sound capture; measurements below zero after subtraction of light from elsewhere;
 
-    (object) its largest shift; light in cast shadows as from below the surface; the gain of turned lamps.
-
-    Turned lamps gain 0–2 on sound captures and 4–13 where they are 10° off, on machined parts 1.6 (design seeds 60, 62
-    and 63, ten lights, November 2026)."""
+    (object) its largest shift; the light in cast shadows that counts as from below the surface; the gain of turned
+    lamps, which is 0–2 on sound captures and 4–13 where lamps are 10° off, but 1.6 on machined parts (design seeds 60,
+    62 and 63, ten lights, November 2026)."""
     grazing_cosine: float = tuned(0.4, "cosine")
-    """Cosine of the most slanted light, of 66°: measurements above it determine the noise of intensities, those below
-    it that of directions, and surfaces steeper than that light are walls. A value of that share of a pixel's largest,
-    or of its direct or indirect light where these are known, parts light from shadow in the same way. Where one lamp
-    alone reaches a pixel, the next value is 0.03–0.17 of the largest (10–90 %), where three do, 0.75 and more. With
-    0.5 in the noise alone σ is 1.6 and 2.7 times as large on a machined part and on a cluster (design seeds 45 and
-    21, eight lights by two rings; scratch evaluation, November 2026)."""
+    """Cosine of incidence, of 66°, below which light counts as grazing. Measurements above it determine the noise of
+    intensities, those below it that of directions; surfaces steeper than such light are walls. The same share of a
+    pixel's largest value, or of its direct or indirect light where these are known, separates light from shadow.
+    Measured: if one lamp alone reaches a pixel, the next value is 0.03–0.17 of the largest (10–90 %), if three do, 0.75
+    and more. With 0.5 in the noise alone, σ is 1.6 and 2.7 times as large on a machined part and on a cluster (design
+    seeds 45 and 21, eight lights by two rings; scratch evaluation, November 2026)."""
     min_pixel_share: float = tuned(0.08, "share")
-    """Share of the object's pixels on which a statistic of its shadows, or of light that grazes it, has to rest. Light
-    that the walls of one recess send into their shadow looks like translucency: of 4–5 % of a turned object it gave a
-    coefficient of 1.4 (Lambertian design seed 6); translucent objects that were recognised had 9 % and more. Where only
-    edges graze, as of machined parts, errors there are not those of lamp directions, and would make σ of all faces too
-    large: P(e < σ) 0.96 in place of 0.69 without it (design seed 62, eight lights). As large a share of pixels, those
-    that fit worst, is left out of the misfit of the whole object: creases and the borders of shadows (decision 88)."""
+    """Least share of the object's pixels for a statistic of its shadows or of grazing light. Light that the walls of
+    one recess send into their shadow looks like translucency: on 4–5 % of a turned object it gave a coefficient of 1.4
+    (Lambertian design seed 6), while translucent objects that were recognised had 9 % and more. Where light grazes only
+    edges, as on machined parts, errors are not those of lamp directions and would make σ of all faces too large:
+    P(e < σ) is 0.96 without this limit, 0.69 with it (design seed 62, eight lights). The misfit of the whole object
+    leaves out the same share of pixels, those that fit worst: creases and the borders of shadows (decision 88)."""
     edge_px: int = tuned(2, "px")
-    """Pixels that an edge in the images takes: within which a sharp shadow border passes from dark to lit, below which
-    a shadow is too short to tell depth, by which it has to contradict the depth, since relief is full of short shadows
-    that do not, which a bound by a shadow leaves out, and the width of the rim along the silhouette whose normals tell
-    inside from out. With a rim of 3 27 captures of design seeds 101–104 are solved alike; bounds that leave out half a
-    pixel give the errors of 128 captures of seeds 201–204 times 1.000 ± 0.005 (November 2026)."""
+    """Width of an edge in the images. Within it a sharp shadow border passes from dark to lit. A shadow determines
+    depth only if it is longer and contradicts the depth by more than this width, since relief is full of short shadows
+    that do not; a bound by a shadow leaves this width out. The rim of this width along the silhouette distinguishes
+    inside from outside by its normals. Measured: with a rim of 3, 27 captures of design seeds 101–104 are solved alike;
+    bounds that leave out half a pixel multiply errors of 128 captures (201–204) by 1.000 ± 0.005 (November 2026)."""
     min_sample: int = tuned(50, "measurements")
-    """Pixels or measurements below which a statistic of them is not estimated. Of 50 Gaussian values a standard
-    deviation has a standard error of 10 % (1/√(2 · 50)), a median one of 0.18 σ."""
+    """Number of pixels or measurements below which no statistic of them is estimated. From 50 Gaussian values, a
+    standard deviation has a standard error of 10 % (1/√(2 · 50)), a median one of 0.18 σ."""
     predicted_indirect_sigma: float = tuned(0.1, "share")
-    """1 σ of the predicted indirect light, as a share of it, that differs from light to light: what measurements are
-    weighed by. Of metal, whose neighbours' mirror images are not predicted, a share of what mirrors the lamp."""
+    """1 σ of the part of the predicted indirect light that differs from light to light, as a share of it. It weights
+    measurements. On metal, whose neighbours' mirror images are not predicted, a share of what mirrors the lamp."""
     predicted_light_sigma: float = tuned(0.2, "share")
     """1 σ of light that is predicted beside diffuse reflection, as a share of it: of a highlight, once the lobe is
-    known, and of a pixel's indirect light under all lights alike. At the true shape the prediction is 0.80–0.97 of the
-    indirect light of five path-traced objects, since the camera does not see all surfaces
+    known, and of a pixel's indirect light under all lights alike. Measured: at the true shape, the prediction is
+    0.80–0.97 of the indirect light of five path-traced objects, since the camera does not see all surfaces
     (November 2026)."""
     misfit_factor: float = tuned(0.3, "1")
-    """B of a pixel's variance (1 + B m (ε + ε̄)) σ₀², σ₀² of the posterior, m the number of lights, ε by how much the
-    squares of whitened residuals exceed what the stated noise explains, ε̄ the same of all pixels that face the camera.
-    Errors of 272 captures of design seeds 439–472 (eight families, eight lights by two rings) are likeliest with it,
-    less likely with 0.2 and 0.4 by 0.010 and 0.005 of the mean log likelihood; of 112 under 20 lights (seeds 457–470)
-    likelier by 0.027 with 0.15. `acquisition.normals.uncertainty.error_variance` says how it is fitted."""
+    """B, by which misfit raises a pixel's variance (1 + B m (ε + ε̄)) σ₀². σ₀² is the variance of the posterior, m the
+    number of lights, ε the excess of squared whitened residuals over what the stated noise explains, ε̄ the same of all
+    pixels that face the camera. Measured: errors of 272 captures of design seeds 439–472 (eight families, eight lights
+    by two rings) are likeliest with 0.3: the mean log-likelihood is lower by 0.010 with 0.2 and by 0.005 with 0.4. Of
+    112 under 20 lights (457–470) it is higher by 0.027 with 0.15. `normals.uncertainty.error_variance` has the fit."""
     unchecked_sigma_deg: float = tuned(8.0, "deg")
-    """E, degrees: 1 σ of a normal that nothing has checked: fewer than four lights are usable, or something is wrong
-    with the capture that could not be put right. Of 118 captures with a fault or metal left in (design seeds 70–73,
-    eight lights, no model selection) P(e < σ) is 0.62 with 5°, 0.70 with 8° and 0.78 with 12°, P(e < 2σ) 0.86, 0.92 and
-    0.96, and the largest rms e/σ 2.5, 2.1 and 1.7; the likeliest for few lights is 9° (scratch evaluations, November
-    2026). Lobes of single pixels start on a ring of that radius round the normals of the model before, which are 8° off
-    on lacquer (decision 35)."""
+    """E, 1 σ of a normal that nothing has checked: fewer than four lights are usable, or the capture has a fault that
+    could not be corrected. Measured on 118 captures with a fault or metal left in (design seeds 70–73, eight lights, no
+    model selection): P(e < σ) is 0.62 with 5°, 0.70 with 8° and 0.78 with 12°, P(e < 2σ) 0.86, 0.92 and 0.96, and the
+    largest rms e/σ 2.5, 2.1 and 1.7. For few lights 9° is likeliest (scratch evaluations, November 2026). Lobes of
+    single pixels start on a ring of this radius round the last model's normals, 8° off on lacquer (decision 35)."""
     many_lights: int = tuned(24, "lights")
-    """Lights from which a highlight is in several images of a pixel, so that it is also solved without the brightest
-    quarter of them, and from which a reflectance can be fitted to each pixel (seven unknowns). Under twenty lights the
-    quarter is worse on parts with walls: 2.3° and 2.7° on `few_light_scenes`' matt part."""
+    """Number of lights from which a highlight is in several images of a pixel. From then on, a pixel is also solved
+    without the brightest quarter of them, and a reflectance can be fitted to each pixel (seven unknowns). Under twenty
+    lights, omitting the quarter is worse on parts with walls: 2.3° and 2.7° on `few_light_scenes`' matt part."""
 
     @property
     def weakly_checked_sigma_deg(self) -> float:
-        """Half of E, degrees: 1 σ of the normals of metal, of which a pixel has little but its highlights; above it an
-        error comes from too few lights and is shared by neighbours, and integrability does not lower σ. With E itself σ
-        is smaller on all of 75 captures of design seeds 100–109, and rms e/σ 0.1 larger (November 2026)."""
+        """Half of E, degrees: 1 σ of the normals of metal, where a pixel has little but its highlights. Errors of a
+        larger σ come from too few lights and are shared by neighbours, so integrability does not lower it. With E as
+        this limit, σ is smaller on all of 75 captures of design seeds 100–109, and rms e/σ 0.1 larger (November 2026).
+        """
         return self.unchecked_sigma_deg / 2
 
 
 SETTINGS = SharedSettings()
 
 METAL, GREY_TILE = "metal", "grey tile"
-"""Kinds of the findings that a surface is metal, and of the grey tile, which no normal rests on."""
+"""Kinds of two findings: that the surface is metal, and that of the grey tile, on which no normal depends."""
 
 PIXEL_UNKNOWNS = 3
-"""Unknowns of a pixel that its residuals pay for: albedo × normal."""
+"""Unknowns of a pixel by which the degrees of freedom of its residuals are reduced: albedo × normal."""
 
 OVERDETERMINED, REDUNDANT = PIXEL_UNKNOWNS + 1, PIXEL_UNKNOWNS + 2
-"""Usable lights from which residuals tell something, and from which they still do without any one of the lights."""
+"""Numbers of usable lights from which residuals are informative, and from which they are so without any one light."""
 
 GAUSSIAN_MEDIAN_DEVIATION = 0.6745
 """Median absolute deviation of a Gaussian, in σ."""
@@ -156,14 +154,14 @@ CAUCHY_SCALE = 2.385
 """Scale of Cauchy's weight, in σ: 95 % efficiency on Gaussian noise (Holland & Welsch, Commun. Stat. A6, 1977)."""
 
 LOBE_SAMPLES = 1025
-"""Samples of a lobe's factor over the cosine: linear interpolation between them is good to 1e-5."""
+"""Number of samples of a lobe's factor over the cosine. Linear interpolation between them is accurate to 1e-5."""
 
 UNDISTORTION_ROUNDS = 5
-"""Fixed-point iterations of the lens distortion's inverse, as many as OpenCV's `undistortPoints` takes."""
+"""Number of fixed-point iterations that invert the lens distortion, as in OpenCV's `undistortPoints`."""
 
 RANDOM_NORMAL_SIGMA_DEG = float(np.degrees(np.sqrt(np.pi**2 / 8 - 0.5)))
 """Rms angle, 49°, between the viewing ray and the normals of the visible surface of any convex body, whose density is
-sin 2θ: 1 σ of a normal of which no image tells anything."""
+sin 2θ. It is 1 σ of a normal on which no image has any information."""
 
 RANDOM_NORMAL_VARIANCE = np.radians(RANDOM_NORMAL_SIGMA_DEG) ** 2
 """The same as a variance, rad²."""
@@ -173,16 +171,16 @@ GRADED_SLANT_DEG = 78.0
 
 
 def bounded_variance(variance_deg2: FloatArray) -> FloatArray:
-    """Variance (...), deg², of normals by the images together with that of a random visible normal: precisions add.
+    """Combines the variance (...), deg², of normals by the images with that of a random visible normal: precisions add.
 
-    A pixel that is hardly lit and fits badly has a variance by its images that no angle between visible normals has.
+    Without it, a pixel that is hardly lit and fits badly has a larger variance than visible normals can have.
     """
     random = RANDOM_NORMAL_SIGMA_DEG**2
     return variance_deg2 * random / (variance_deg2 + random)
 
 
 def capture_sigma_deg(findings: Sequence[ModelFinding]) -> float:
-    """1 σ, degrees, of all normals of a capture by what was found of it: E of uncorrected findings, half of E of a
+    """1 σ, degrees, that the findings of a capture add to all its normals: E for uncorrected findings, half of E for a
     metal that fits (decision 70)."""
     if any(not finding.corrected and finding.kind != GREY_TILE for finding in findings):
         return SETTINGS.unchecked_sigma_deg
@@ -206,7 +204,7 @@ def camera_rays(matrix: FloatArray, distortion: FloatArray, rows: slice, columns
 
 
 def ray_directions(ray: Float32Array) -> Float32Array:
-    """How a pixel's point moves with its depth: ∂x/∂Z (3, ...), view frame, from rays (2, ...)."""
+    """Derivative ∂x/∂Z (3, ...), view frame, of a pixel's point by its depth, from rays (2, ...)."""
     sign = np.diag(VIEW_FROM_CAMERA)[:3].astype(np.float32)
     return np.stack([sign[0] * ray[0], sign[1] * ray[1], np.full_like(ray[0], sign[2])])
 
@@ -241,7 +239,7 @@ def project(calibration: Calibration, positions: npt.ArrayLike) -> FloatArray:
 
 
 def lamps(lights: Sequence[Light]) -> Float32Array:
-    """Lights as an array: position in m and unit axis, view frame, (F, 6); where one has a tilt, that too, (F, 9)."""
+    """Lights as an array: position in m and unit axis, view frame, (F, 6); if one has a tilt, with tilts, (F, 9)."""
     if all(light.tilt is None for light in lights):
         return np.array([[*light.position, *light.axis] for light in lights], dtype=np.float32).reshape(-1, 6)
     rows = [[*light.position, *light.axis, *(light.tilt or (0.0, 0.0, 0.0))] for light in lights]
@@ -278,17 +276,16 @@ def _factor_table(knots_rad: tuple[float, ...], factors: tuple[float, ...]) -> F
 
 
 def facing(normal_map: NormalMap, calibration: Calibration) -> BoolArray:
-    """The solved pixels (H, W) inside the silhouette whose normal lies within `GRADED_SLANT_DEG` of the viewing ray:
-    those that errors count.
+    """The solved pixels (H, W) inside the silhouette with normals within `GRADED_SLANT_DEG` of the viewing ray.
 
-    The rim beyond that slant is seen edge-on by few pixels of large σ, which no light helps.
+    Errors are averaged over them. The rim beyond is seen edge-on by few pixels, whose large σ no light lowers.
     """
     ray = rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
     return normal_map.mask & inside(normal_map.silhouette) & within_graded_slant(normal_map.normals, ray)
 
 
 def inside(silhouette: BoolArray) -> BoolArray:
-    """The object's pixels (H, W) but those of the silhouette itself, which show the table too."""
+    """The object's pixels (H, W) without those on the silhouette's border, which also show the table."""
     return cv2.erode(silhouette.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
 
 
@@ -302,7 +299,7 @@ def bounding_box(mask: BoolArray) -> tuple[slice, slice]:
 def within_graded_slant(normals: Float32Array, ray: Float32Array) -> BoolArray:
     """Which normals (H, W, 3), view frame, lie within `GRADED_SLANT_DEG` of their viewing rays (2, H, W)."""
     out = np.empty(ray.shape[1:], np.bool_)
-    for row, one in enumerate(normals):  # row by row, for the memory that all directions take
+    for row, one in enumerate(normals):  # row by row, because all directions need much memory
         along = ray_directions(ray[:, row])
         cosine = -np.einsum("wc,cw->w", one, along) / np.sqrt(np.einsum("cw,cw->w", along, along))
         out[row] = cosine > np.cos(np.radians(GRADED_SLANT_DEG))
@@ -361,8 +358,8 @@ def _light_vectors(
     "void(float64[:,::1], float64[::1], int64, int64, float32[:,:,::1])", cache=True, parallel=True, error_model="numpy"
 )
 def _undistorted_rays(matrix: FloatArray, distortion: FloatArray, top: int, left: int, out: Float32Array) -> None:
-    """Inverts the lens distortion k1, k2, p1, p2, k3 by fixed-point iteration, for the pixels of a window: OpenCV's
-    `undistortPoints`, of all cores and without its arrays in double precision."""
+    """Inverts the lens distortion k1, k2, p1, p2, k3 by fixed-point iteration, for the pixels of a window: as OpenCV's
+    `undistortPoints`, but on all cores and without its arrays in double precision."""
     k1, k2, p1, p2, k3 = distortion
     for i in numba.prange(out.shape[1]):
         for j in range(out.shape[2]):

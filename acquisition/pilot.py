@@ -28,9 +28,9 @@ RING_SLANT_DEG = 52.5
 SLANT_OF_THREE_DEG = 30.0
 """Slant of the ring of a pilot with three lights; decision 0025."""
 AZIMUTH_STEPS = 24
-"""Azimuths of the pattern that are tried."""
+"""Number of azimuths of the pattern that are tried."""
 MAX_MISS_DEG = 60.0
-"""Largest angle between a light and its ideal position: beyond it, it is no longer on that side of the object."""
+"""Largest angle between a light and its ideal position. Beyond it, the light is on another side of the object."""
 
 
 def pattern(recipe: Recipe, reach: Reach) -> list[Light]:

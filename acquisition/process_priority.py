@@ -1,11 +1,11 @@
 """Scheduling priority of a process: what keeps the arm safe comes before what computes and renders.
 
-The driver's kicks and the service's lease must arrive within a quarter of a second also while every core is busy.
-Niceness orders the processes of one scheduling group alone (a terminal, a container): beside other groups that compute
-a service was seen to wait for 0.7 s. The real-time class (`sched(7)`) comes before all of them. Its price is that
-nothing ordinary runs meanwhile. So a process asks for it only with its start-up work done and while it matters, and
-keeps within a share of one core that it measures itself (decision 53). Raising a priority needs a right that a service
-unit or container grants; without it the process runs on, and the arm stops a little too readily beside other programs.
+The driver's kicks and the service's lease must arrive within a quarter of a second even while every core is busy.
+Niceness orders only the processes of one scheduling group (a terminal, a container): beside other computing groups, a
+service waited for 0.7 s. The real-time class (`sched(7)`) comes before all groups, but nothing ordinary runs meanwhile.
+So a process enters it only after its start-up work and while it matters, and stays within a share of one core that it
+measures itself (decision 53). Raising a priority needs a right that a service unit or container grants. Without it the
+process runs on, and the arm stops a little too readily beside other programs.
 """
 
 import ctypes
@@ -31,10 +31,10 @@ WINDOW_S = 1.0
 
 SPIN_S, SPIN_AT_MOST_S = 0.2, 1.0
 """Processor time, s, without any wait, after which a thread loses the real-time class, and after which the kernel ends
-the process; a turn of the driver takes 1 ms."""
+the process. A turn of the driver takes 1 ms."""
 
 SWITCH = "LIGHTPOSE_REAL_TIME"
-"""Environment variable; `no` forgoes the real-time class where it is not wanted."""
+"""Environment variable; `no` disables the real-time class."""
 
 _OOM_SCORE = 1000
 """The highest `oom_score_adj`: above any other process's score, whatever its size. Raising it needs no right."""
@@ -51,7 +51,7 @@ class Priority(IntEnum):
 
 
 def set_niceness(niceness: int) -> bool:
-    """Sets the niceness of this thread and of those that it starts; whether that is allowed."""
+    """Sets the niceness of this thread and of those that it starts. Returns whether that is allowed."""
     try:
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
     except PermissionError:
@@ -60,7 +60,7 @@ def set_niceness(niceness: int) -> bool:
 
 
 def end_first_without_memory() -> None:
-    """Offers this process to the kernel before any other one when memory runs out (`oom_score_adj`, proc(5))."""
+    """Makes the kernel end this process before any other when memory runs out (`oom_score_adj`, proc(5))."""
     with suppress(OSError):  # a container may hide the file: then the kernel decides by size alone
         Path("/proc/self/oom_score_adj").write_text(str(_OOM_SCORE), encoding="ascii")
 
@@ -68,14 +68,14 @@ def end_first_without_memory() -> None:
 class RealTime:
     """The real-time class (SCHED_RR, lowest priority) for all threads of this process, within a share of one core.
 
-    Not for several threads: one loop calls `enter` when its start-up work is done and whenever threads have been
-    started since, `leave` before further such work, and `keep_share` once a turn.
+    Only one thread may use it: its loop calls `enter` when start-up work is done and whenever threads have been started
+    since, `leave` before further such work, and `keep_share` once a turn.
     """
 
     def __init__(self, share: float) -> None:
-        """`share` of a core, over WINDOW_S; a process that has used it up is an ordinary one until the window ends.
+        """`share` is that of one core over WINDOW_S. A process that has used it up is ordinary until the window ends.
 
-        A share of 0 is a process that stays ordinary.
+        With a share of 0 the process stays ordinary.
         """
         self._share_s = share * WINDOW_S
         self._granted = None if share > 0 else False  # none: not asked for yet
@@ -86,7 +86,7 @@ class RealTime:
 
     @property
     def granted(self) -> bool:
-        """Whether this process may; False before the first `enter`."""
+        """Whether this process may enter the real-time class; False before the first `enter`."""
         return bool(self._granted)
 
     def enter(self) -> None:
@@ -120,7 +120,7 @@ class RealTime:
             self._go_inside()
 
     def _count(self) -> float:
-        """Processor time, s, that was spent inside in this window."""
+        """Processor time, s, spent in the real-time class in this window."""
         now, used = time.monotonic(), time.process_time()
         if self._inside:
             self._spent_s += used - self._counted_to
@@ -130,7 +130,7 @@ class RealTime:
         return self._spent_s
 
     def end_what_spins(self) -> None:
-        """Has the kernel end this process when a thread does not wait for SPIN_AT_MOST_S: a loop that nobody ends."""
+        """Makes the kernel end this process when a thread runs for SPIN_AT_MOST_S without a wait: an endless loop."""
         _, hard = resource.getrlimit(resource.RLIMIT_RTTIME)
         limit = int(1e6 * SPIN_AT_MOST_S)
         limit = limit if hard == resource.RLIM_INFINITY else min(hard, limit)
@@ -154,7 +154,7 @@ class RealTime:
 
     @staticmethod
     def _set(policy: int, priority: int) -> None:
-        """For each thread; one that has just ended needs nothing. What it starts is ordinary."""
+        """Sets the policy of each thread; one that has just ended is skipped. What a thread starts is ordinary."""
         for thread in Path("/proc/self/task").iterdir():
             try:
                 os.sched_setscheduler(int(thread.name), policy | os.SCHED_RESET_ON_FORK, os.sched_param(priority))

@@ -1,9 +1,9 @@
 """The states of a session, the transitions between them, and the choice of its next step: read this first.
 
-Two axes, kept apart. `State` answers "may the arm move?" and changes only by the table `TRANSITIONS`. `Stage` answers
-"how far has the work come?"; it is derived from the next step and never stored. The next step is a pure function of the
-journal and of the measured joints, so running, pausing, crashing and resuming are one loop: `next_step` returns the
-work that is left, and a route is planned anew whenever the arm is not where the last one expects it.
+Two axes are kept apart. `State` answers "may the arm move?" and changes only by the table `TRANSITIONS`. `Stage`
+answers "how far has the work come?"; it is derived from the next step and never stored. The next step is a pure
+function of the journal and of the measured joints, so running, pausing, crashing and resuming are one loop: `next_step`
+returns the work that is left, and a new route is planned whenever the arm is not where the last route expects it.
 
 ```mermaid
 stateDiagram-v2
@@ -75,7 +75,7 @@ FIRST_REFERENCE_NUMBER = 1000
 
 
 FIRST_FURTHER_NUMBER, FURTHER_PER_LIGHT = 10_000, 100
-"""Number of the first further frame of a pass's first light, and how far those of successive lights are apart."""
+"""Number of the first further frame of a pass's first light, and the distance to that of the next light."""
 
 
 class State(StrEnum):
@@ -106,7 +106,7 @@ ARM_STATE: dict[State, str] = {
 """Each state, as a sentence for people about the arm."""
 
 RIG_HOLDING = frozenset({State.RUNNING, State.PAUSING, State.PAUSED, State.STOPPING, State.INTERRUPTED})
-"""States of the session that holds the lease of the rig: a unique index of the database admits one such session."""
+"""States in which a session holds the lease of the rig. A unique index of the database admits one such session."""
 
 ENDED = frozenset({State.COMPLETED, State.STOPPED, State.FAILED})
 """States without a transition out of them."""
@@ -118,19 +118,19 @@ class Trigger(StrEnum):
     START = "start"
     """Begin a session that was created: takes the rig, connects the devices and moves the arm."""
     PAUSE = "pause"
-    """Rest after the step in progress, to look or to mend something; not for danger: that step is still completed."""
+    """Rest after the step in progress, to inspect or mend something. Not for danger: that step is still completed."""
     RESUME = "resume"
-    """Go on after a pause or an interruption, when the cell has been looked at: the arm may move at once."""
+    """Continue after a pause or an interruption, once the cell has been inspected. The arm may move at once."""
     STOP = "stop"
     """Halt the arm now and end the session for good; its frames and results are kept."""
     AT_REST = "settle"
-    """The runner has read that the arm is at rest, or a halt has been carried out: ends `pausing` and `stopping`."""
+    """The arm is at rest, as a reading has shown, or a halt has been carried out. Ends `pausing` and `stopping`."""
     FINISH = "finish"
     """The runner has no step left: the recipe is fulfilled."""
     FAIL = "fail"
-    """A step failed for a reason that neither a pause nor a look at the devices can mend."""
+    """A step failed for a reason that neither a pause nor an inspection of the devices can remedy."""
     INTERRUPT = "interrupt"
-    """A device failed, a safety fault was latched, or the service ended: a person decides how it goes on."""
+    """A device failed, a safety fault was latched, or the service ended. A person decides how the session continues."""
 
 
 class Actor(StrEnum):
@@ -143,7 +143,7 @@ class Actor(StrEnum):
 
     @classmethod
     def of(cls, name: str) -> "Actor":
-        """The actor behind a name in the journal: the service's own two parts, else a person who operates."""
+        """Returns the actor of a name in the journal: the runner or the service, otherwise an operator."""
         return cls(name) if name in (cls.RUNNER, cls.SERVICE) else cls.OPERATOR
 
 
@@ -191,11 +191,11 @@ NO_OP: dict[Trigger, frozenset[State]] = {
     Trigger.PAUSE: frozenset({State.PAUSING, State.PAUSED}),
     Trigger.STOP: frozenset({State.STOPPING, State.STOPPED}),
 }
-"""States in which an action has its effect already: it succeeds and changes nothing (actions are idempotent)."""
+"""States in which an action has already taken effect: it succeeds and changes nothing (actions are idempotent)."""
 
 
 def next_state(state: State, trigger: Trigger, actor: Actor) -> State | None:
-    """The state after a trigger; the same one where the trigger is a no-op; None where it is not allowed."""
+    """Returns the state after a trigger: the same one if the trigger is a no-op, None if it is not allowed."""
     if trigger not in PERMISSIONS[actor]:
         return None
     if trigger in NO_OP and state in NO_OP[trigger]:
@@ -241,7 +241,7 @@ class PassRecord:
 
     @property
     def lights_left(self) -> tuple[int, ...]:
-        """Numbers of the plan's lights that have not all their frames."""
+        """Numbers of the plan's lights that still lack frames."""
         lights = range(0 if self.plan is None else len(self.plan.lights))
         return tuple(one for one in lights if one not in self.shots or self.missing_frame(one) is not None)
 
@@ -360,7 +360,7 @@ def progress(record: SessionRecord) -> float:
 
 
 def same_joints(joints: tuple[float, ...], other: tuple[float, ...]) -> bool:
-    """Whether two joint configurations (rad) are the same within `SAME_PLACE_RAD`; full turns differ."""
+    """Whether two joint configurations (rad) are the same within `SAME_JOINTS_RAD`; full turns differ."""
     return len(joints) == len(other) and all(
         abs(one - two) < SAME_JOINTS_RAD for one, two in zip(joints, other, strict=True)
     )
@@ -391,20 +391,20 @@ def _takes_darks(recipe: AnyRecipe) -> bool:
 
 
 def _may_have_moved(work: PassRecord) -> bool:
-    """Whether the object could have moved unnoticed within a pass: an image was not compared with a predicted one."""
+    """Whether the object could have moved unnoticed within a pass: some image was not compared with a predicted one."""
     return any(shot.quality.shift_px is None for shot in work.shots.values())
 
 
 def _waits_for(recipe: AnyRecipe, pass_number: int) -> AwaitReview | AwaitTarget | None:
-    """What a person does before the images of a pass: looks at its plan, or puts another target into the object's
-    place, the first one's being there."""
+    """What a pass waits for before its images: the review of its plan, or another target in the object's place. The
+    target of the first pass is there already."""
     if isinstance(recipe, CalibrationRecipe):
         return AwaitTarget(pass_number) if pass_number > 0 and recipe.waits_for_targets else None
     return AwaitReview(pass_number) if recipe.review_plan and not _is_pilot(recipe, pass_number) else None
 
 
 def _same_scene(record: SessionRecord, pass_number: int) -> tuple[PassRecord, ...]:
-    """The passes that show what this one does: all, unless each has a target of its own."""
+    """The passes that show the same scene as this one: all, unless each has a target of its own."""
     if isinstance(record.recipe, CalibrationRecipe) and record.recipe.waits_for_targets:
         return record.passes[pass_number : pass_number + 1]
     return record.passes
@@ -422,7 +422,7 @@ def _newest_image(record: SessionRecord, pass_number: int) -> Shot | None:
 
 
 def _next_legs(route: Route, left: tuple[int, ...], joints: tuple[float, ...]) -> list[tuple[int, Waypoint]]:
-    """The remaining lights and waypoints from the leg at whose start (or end) the arm is, as far as without a gap."""
+    """The remaining lights and waypoints without a gap, from the leg at whose start or end the arm is."""
     if not set(left) <= set(route.light_numbers):
         return []
     leg_start: tuple[float, ...] = route.start

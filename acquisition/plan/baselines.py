@@ -88,8 +88,8 @@ def two_rings(count: int, turn: float = 0.0) -> FloatArray:
 def ring(count: int, slant_rad: float, turn: float = 0.0) -> FloatArray:
     """One ring: unit directions (count, 3) at equal steps of azimuth, the first at `turn` of a step.
 
-    At the greatest allowed slant θ it minimises the criterion of Gardi, Walter and Garbe for a surface that faces the
-    camera: for m unit lights S, tr(B(SᵀS)⁻¹Bᵀ) with B = I − n nᵀ is at least 4/(m sin²θ), as a ring of m ≥ 3 attains.
+    At the greatest allowed slant θ, a ring of m ≥ 3 lights minimises the criterion of Gardi, Walter and Garbe for a
+    surface that faces the camera: of m unit lights S, tr(B(SᵀS)⁻¹Bᵀ) with B = I − n nᵀ is at least 4/(m sin²θ).
     """
     return geometry.direction(slant_rad, (turn + np.arange(count)) * 2 * np.pi / count)
 
