@@ -1,1 +1,1 @@
-"""File formats: folders of images in, exports and the report of a result out."""
+"""File formats: readers of image folders, and writers of exports and reports."""

@@ -1,6 +1,6 @@
-"""Atomic writing of folders: written under a hidden name in the same parent folder, then renamed.
+"""Atomic writing of folders: they are written under a hidden name in the same parent folder, then renamed.
 
-A process that is killed leaves the hidden folder behind. Whoever knows that nobody writes there any more discards it.
+A killed process leaves its hidden folder behind. `discard_partial` removes it once nobody writes there any more.
 """
 
 import shutil
@@ -11,17 +11,17 @@ from pathlib import Path
 
 
 def discard_partial(folder: Path) -> None:
-    """Removes what killed processes have left of `atomic_folder(folder)`."""
+    """Removes the hidden folders that killed processes have left of `atomic_folder(folder)`."""
     for partial in folder.parent.glob(f".{folder.name}.*"):
         shutil.rmtree(partial, ignore_errors=True)
 
 
 @contextmanager
 def written_by_job(folder: Path) -> Generator[None]:
-    """For the time in which another process makes `folder`: nothing is left of an earlier attempt, nor of this one when
-    it fails, because its process may have been killed while it wrote.
+    """Cleans up around the block in which another process makes `folder`.
 
-    For a folder that nothing refers to yet: what stands there was left by a crash before its entry in the journal.
+    An existing folder is removed first: nothing refers to it yet, a crash left it before its entry in the journal. If
+    the block fails, hidden folders are removed, because the process may have been killed while it wrote.
     """
     if folder.exists():
         shutil.rmtree(folder)
@@ -34,9 +34,9 @@ def written_by_job(folder: Path) -> Generator[None]:
 
 @contextmanager
 def atomic_folder(folder: Path) -> Generator[Path]:
-    """Yields a hidden folder to write into; it takes the name `folder` when the block ends, and is gone when it fails.
+    """Yields a hidden folder to write into. It is renamed to `folder` when the block ends, and removed if it fails.
 
-    What stood there before is replaced as a whole.
+    An existing folder is replaced as a whole.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))

@@ -1,5 +1,4 @@
-"""Reading of a session folder's frames by rows; needs the files only, not the journal, so that a folder can be
-copied."""
+"""Reading of a session folder's frames by rows. It needs only the files, not the journal, so a folder can be copied."""
 
 from dataclasses import dataclass
 from pathlib import Path

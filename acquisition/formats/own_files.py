@@ -1,6 +1,6 @@
-"""Folders that list the files that we wrote into them, with SHA-256, so that replacing one loses nobody's own work.
+"""Folders with a list of the files that this program wrote, so that replacing one does not delete other people's work.
 
-The list stands in a JSON object of the folder, under `files`; that file itself is not in it.
+The list has the SHA-256 of each file. It is in a JSON file of the folder, under `files`, without that file itself.
 """
 
 import hashlib
@@ -12,16 +12,16 @@ from acquisition.models.errors import ErrorCode, RigError
 
 LIST = "files"
 LITTER = frozenset({".DS_Store", "Thumbs.db", "desktop.ini"})
-"""Files that file managers put anywhere, which nobody misses."""
+"""Files that file managers create anywhere and nobody misses."""
 
 
 def checksums(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file below a folder, by its name from there with slashes."""
+    """SHA-256 of every file below a folder, by its relative path with slashes."""
     return {path.relative_to(folder).as_posix(): _checksum(path) for path in sorted(folder.rglob("*")) if _kept(path)}
 
 
 def refuse_foreign(folder: Path, sign: str) -> None:
-    """Refuses a folder with anything that we did not write, or that was changed since, by the list in its file `sign`.
+    """Refuses a folder with files that this program did not write or that were changed since, by the list in `sign`.
 
     An empty folder, or none, is accepted. Raises RigError folder.invalid naming the first such file.
     """
@@ -64,7 +64,7 @@ def _refuse_unlisted(folder: Path, sign: str, listed: dict[str, str]) -> None:
 
 
 def _listed(sign: Path) -> dict[str, str]:
-    """The list of a folder's files. Raises RigError folder.invalid where there is none."""
+    """Reads the list of a folder's files. Raises RigError folder.invalid if there is none."""
     try:
         content: Any = json.loads(sign.read_bytes())
     except ValueError:
@@ -80,7 +80,7 @@ def _listed(sign: Path) -> dict[str, str]:
 
 
 def _kept(path: Path) -> bool:
-    """Whether a path is something that somebody may miss: anything but folders and litter."""
+    """Whether somebody may miss a path: anything but folders and litter."""
     return path.name not in LITTER and (path.is_symlink() or not path.is_dir())
 
 

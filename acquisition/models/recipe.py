@@ -8,8 +8,7 @@ from acquisition.models.base import Value, Vector3
 
 Method = Literal["optimal", "two-rings", "ring", "drbohlav", "max-distance", "paper", "random", "user"]
 ExposurePlan = Literal["fixed", "planned"]
-"""`fixed`: one automatic exposure of each light. `planned`: exposures are part of the plan; several exposures of one
-light are merged with inverse-variance weights."""
+"""One automatic exposure of each light; or planned exposures, several of one light merged by inverse variances."""
 
 UNPLANNED_FACTOR = 8.0
 """Ratio of a light's second exposure time to its automatic one while its exposures are not planned, as in a pilot."""

@@ -1,8 +1,8 @@
-"""Readers of capture folders, recognised by the files in them: DiLiGenT-style, `.lp`, near light, our own sessions.
+"""Readers of capture folders, recognised by the files in them: DiLiGenT-style, `.lp`, near light, sessions.
 
-Each reader gives the same value, an `ImageSet`, and knows nothing of solvers; session folders give a `SessionCapture`,
-which the session solver reads. Faults of a folder are refused here, before anything is solved or written, naming the
-file. Before: any capture. After: `normals.distant`, or `normals.solve` for near light.
+Each reader returns an `ImageSet` and is independent of solvers. Session folders give a `SessionCapture`, which the
+session solver reads. A faulty folder is refused here, before anything is solved or written, with the name of the file.
+Before: any capture. After: `normals.distant`, or `normals.solve` for near light.
 """
 
 import tempfile
@@ -24,16 +24,16 @@ __all__ = ["Kind", "Progress", "SessionCapture", "Sphere", "kind_of", "read"]
 
 Kind = Literal["diligent", "lp", "near", "session"]
 READERS = {"diligent": diligent_folder.read, "lp": lp_folder.read}
-"""Readers of folders with directions."""
+"""Readers of folders that state light directions."""
 
 
 def kind_of(folder: Path) -> Kind:
-    """Which format a folder (or an `.lp` file) has. Raises RigError folder.invalid when it has none of them."""
+    """Returns the format of a folder or an `.lp` file. Raises RigError folder.invalid when it has none of them."""
     return _format(folder)[0]
 
 
 def _format(folder: Path) -> tuple[Kind, Path]:
-    """The format, and the file that lists the lights."""
+    """Returns the format, and the file that lists the lights."""
     if folder.suffix.lower() == ".lp" and folder.is_file():
         return "lp", folder
     if not folder.is_dir():
@@ -62,9 +62,9 @@ def read(
 ) -> ImageSet:  # fmt: skip
     """Reads a DiLiGenT-style, `.lp` or near-light folder, with its ground truth.
 
-    `scratch` is an existing folder for images that have to be decoded in full; it has to live as long as the result.
-    `sphere` is a sphere in the image, whose normals are the truth; `full_scale` is the stored value that is 1.0 of a
-    folder with directions, by default the type's. Raises RigError folder.invalid naming the file, and
+    `scratch` is an existing folder for images that have to be decoded in full; it must exist as long as the result.
+    `sphere` is a sphere in the image whose normals are the truth. For folders with directions, `full_scale` is the
+    stored value that means 1.0, by default that of the type. Raises RigError folder.invalid naming the file, and
     normals.infeasible for lights that no solver can use.
     """
     kind, lights = _format(folder)

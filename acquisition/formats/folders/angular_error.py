@@ -11,9 +11,9 @@ from acquisition.normals.images.image_set import ImageSet
 
 @dataclass(frozen=True)
 class AngularErrors:
-    """Angular errors in degrees over `pixels` graded pixels; `coverage` is their share of those that could be graded.
+    """Angular errors in degrees over `pixels` graded pixels. `coverage` is their share of those that could be graded.
 
-    `sigma_ratio` is the median error over the median that σ predicts (1 is right), none where there is no σ.
+    `sigma_ratio` is the median error divided by the median that σ predicts (ideally 1); None: there is no σ.
     """
 
     mean_deg: float
@@ -25,7 +25,7 @@ class AngularErrors:
 
 
 def angular_errors(normal_map: NormalMap, images: ImageSet) -> AngularErrors | None:
-    """Angular errors of a result within the evaluation mask (default: the mask) where truth is known; none without.
+    """Angular errors of a result within the evaluation mask (default: the mask) where truth is known; None: no truth.
 
     Raises RigError normals.infeasible when no such pixel has a normal.
     """

@@ -1,4 +1,4 @@
-"""Assembly of the image set that every reader returns: pixels, lights and masks, with the images checked once."""
+"""Assembly of the image set that every reader returns, from pixels, lights and masks. The images are checked here."""
 
 from collections.abc import Sequence
 
@@ -22,11 +22,11 @@ EIGHT_BITS = (
 LOSSY = (".jpg", ".jpeg")
 
 NO_SATURATION_LEVEL = 1e30
-"""Level of floating-point images with values above 1, such as merged exposures: none counts as clipped."""
+"""Saturation level of floating-point images with values above 1, such as merged exposures: no value is clipped."""
 
 
 def lossy(names: Sequence[str]) -> list[str]:
-    """A warning where images are JPEG files."""
+    """Returns a warning if images are JPEG files."""
     if not any(name.lower().endswith(LOSSY) for name in names):
         return []
     return ["JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten."]
@@ -39,7 +39,7 @@ def irradiance(lights: DistantLights) -> FloatArray:
 
 
 def mask_in(images: FolderImages, name: str = MASK) -> BoolArray | None:
-    """A mask (H, W) of the folder's images, none when the folder has none. Raises RigError folder.invalid."""
+    """Reads a mask (H, W) of the folder's images; None: the folder has none. Raises RigError folder.invalid."""
     path = images.folder / name
     return image_files.read_mask(path, images.size) if path.exists() else None
 
@@ -48,12 +48,12 @@ def image_set(
     images: FolderImages, lights: DistantLights | NearLights, mask: BoolArray | None, *, kind: str,
     warnings: list[str], irradiance: FloatArray, black_level: int = 0,
 ) -> ImageSet:  # fmt: skip
-    """Assembles the image set of a folder, images in the order of `lights`, solved in `mask` (H, W), none: the whole
-    frame; `kind` is the format's name, `irradiance` (F, 3) directions from the object to the lights times irradiance,
-    `black_level` what was subtracted from stored values.
+    """Assembles the image set of a folder, with images in the order of `lights`.
 
-    Raises RigError folder.invalid naming an image that is black or overexposed, that equals others or exceeds the full
-    scale that is stated, or an evaluation mask that is wrong.
+    `mask` (H, W) marks the pixels to solve, None: the whole frame. `kind` is the name of the format. `irradiance`
+    (F, 3) are directions from the object to the lights times irradiance. `black_level` was subtracted from stored
+    values. Raises RigError folder.invalid naming an image that is black or overexposed, equals others or exceeds the
+    stated full scale, or a mask that is wrong.
     """
     area = np.ones(images.size, np.bool_) if mask is None else mask
     if mask is not None:
@@ -88,7 +88,7 @@ def image_set(
 
 
 def _refuse_few_pixels(images: FolderImages, mask: BoolArray) -> None:
-    """Refuses a mask of fewer pixels than are solved. Raises RigError folder.invalid."""
+    """Refuses a mask with too few pixels for a solve. Raises RigError folder.invalid."""
     count, most = int(np.count_nonzero(mask)), SOLVE_CHECK.min_pixels
     if count < most or any(one.stop - one.start == 1 for one in photometry.bounding_box(mask)):
         raise refusal(

@@ -1,7 +1,7 @@
 """DiLiGenT-style folders: `filenames.txt`, light directions and RGB intensities, `mask.png`, 16-bit PNG images.
 
-Directions are in the field's frame already (x right, y up, z to the camera). Each channel is divided by its own
-intensity; grey images are divided by the mean of the three.
+Directions are in the view frame already (x right, y up, z to the camera). Each channel is divided by its own intensity,
+a grey image by the mean of the three.
 """
 
 from pathlib import Path
@@ -21,7 +21,7 @@ LISTS = (DIRECTIONS, NAMES, INTENSITIES)
 def read(
     path: Path, scratch: Path, progress: Progress | None = None, full_scale: float | None = None
 ) -> ImageSet:  # fmt: skip
-    """Reads the folder of a file of directions; `full_scale` is the stored value that is 1.0, by default the type's.
+    """Reads the folder of a file of directions; `full_scale` is the stored value of 1.0, by default the type's.
 
     Raises RigError folder.invalid naming the file that is wrong.
     """

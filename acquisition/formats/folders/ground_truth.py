@@ -14,7 +14,7 @@ from acquisition.normals.images.image_set import Camera
 FILES = ("Normal_gt.mat", "normals_gt.npy", "normals_gt.tiff", "normals_gt.tif", "normals_gt.exr")
 VARIABLE = "Normal_gt"
 MIN_RELATIVE_LENGTH = 0.02
-"""Least length of a vector that counts as known, as a share of the median length of those that are not zero."""
+"""Minimum length of a vector that counts as known, as a share of the median length of the non-zero vectors."""
 
 EXR_CHANNELS = (("N.X", "N.Y", "N.Z"), ("normal.X", "normal.Y", "normal.Z"), ("X", "Y", "Z"), ("R", "G", "B"))
 
@@ -28,7 +28,7 @@ class Sphere(NamedTuple):
 
 
 def read(folder: Path, height: int, width: int) -> Float32Array | None:
-    """True normals (H, W, 3), view frame, unit length or zero where unknown; none when the folder has none.
+    """Reads true normals (H, W, 3), view frame, of unit length or zero where unknown; None: the folder has none.
 
     Raises RigError folder.invalid naming the file when it is damaged or of another size.
     """
@@ -40,10 +40,10 @@ def read(folder: Path, height: int, width: int) -> Float32Array | None:
 
 
 def sphere_normals(sphere: Sphere, height: int, width: int, camera: Camera | None) -> tuple[Float32Array, BoolArray]:
-    """Normals (H, W, 3), view frame, of a sphere seen by this camera (none: orthographic), and where it is (H, W).
+    """Normals (H, W, 3), view frame, of a sphere seen by this camera (None: orthographic), and where it is (H, W).
 
-    In perspective the sphere is the one whose outline's cone has the ray of the centre as its axis and the radius's
-    half angle: its image off the axis is an ellipse, and its normals are not those of a hemisphere.
+    In perspective, the rays of the outline form a cone about the ray of the centre, with the half angle of the radius.
+    Off the axis the sphere's image is an ellipse, and its normals are not those of a hemisphere.
     """
     row, column = np.mgrid[:height, :width].astype(np.float64)
     if camera is None:
@@ -111,6 +111,6 @@ def _normals(path: Path, values: np.ndarray, height: int, width: int) -> Float32
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     if not np.any(length > 0):
         raise refusal(path, "holds no normals: x right, y up, z to the camera")
-    # Any length will do; what is next to nothing beside the others is where nothing is known.
+    # Vectors may have any length; those far shorter than the others mark pixels without known normals.
     least = MIN_RELATIVE_LENGTH * float(np.median(length[length > 0]))
     return np.where(length > least, normals / np.maximum(length, least), 0).astype(np.float32)

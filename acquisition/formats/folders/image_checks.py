@@ -1,4 +1,4 @@
-"""Checks of a folder's images as a whole: black, overexposed or equal ones, values that are no numbers, full scale."""
+"""Checks of a folder's images: black, overexposed or equal images, values that are not numbers, full scale."""
 
 import hashlib
 from collections.abc import Iterable
@@ -18,28 +18,27 @@ MAX_SATURATED_SHARE = 0.9
 """Share of clipped pixels above which an image is refused."""
 
 SAMPLE_ROWS = 64
-"""Rows of each image that are looked at where a sample will do."""
+"""Rows of each image that are read where a sample suffices."""
 
 LEAST_IMAGES = 3
-"""Images that differ, of which a normal can be solved at the least."""
+"""Minimum number of different images from which a normal can be solved."""
 
 CONVERTERS = {10: 1023, 12: 4095, 14: 16383}
-"""Greatest values of cameras whose bits do not fill the 16 of a file."""
+"""Greatest values of cameras with fewer bits than the 16 of a file, by number of bits."""
 
 GAP_PX, MIN_PAIRS = 4, 200
-"""Distance of the pixels whose residuals are compared, beyond the reach of a demosaicing filter; and how many pairs of
-them tell at the least."""
+"""Distance of the pixels whose residuals are compared, beyond the reach of a demosaicing filter, and the minimum number
+of such pairs."""
 
 SAME_SCALE, SAME_SHARE, NOISE_CORRELATION, PLANE_MISFIT = 0.03, 0.05, 0.3, 0.05
-"""Images show the same where their scales differ by less than this share, the rest is less than that share of the
-values, and correlates by less between pixels, as noise does; and no plane would look so under the lights, whose scales
-it misses by more than this share. Of 48 captures of design seeds 486–491 (eight families, eight lights by two rings)
-scales differ by 0.28 at least, and the rest is 0.12 at least."""
+"""Images show the same if their scales differ by less than `SAME_SCALE`, their residuals are a smaller share of the
+values than `SAME_SHARE` and correlate between pixels by less than `NOISE_CORRELATION`, as noise does, and the best
+plane under the lights misses the scales by more than `PLANE_MISFIT`. Measured on 48 captures of design seeds 486–491
+(eight families, eight lights by two rings): scales differ by at least 0.28, and residuals are at least 0.12."""
 
 
 def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float) -> None:
-    """Refuses images that are all black or saturated within the mask, by a sample of rows, or that hold a value there
-    which is not a number or infinite.
+    """Refuses images that are black or saturated within the mask, by a sample of rows, or have non-finite values there.
 
     Raises RigError folder.invalid naming the image.
     """
@@ -63,7 +62,7 @@ def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float
 
 
 def exceeds(images: FolderImages, level: float, mask: BoolArray) -> str | None:
-    """The first image that holds a stored value above a level within the mask; none: no image does."""
+    """Returns the name of the first image with a stored value above a level within the mask; None: there is none."""
     for index, name in enumerate(images.names):
         for rows in row_blocks(images.size[0]):
             inside = mask[rows]
@@ -74,7 +73,7 @@ def exceeds(images: FolderImages, level: float, mask: BoolArray) -> str | None:
 
 
 def refuse_above_full_scale(images: FolderImages, mask: BoolArray) -> None:
-    """Refuses images whose values exceed a full scale that is stated. Raises RigError folder.invalid naming one."""
+    """Refuses images with values above the stated full scale. Raises RigError folder.invalid naming one."""
     name = exceeds(images, images.full_scale, mask)
     if name is not None:
         raise refusal(
@@ -84,8 +83,8 @@ def refuse_above_full_scale(images: FolderImages, mask: BoolArray) -> None:
 
 
 def unfilled_bits(images: FolderImages, black_level: int = 0) -> str | None:
-    """A warning where 16-bit files hold only values of a camera of fewer bits, so that none counts as clipped; none:
-    they fill them, or full scale is stated."""
+    """Warns if 16-bit files hold only values of a camera with fewer bits, so that no pixel counts as clipped. Returns
+    None if the values fill the 16 bits, or full scale is stated."""
     if images.kind != "uint16" or images.stated_full_scale is not None:
         return None
     top = 0
@@ -104,7 +103,7 @@ def unfilled_bits(images: FolderImages, black_level: int = 0) -> str | None:
 
 
 def equal_images(images: FolderImages, mask: BoolArray) -> list[list[int]]:
-    """Numbers of images that hold the same values, a list for each group."""
+    """Returns the numbers of images that hold the same values, a list for each group."""
     alike = _groups([_digest([_sample(images, index, mask)]) for index in range(len(images.names))])
     found: list[list[int]] = []
     for group in alike:  # a sample of rows may be alike by chance
@@ -114,8 +113,8 @@ def equal_images(images: FolderImages, mask: BoolArray) -> list[list[int]]:
 
 
 def refuse_same(images: FolderImages, mask: BoolArray, lights: FloatArray) -> list[str]:
-    """Warnings of equal images. Refuses images of which fewer than three differ, or that all show the same but for
-    noise, though a plane would not look the same under `lights` (F, 3), directions times irradiance.
+    """Warns of equal images. Refuses images of which fewer than three differ, or that all show the same but for noise,
+    unless a plane would look the same under `lights` (F, 3), directions times irradiance.
 
     Raises RigError folder.invalid naming the images.
     """
@@ -140,7 +139,7 @@ def refuse_same(images: FolderImages, mask: BoolArray, lights: FloatArray) -> li
 
 
 def _shows_the_same(images: FolderImages, mask: BoolArray, lights: FloatArray) -> bool:
-    """Whether the images differ by noise alone, while a plane's would not."""
+    """Whether the images differ by noise alone, while those of a plane would differ by more."""
     values: list[FloatArray] = []
     rows = _sample_rows(mask)
     pairs = [np.flatnonzero(mask[row, :-GAP_PX] & mask[row, GAP_PX:]) for row in rows]
@@ -183,7 +182,7 @@ def _sample(images: FolderImages, index: int, mask: BoolArray) -> np.ndarray:
 
 
 def _like(images: FolderImages, mask: BoolArray) -> BoolArray:
-    """A mask of rows as the images' rows are: with an axis for the channels."""
+    """Returns a mask of rows in the shape of the images' rows, with an axis for the channels if these have one."""
     return mask if images.channels == 1 else mask[..., None]
 
 
@@ -199,7 +198,7 @@ def _digest(parts: Iterable[np.ndarray]) -> bytes:
 
 
 def _groups(digests: list[bytes]) -> list[list[int]]:
-    """Numbers of equal digests, where there are several."""
+    """Groups the numbers of equal digests; single ones are left out."""
     found: dict[bytes, list[int]] = {}
     for number, digest in enumerate(digests):
         found.setdefault(digest, []).append(number)

@@ -1,8 +1,8 @@
 """Reading of image files by rows, from the location of their pixels on disk, so that a stack need not fit into memory.
 
-Uncompressed TIFF is read in place. Every other format has to be decoded in full, so it is decoded once, a few files at
-a time, into raw files of a scratch folder; from then on both are a file, an offset and a shape. The operating system's
-page cache keeps what memory allows.
+Uncompressed TIFF is read in place. Every other format is decoded once and in full, a few files at a time, into raw
+files of a scratch folder. Both are then a file, an offset and a shape. The operating system's page cache keeps in
+memory what fits.
 """
 
 import errno
@@ -26,16 +26,16 @@ from acquisition.normals.images.image_set import StoredValues
 
 FULL_SCALE = {"uint8": 255.0, "uint16": 65535.0, "float32": 1.0}
 DECODER_THREADS = 2
-"""Files decoded at once; each takes the memory of one image."""
+"""Number of files decoded at once. Each takes the memory of one image."""
 
 TIFF_NAMES = (".tif", ".tiff")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 EXR_SIGNATURE = b"v/1\x01"
 READ_FORMATS = "PNG, TIFF, JPEG, BMP, PGM or PPM"
-"""Formats of images that are read, in words."""
+"""Image formats that can be read, as text for people."""
 
 Progress = Callable[[int, int], None]
-"""Called with how many files are done and how many there are."""
+"""Called with the number of files that are done and the number of all."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class PixelLocation:
 
 @dataclass(frozen=True)
 class FolderImages:
-    """All images of a folder, of one size, type and number of channels, as a RowReader; picklable, since it holds
+    """All images of a folder, of one size, type and number of channels, as a RowReader. It is picklable, since it holds
     names and locations only."""
 
     folder: Path
@@ -68,7 +68,7 @@ class FolderImages:
         location = self.locations[image]
         kind, row = np.dtype(location.dtype), int(np.prod(location.shape[1:]))
         count = (stop - start) * row
-        # Reading beats mapping here: a map costs half a millisecond, and a file cut short would end the process.
+        # Read instead of mapped: a map costs half a millisecond, and a file cut short would end the process.
         try:
             pixels = np.fromfile(location.path, kind, count, offset=location.offset + start * row * kind.itemsize)
         except OSError as error:
@@ -95,7 +95,7 @@ class FolderImages:
 
     @property
     def full_scale(self) -> float:
-        """The stored value that is 1.0."""
+        """The stored value of 1.0."""
         return FULL_SCALE[self.kind] if self.stated_full_scale is None else self.stated_full_scale
 
 
@@ -108,16 +108,17 @@ def open_images(
     folder: Path, names: Sequence[str], scratch: Path, black_level: int = 0, progress: Progress | None = None,
     full_scale: float | None = None,
 ) -> FolderImages:  # fmt: skip
-    """Locates the pixels of the images that a list in the folder names, decoded where need be; `black_level` is
-    subtracted from each value, never below zero; `full_scale` is the stored value that is 1.0, by default the type's.
+    """Locates the pixels of the images that a list in the folder names; images are decoded if necessary.
 
+    `black_level` is subtracted from each value, never below zero. `full_scale` is the stored value of 1.0, by default
+    the type's.
     Raises RigError folder.invalid naming the file that is missing, damaged, or unlike the first one.
     """
     paths = [listed_file(folder, name) for name in names]
     for path in paths:
         if not path.is_file():
             raise refusal(path, "is missing: put the image there, or take its row out of the list")
-    # What is wrong with a file is said in our own words.
+    # Our own messages say what is wrong with a file, not OpenCV's.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     located: list[PixelLocation] = []
     with ThreadPoolExecutor(DECODER_THREADS) as pool:
@@ -151,7 +152,7 @@ def decode(path: Path) -> np.ndarray:
 
 
 def read_mask(path: Path, size: tuple[int, int]) -> BoolArray:
-    """A mask (H, W) of `size`: true where any channel is above zero, and alpha is, if there is one.
+    """Reads a mask (H, W) of `size`: true where any channel is above zero, and alpha too, if there is one.
 
     Raises RigError folder.invalid when it is missing, empty, or of another size than the images.
     """

@@ -1,7 +1,7 @@
 """`.lp` folders: a text file with the number of images and `name x y z` for each, the images beside it.
 
-The format says nothing of intensities: all lights count as equally bright. Names may hold spaces or the folders of the
-machine that wrote them; the last part of the name is looked for beside the file then.
+The format has no intensities, so all lights count as equally bright. Names may contain spaces, or folders of the
+machine that wrote them; in that case the last part of the name is looked for beside the file.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ from acquisition.normals.images.image_set import DistantLights, ImageSet
 def read(
     path: Path, scratch: Path, progress: Progress | None = None, full_scale: float | None = None
 ) -> ImageSet:  # fmt: skip
-    """Reads an `.lp` file and its images; `full_scale` is the stored value that is 1.0, by default the type's.
+    """Reads an `.lp` file and its images; `full_scale` is the stored value of 1.0, by default the type's.
 
     Raises RigError folder.invalid naming the file that is wrong.
     """

@@ -1,13 +1,13 @@
 """Near-light folders: `lights.json` with lamp positions in the camera's frame, a calibrated camera, images beside it.
 
-Positions are in OpenCV's camera frame (x right, y down, z forward) in `unit` (mm, cm or m) and become the view frame in
-m here; lengths whose names end in `_mm` are in mm always.
-`intensity` is what a perfectly white Lambertian surface facing the lamp at `reference_mm` would give, as a fraction of
-full scale, so albedo is absolute. `black_level` (stored values, the same for all images) is optional, zero if absent;
-so are `position_sigma_mm` per axis and `intensity_sigma` (a share), 1 σ of what is stated of the lights, and the
-camera's `full_well_e` (electrons at full scale) and `read_noise_e`, from which the estimate of its noise starts;
-`full_scale`, the stored value that is 1.0, by default the greatest that the files can hold.
-Fields of other names are not used, and a warning says so.
+Positions are in OpenCV's camera frame (x right, y down, z forward) in `unit` (mm, cm or m). They are converted here to
+the view frame in m. Lengths with names in `_mm` are always in mm. `intensity` is the signal of a perfectly white
+Lambertian surface that faces the lamp at `reference_mm`, as a fraction of full scale, so albedo is absolute.
+
+Optional fields are `black_level` (stored values, the same for all images; default zero), `position_sigma_mm` per axis
+and `intensity_sigma` (a share), 1 σ of the stated lights, the camera's `full_well_e` (electrons at full scale) and
+`read_noise_e`, from which the estimate of its noise starts, and `full_scale`, the stored value of 1.0, by default the
+greatest that the files can hold. Other fields are not used; a warning names them.
 """
 
 from dataclasses import replace
@@ -37,17 +37,17 @@ from acquisition.normals.images.image_set import (
 LIGHTS = "lights.json"
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 MAX_OFF_AXIS_DEG = 70.0
-"""Off the optical axis beyond which the middle of the images is not believed: an image cut out of a larger one may not
-hold the axis at all."""
+"""Largest accepted angle between the optical axis and the middle of the images. Images that are cut out of larger ones
+need not contain the axis."""
 
 
 MAX_DISTANCE_RATIO = 50.0
-"""Distance of a lamp from the object over the camera's, or the inverse, beyond which one of the two is in another unit:
-lamps stand at 0.1–30 times the camera's distance, before a microscope's or a telephoto lens."""
+"""Largest accepted ratio of a lamp's and the camera's distances from the object, either way. Beyond it, one of the two
+is in another unit: lamps are at 0.1 times (telephoto lens) to 30 times (microscope) the camera's distance."""
 
 
 class _ForeignValue(Value):
-    """Values of somebody else's file, which may hold more than is asked for."""
+    """Values of a file from elsewhere, which may contain further fields."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -82,7 +82,7 @@ class _Lights(_ForeignValue):
 
 
 def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
-    """Reads the folder of a `lights.json`. Raises RigError folder.invalid naming the file, and the field in that."""
+    """Reads the folder of a `lights.json`. Raises RigError folder.invalid naming the file and the field."""
     given = value(path, _Lights)
     matrix = np.array(given.camera.K)
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
@@ -95,7 +95,7 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         raise refusal(
             path, f"black_level {given.black_level} is not below full_scale {given.full_scale:g}: correct them"
         )
-    # What is left of a value above black is compared with full scale above zero.
+    # After subtraction of the black level, values are compared with full scale counted from zero.
     stored = image_files.open_images(path.parent, names, scratch, given.black_level, progress, given.full_scale)
     height, width = stored.size
     middle = np.array([width / 2, height / 2])
@@ -141,10 +141,10 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
 def _place(
     path: Path, given: _Lights, lights: NearLights, matrix: FloatArray, mask: BoolArray | None, size: tuple[int, int]
 ) -> FloatArray:
-    """The object's rough place (3,), view frame, m: the middle of the mask or the frame at `depth_mm`.
+    """The object's rough position (3,), view frame, m: the middle of the mask or of the frame, at `depth_mm`.
 
-    Raises RigError folder.invalid where the lamps cannot be where they are stated to be as seen from there: for most
-    lamps depth, unit or positions are wrong, for a few their positions.
+    Raises RigError folder.invalid if the stated positions of lamps are impossible as seen from there. If that holds for
+    most lamps, depth, unit or positions are wrong; if for a few, their positions.
     """
     row, column = np.mean(np.nonzero(np.ones(size, np.bool_) if mask is None else mask), axis=1)
     depth_m = given.depth_mm / 1000
@@ -181,5 +181,5 @@ def _place(
 
 
 def unit(folder: Path) -> Literal["mm", "cm", "m"]:
-    """The unit of the folder's positions. Raises RigError folder.invalid as `read` does."""
+    """Reads the unit of the folder's positions. Raises RigError folder.invalid as `read` does."""
     return value(folder / LIGHTS, _Lights).unit

@@ -1,4 +1,4 @@
-"""How readers refuse: one sentence that names the file and what to do."""
+"""Errors of readers: one sentence that names the file and the remedy."""
 
 from pathlib import Path
 from typing import TypeVar
@@ -12,12 +12,12 @@ ValueT = TypeVar("ValueT", bound=Value)
 
 
 def refusal(path: Path, detail: str) -> RigError:
-    """The error of one file in a capture folder."""
+    """Returns the error of one file in a capture folder."""
     return RigError(ErrorCode.FOLDER_INVALID, f"{path}: {detail}", file=str(path))
 
 
 def content(path: Path) -> bytes:
-    """The bytes of a file. Raises RigError folder.invalid when it is missing or cannot be read."""
+    """Reads the bytes of a file. Raises RigError folder.invalid when it is missing or cannot be read."""
     try:
         return path.read_bytes()
     except FileNotFoundError as error:
@@ -27,7 +27,7 @@ def content(path: Path) -> bytes:
 
 
 def text(path: Path) -> str:
-    """A small text file, byte order mark or not. Raises RigError folder.invalid when it is missing or no text."""
+    """Reads a small text file, with or without a byte order mark. Raises RigError folder.invalid if it is not one."""
     try:
         return content(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -35,7 +35,7 @@ def text(path: Path) -> str:
 
 
 def value(path: Path, kind: type[ValueT]) -> ValueT:
-    """A value from its JSON file. Raises RigError folder.invalid naming the field that is wrong."""
+    """Reads a value from its JSON file. Raises RigError folder.invalid naming the field that is wrong."""
     try:
         return kind.model_validate_json(text(path))
     except ValidationError as error:

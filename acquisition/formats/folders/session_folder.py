@@ -1,6 +1,6 @@
-"""Our own session folders, read as plain files: the journal is not needed, so a folder can leave home.
+"""Session folders, read as plain files. The journal is not needed, so a folder can be moved to another machine.
 
-`manifest.json` lists the shots as they were measured; recipe, cell and calibration stand beside it.
+`manifest.json` lists the shots as they were measured. Recipe, cell and calibration are beside it.
 """
 
 import json
@@ -36,13 +36,13 @@ class SessionCapture:
     results: tuple[int, ...]
 
     def observations(self, last_pass: int) -> Observations:
-        """The images of the passes up to `last_pass`, in the order and with the lamp-off frames of its solve."""
+        """The images of the passes up to `last_pass`, with the order and the lamp-off frames of the solve after it."""
         used = (shot for shot in self.shots if shot.key.pass_number <= last_pass)
         return Observations.of(used, FolderFrames(self.folder))
 
 
 def read(folder: Path) -> SessionCapture:
-    """Reads a session's folder. Raises RigError folder.invalid naming the file that is missing or damaged."""
+    """Reads the folder of a session. Raises RigError folder.invalid naming the file that is missing or damaged."""
     shots = _shots(folder / MANIFEST)
     passes = 1 + max((shot.key.pass_number for shot in shots), default=0)
     results = [int(path.parent.name) for path in folder.glob("results/*/normals.tiff") if path.parent.name.isdigit()]
@@ -72,7 +72,7 @@ class SessionRows:
 
 
 def images(observations: Observations, calibration: Calibration, mask: BoolArray) -> ImageSet:
-    """A session's images as any other set: near lights, each exposure in its intensity; `mask` (H, W) is the object.
+    """Makes an image set of a session: near lights whose intensities include exposure; `mask` (H, W) is the object.
 
     Raises RigError folder.invalid when a lamp-off frame is missing.
     """

@@ -1,4 +1,4 @@
-"""Parsing of text tables with one row for each image; errors name the line."""
+"""Parsing of text tables with one row for each image. Errors name the line."""
 
 import math
 from pathlib import Path
@@ -10,14 +10,14 @@ from acquisition.models.base import FloatArray
 
 
 def lines(path: Path) -> list[tuple[int, str]]:
-    """The lines that are not blank, without white space around them, and the number of each in the file, counted from
-    1. Raises RigError folder.invalid."""
+    """Returns the lines that are not blank, stripped, each with its number in the file from 1. Raises RigError
+    folder.invalid."""
     numbered = enumerate(text(path).splitlines(), start=1)
     return [(number, line.strip()) for number, line in numbered if line.strip()]
 
 
 def numbers(path: Path, line: int, words: list[str]) -> list[float]:
-    """The finite numbers of one line. Raises RigError folder.invalid naming the line."""
+    """Parses the finite numbers of one line. Raises RigError folder.invalid naming the line."""
     try:
         values = [float(word) for word in words]
     except ValueError as error:
@@ -28,7 +28,7 @@ def numbers(path: Path, line: int, words: list[str]) -> list[float]:
 
 
 def rows(path: Path, columns: tuple[int, ...], count: int, listing: str) -> FloatArray:
-    """A table of `count` rows with one of the allowed numbers of `columns`; `listing` names the file it belongs to.
+    """Reads a table of `count` rows with one of the allowed numbers of `columns`; `listing` names the list of images.
 
     Raises RigError folder.invalid naming what is wrong.
     """
@@ -44,6 +44,6 @@ def rows(path: Path, columns: tuple[int, ...], count: int, listing: str) -> Floa
 
 
 def listed_file(folder: Path, name: str) -> Path:
-    """The file that a list in `folder` names; lists that another machine wrote may name its folders too."""
+    """Returns the file that a list in `folder` names. Lists of another machine may name the folders of that machine."""
     named = folder / name
     return named if named.is_file() else folder / name.replace("\\", "/").rsplit("/", maxsplit=1)[-1]
