@@ -1,6 +1,6 @@
 """Catalogue of the exports by name: each writes one file, or one folder, from a result and its images.
 
-They can all be made again from these two, so a service makes them when they are first asked for.
+All exports can be made again from these, so a service makes them at the first request.
 """
 
 from collections.abc import Callable
@@ -32,12 +32,12 @@ class Source:
 
     @property
     def solved_images(self) -> ImageSet:
-        """The images with their lights' intensities as the solver found them."""
+        """The images with the light intensities that the solver estimated."""
         return light_files.with_estimated_intensities(self.images, self.normal_map)
 
     @property
     def points(self) -> Float32Array:
-        """The surface (3, H, W), view frame, in the depth's unit: that of an orthographic view is the pixel."""
+        """The surface (3, H, W), view frame, in the unit of the depth, which is the pixel for an orthographic view."""
         return self._points(slice(0, len(self.normal_map.depth)))
 
     @cached_property
@@ -64,7 +64,7 @@ class Source:
 
     @property
     def width_m(self) -> float | None:
-        """How much the image's width shows at the object; none where that is not known."""
+        """Width of the scene that the image shows at the object, m; None: it is not known."""
         camera = self.images.camera
         if camera is None or map_files.depth_unit(self.normal_map) != "m":
             return None
@@ -72,9 +72,9 @@ class Source:
 
 
 def _diligent(source: Source, path: Path) -> None:
-    """A DiLiGenT-style folder, which most photometric-stereo programs read: 001.png … (16 bits of full scale),
-    filenames, directions, intensities and mask.png. It knows distant lights only: near ones are given at the object's
-    centre, and `README.txt` says so."""
+    """Writes a DiLiGenT-style folder, which most photometric-stereo programs read: 001.png … (16 bits of full scale),
+    filenames, directions, intensities and mask.png. The format has distant lights only: near ones are given as at the
+    object's centre, and `README.txt` says so."""
     path.mkdir()
     images = source.solved_images
     names = [f"{number:03d}.png" for number in range(1, images.count + 1)]
@@ -91,7 +91,7 @@ def _diligent(source: Source, path: Path) -> None:
 
 
 def _integration(source: Source, path: Path) -> None:
-    """normal_map.png, mask.png and, where the camera is calibrated, K.txt, as normal-integration tools read them."""
+    """Writes normal_map.png, mask.png and, of a calibrated camera, K.txt, as normal-integration tools read them."""
     path.mkdir()
     normal_map = source.normal_map
     map_files.normals_png(path / "normal_map.png", normal_map.normals, normal_map.mask)

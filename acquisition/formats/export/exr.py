@@ -1,8 +1,8 @@
 """Maps as named channels of EXR files, with units and convention in their headers.
 
-Normals and albedo are halves: 0.002° and a third of the time and size; depth and σ keep their floats. The albedo is
-linear and carries its primaries; of a monochrome camera, or a mosaic sensor without a colour calibration, none are
-known, and none are claimed.
+Normals and albedo are half floats: they err by 0.002° and take a third of the time and size. Depth and σ remain floats.
+The albedo is linear and states its primaries. For a monochrome camera, or a mosaic sensor without a colour calibration,
+primaries are not known and not stated.
 """
 
 from pathlib import Path
@@ -34,14 +34,14 @@ def write_maps(path: Path, normal_map: NormalMap) -> None:
 
 
 def write_albedo(path: Path, normal_map: NormalMap) -> None:
-    """Channels R, G, B (half, linear), or Y of a grey albedo; zero where there is none, beyond 0–1 as they are."""
+    """Writes channels R, G, B (half, linear), or Y of a grey albedo; zero where there is none, not clipped to 0–1."""
     channels = _colours(normal_map) or {"Y": normal_map.albedo.astype(np.float16)}
     text = f"albedo, {normal_map.notes.get('colour', 'grey')}; row 0 at the top"
     _write(path, normal_map, channels, comments=text)
 
 
 def _colours(normal_map: NormalMap) -> dict[str, np.ndarray]:
-    """The channels R, G, B (half) of a coloured albedo, none of a grey one."""
+    """The channels R, G, B (half) of a coloured albedo; a grey one has none of them."""
     colours = normal_map.albedo_rgb
     if colours is None:
         return {}
@@ -49,7 +49,7 @@ def _colours(normal_map: NormalMap) -> dict[str, np.ndarray]:
 
 
 def _write(path: Path, normal_map: NormalMap, channels: dict[str, np.ndarray], **texts: str) -> None:
-    """An EXR file of channels (H, W), texts in its header, with sRGB's primaries where the albedo has them."""
+    """Writes an EXR file of channels (H, W), with texts in its header, and sRGB's primaries if the albedo has them."""
     import OpenEXR  # noqa: PLC0415 - few results are exported
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | texts

@@ -1,8 +1,8 @@
 """Export of lights: `.lp` (directions) and Relight's `.dome` (positions in mm about the object).
 
-Programs match `.lp` rows by order and by name, so rows stand in the images' order. Both are seen from the object, so a
-near light's direction is the one at `centre`: that is what these formats can say. Intensities are those that the
-solver found, where it found any.
+Programs match `.lp` rows by order and by name, so rows are in the images' order. Both formats describe lights as seen
+from the object, so the direction of a near light is the one at `centre`. Intensities are those that the solver
+estimated, if it did.
 """
 
 import json
@@ -19,7 +19,7 @@ DISTANT_MM = 10_000.0
 
 
 def with_estimated_intensities(images: ImageSet, normal_map: NormalMap) -> ImageSet:
-    """The images with their lights' intensities as the solver found them: stated intensities times its factors."""
+    """Returns the images with estimated intensities of their lights: stated intensities times the solver's factors."""
     lights, factors = images.lights, normal_map.intensity_factors
     if isinstance(lights, DistantLights):
         each = np.asarray(normal_map.notes.get("intensity_factors", factors[:, None]), float)
@@ -35,7 +35,7 @@ def directions(images: ImageSet, centre_m: FloatArray) -> FloatArray:
 
 
 def intensities(images: ImageSet, centre_m: FloatArray) -> FloatArray:
-    """What a white surface facing each light at `centre_m` would give (F, C), as a fraction of full scale."""
+    """Signal (F, C) of a white surface that faces each light at `centre_m`, as a fraction of full scale."""
     lights = images.lights
     if isinstance(lights, DistantLights):
         return lights.intensities
@@ -53,7 +53,7 @@ def write_lp(path: Path, names: tuple[str, ...], units: FloatArray) -> None:
 def write_dome(path: Path, images: ImageSet, centre_m: FloatArray, width_m: float | None) -> None:
     """Writes a `.dome`: positions in mm with the origin at `centre_m`, x right, y up, z to the camera.
 
-    `width_m` is the width of what the image shows at the object; none: unknown, and distant lights stand 10 m away.
+    `width_m` is the width of the scene that the image shows at the object; None: unknown. Distant lights are at 10 m.
     """
     units, lights = directions(images, centre_m), images.lights
     near = not isinstance(lights, DistantLights)

@@ -1,6 +1,6 @@
 """Writing of PNG pictures and float TIFF maps, each with its convention in the file's own metadata.
 
-OpenCV writes no text into PNG files; a tEXt chunk put in behind the header does.
+OpenCV writes no text into PNG files, so a tEXt chunk is inserted after the header.
 """
 
 import struct
@@ -36,7 +36,7 @@ def depth_unit(normal_map: NormalMap) -> str:
 
 
 def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green = "opengl") -> None:
-    """A 16-bit RGB normal map of normals (H, W, 3), black outside the mask (H, W)."""
+    """Writes normals (H, W, 3) as a 16-bit RGB normal map, black outside the mask (H, W)."""
     scale = np.array([32767.5, 32767.5 if green == "opengl" else -32767.5, 32767.5], np.float32)
     colours = np.empty(normals.shape, np.uint16)
     for rows in row_blocks(len(normals)):
@@ -58,8 +58,8 @@ def srgb_profile() -> bytes:
 
 
 def albedo_png(path: Path, normal_map: NormalMap) -> None:
-    """16 bits with sRGB's curve, RGB or grey: 1 is white where colours are calibrated, and the profile is embedded;
-    else the brightest half per cent is, and the description says by what it was divided. Black outside the mask."""
+    """Writes the albedo in 16 bits with sRGB's curve, RGB or grey, black outside the mask. If colours are calibrated, 1
+    is white and the profile is embedded; else the brightest half per cent is white, the description has its value."""
     calibrated = is_srgb(normal_map)
     albedo = normal_map.albedo if normal_map.albedo_rgb is None else normal_map.albedo_rgb
     white = 1.0
@@ -76,18 +76,17 @@ def albedo_png(path: Path, normal_map: NormalMap) -> None:
 
 
 def mask_png(path: Path, mask: BoolArray) -> None:
-    """A mask (H, W) as an 8-bit PNG, white inside."""
+    """Writes a mask (H, W) as an 8-bit PNG, white inside."""
     png(path, mask.astype(np.uint8) * 255)
 
 
 def png(path: Path, pixels: np.ndarray, description: str = "", profile: bytes | None = None) -> None:
-    """An 8- or 16-bit PNG, (H, W) or (H, W, 3) RGB, with a description (Latin-1) and an ICC profile where they are
-    given."""
+    """Writes an 8- or 16-bit PNG, (H, W) or (H, W, 3) RGB, with description (Latin-1) and ICC profile, if given."""
     _write(path, cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else pixels, description, profile)
 
 
 def _write(path: Path, pixels: np.ndarray, description: str, profile: bytes | None = None) -> None:
-    """A PNG of pixels in OpenCV's order."""
+    """Writes a PNG of pixels in OpenCV's order."""
     encoded, content = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     if not encoded:
         raise OSError(f"{path} could not be encoded")
@@ -107,6 +106,6 @@ def _chunk(kind: bytes, content: bytes) -> bytes:
 
 
 def float_tiff(path: Path, values: Float32Array, description: str) -> None:
-    """A float32 TIFF, (H, W) or (H, W, 3), uncompressed."""
+    """Writes a float32 TIFF, (H, W) or (H, W, 3), uncompressed."""
     kind = "rgb" if values.ndim == 3 else "minisblack"
     tifffile.imwrite(path, values, photometric=kind, description=description.encode(), metadata=None)

@@ -1,6 +1,6 @@
-"""A result's folder: pictures and maps for people and other programs, and what reads back exactly.
+"""A result's folder: pictures and maps for people and other programs, and an archive for exact reading.
 
-Pictures cannot hold all that a solver returns (flags per light, Fisher information, factors, noise): `normal_map.npz`
+Pictures cannot hold all that a solver returns (flags per light, Fisher information, factors, noise). `normal_map.npz`
 has the rest, so that another process reads back exactly what was written. The folder appears as a whole or not at all.
 """
 
@@ -48,7 +48,7 @@ def write(normal_map: NormalMap, folder: Path) -> list[str]:
 
 
 def write_into(normal_map: NormalMap, folder: Path) -> None:
-    """The same files into an existing folder, beside whatever else belongs to the result."""
+    """Writes the same files into an existing folder, beside other files of the result."""
     write_maps(normal_map, folder)
     with open(folder / ARCHIVE, "wb") as file:
         np.savez(file, allow_pickle=False, **_arrays(normal_map))
@@ -57,7 +57,7 @@ def write_into(normal_map: NormalMap, folder: Path) -> None:
 
 
 def write_maps(normal_map: NormalMap, folder: Path) -> None:
-    """The pictures and float maps alone, into an existing folder."""
+    """Writes only the pictures and float maps, into an existing folder."""
     map_files.normals_png(folder / "normals.png", normal_map.normals, normal_map.mask)
     map_files.mask_png(folder / "mask.png", normal_map.mask)
     map_files.mask_png(folder / "doubtful.png", normal_map.doubtful)
@@ -76,7 +76,7 @@ _FINDINGS: TypeAdapter[tuple[ModelFinding, ...]] = TypeAdapter(tuple[ModelFindin
 
 
 def lights_used(normal_map: NormalMap) -> np.ndarray:
-    """How many lights each pixel's normal rests on (H, W), uint8."""
+    """Number of lights that each pixel's normal is solved from (H, W), uint8."""
     count = np.zeros(normal_map.mask.shape, np.uint8)
     for flags in memory_mapped.iterate(normal_map.flags):
         count += flags & 1

@@ -1,4 +1,4 @@
-"""The reports for a person: of a result, report.html and report.png, and of a calibration, report.html."""
+"""Reports for people: report.html and report.png of a result, report.html of a calibration."""
 
 from acquisition.formats.report.advice import quality_warnings
 from acquisition.formats.report.calibration_page import write as write_calibration

@@ -1,8 +1,8 @@
 """Warnings about a result with advice, as sentences for the report.
 
 A pixel lit by fewer than three lights needs one from a side that the lights so far leave dark there. Candidate
-directions are weighed by the mean cosine at such pixels; a pixel in cast shadow under a light from nearly the same
-direction does not count, as it would be in shadow again.
+directions are rated by the mean cosine at such pixels. A pixel in cast shadow under a light from nearly the same
+direction does not count, because it would be in shadow again.
 """
 
 import cv2
@@ -17,7 +17,7 @@ from acquisition.models.result import CAST, HIGHLIGHT, NormalMap
 from acquisition.normals.images import memory_mapped
 
 MIN_REPORTED_SHARE = 0.01
-"""Share of the object's pixels from which a fault is reported."""
+"""Share of the object's pixels above which a fault is reported."""
 
 SIDES = ("right", "upper right", "top", "upper left", "left", "lower left", "bottom", "lower right")
 SLANTS_DEG = (20.0, 45.0, 65.0)
@@ -27,13 +27,13 @@ MIN_COSINE = 0.15
 """Least n·l at which a candidate light counts as lighting a pixel."""
 
 MIN_RELIT_SHARE = 1 / 3
-"""Share of the underlit pixels that one more light has to light to be proposed."""
+"""Share of the underlit pixels that another light must light to be proposed."""
 
 SAME_SIDE_COSINE = float(np.cos(np.radians(25)))
 """Cosine of the angle within which two lights cast nearly the same shadows."""
 
 MAX_SAMPLES = 4000
-"""Underlit pixels that candidate lights are judged at."""
+"""Approximate number of underlit pixels at which candidate lights are rated."""
 
 MAX_INTENSITY_DEVIATION = 0.03
 """Relative deviation of a lamp's intensity from the calibration above which it is reported."""
@@ -46,7 +46,7 @@ MAX_SIGMA_DEG = 5.0
 
 
 def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
-    """Warnings about a result with advice, the gravest first; empty where there is nothing to warn of."""
+    """Warnings about a result with advice, the most serious first; empty: there is nothing to warn of."""
     silhouette, used = normal_map.silhouette, lights_used(normal_map)
     underlit = silhouette & (used < photometry.PIXEL_UNKNOWNS)
     if np.all(silhouette):
@@ -76,7 +76,7 @@ def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]
 
 
 def missing_side(normal_map: NormalMap, underlit: BoolArray, directions: FloatArray) -> str | None:
-    """From which side most of the pixels `underlit` (H, W) would be lit, in words; none: no light does a third."""
+    """Describes the direction that would light the `underlit` pixels (H, W) best; None: none lights a third of them."""
     normals, flags = _underlit_sample(normal_map, underlit)
     if not len(normals):
         return None
@@ -93,7 +93,7 @@ def missing_side(normal_map: NormalMap, underlit: BoolArray, directions: FloatAr
 
 
 def _underlit_sample(normal_map: NormalMap, underlit: BoolArray) -> tuple[np.ndarray, np.ndarray]:
-    """Normals (K, 3) and flags (F, K) of a sample of pixels; unsolved ones borrow from the nearest solved one."""
+    """Normals (K, 3) and flags (F, K) of a sample of pixels; unsolved pixels have the nearest solved normal."""
     if not np.any(normal_map.mask):
         return np.zeros((0, 3)), np.zeros((len(normal_map.flags), 0), np.uint8)
     rows, columns = np.nonzero(underlit)
@@ -113,7 +113,7 @@ def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     warnings: list[str] = []
     left_out = images_left_out(normal_map)
     for number, (name, share) in enumerate(zip(context.names, pictures.shares(normal_map), strict=True)):
-        if number in left_out:  # none of its pixels is used, for which no exposure is to blame
+        if number in left_out:  # none of its pixels is used, whatever its exposure
             continue
         lit, clipped, shadow = share
         if clipped > 5 * MIN_REPORTED_SHARE:
@@ -142,10 +142,10 @@ def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     probabilities = [] if normal_map.fit is None else normal_map.fit.image_probabilities
     named = zip(context.names, probabilities, strict=False)
     poor = [name for name, probability in named if probability is not None and probability < MIN_PROBABILITY]
-    if poor and len(poor) <= len(probabilities) / 2:  # most of them do not fit as badly
+    if poor and len(poor) <= len(probabilities) / 2:  # most images fit better
         warnings.append(f"{', '.join(poor)}: fits the others badly: check that image and its lamp.")
     known = normal_map.mask & np.isfinite(normal_map.sigma_deg)
-    inside = known & photometry.inside(normal_map.silhouette)  # nearly those that face the camera, which takes its rays
+    inside = known & photometry.inside(normal_map.silhouette)  # nearly the facing pixels, which would need rays
     structure = normal_map.noise.get("structure_deg", 0.0) * np.count_nonzero(inside)  # a mean over facing pixels
     remedy = "add lights"
     if structure > np.sqrt(0.5) * np.sum(normal_map.sigma_deg, where=inside):  # more than half of σ²
@@ -155,7 +155,7 @@ def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
 
 
 def _told(sentence: str, where: BoolArray, area: BoolArray, least: float = MIN_REPORTED_SHARE) -> list[str]:
-    """The sentence with the share of `area` (H, W) that is in `where`, if it is more than the least."""
+    """The sentence with the share of `area` (H, W) that is in `where`, if it is above `least`; else nothing."""
     share = np.count_nonzero(where & area) / max(1, np.count_nonzero(area))
     return [sentence.format(_percent(share))] if share > least else []
 

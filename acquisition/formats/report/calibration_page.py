@@ -1,8 +1,8 @@
 """The report of a calibration session: report.html, one page that needs no network, made from an estimate's files.
 
-For whoever has to decide whether to use it: what to do next first, then values with their 1 σ, how they hang together,
-what each image contributes, the pictures, and what was calibrated with what. It is read from the files that state the
-result, so that page and files cannot differ.
+It helps to decide whether to use the calibration: next steps first, then values with 1 σ, their correlations, the
+residual of each image, pictures, and what it was made with. It is made from the files of the result, so that page and
+files cannot differ.
 """
 
 import base64
@@ -24,10 +24,10 @@ PICTURES: Mapping[str, str] = {
     "lobe.png": "The lamp's lobe with 2 σ",
     "photon_transfer.png": "Noise against brightness, and the lamp's brightness from image to image",
 }
-"""Pictures of an estimate, and what each shows."""
+"""Pictures of an estimate, with their captions."""
 
 OUTLIER_RATIO = 2.0
-"""An image whose residual is so many times the median is marked."""
+"""Ratio of an image's residual to the median above which the image is marked."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def _section(part: _Part) -> str:
 
 
 def _correlations(names: Sequence[str], covariance: Sequence[Sequence[float]]) -> str:
-    """Correlations as a table, those above a half in colour."""
+    """Correlations as a table, with colours that deepen with their size."""
     sigma, rows = _sigmas(covariance), ""
     for one, name in enumerate(names):
         cells = ""
@@ -123,7 +123,7 @@ def _images(images: Sequence[tuple[str, float | None, str]], unit: str) -> str:
 
 
 def _number(value: float, sigma: float | None) -> str:
-    """A value to the second digit of its σ."""
+    """Formats a value to the second digit of its σ."""
     if not sigma:
         return f"{value:.6g}"
     return f"{value:.{min(max(ceil(log10(9.95 / sigma)), 0), 9)}f}"
@@ -268,4 +268,4 @@ _PARTS = {
     "response.json": _response,
     "check.json": _check,
 }
-"""Files of results in the order of the page, and what it states of them."""
+"""Files of results in the order of the page, and the functions that read their parts of it."""

@@ -1,4 +1,4 @@
-"""What a report states beside the maps: light directions, solver, predicted σ, errors and times."""
+"""Contents of a report beside the maps: light directions, solver, predicted σ, errors and times."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,10 +15,10 @@ class ReportContext:
     directions: FloatArray  # (F, 3) unit vectors from the object to the lights, view frame
     groups: tuple[str, ...] = ()  # of each image's light, such as `pilot` and `planned`; none: one group
     solver: str = ""
-    why: str = ""  # that solver
+    why: str = ""  # why that solver was chosen
     seconds: Mapping[str, float] = field(default_factory=dict[str, float])
     predicted_sigma_deg: float | None = None  # mean σ that the plan expected
     error_deg: Mapping[str, float] = field(default_factory=dict[str, float])  # against known truth; empty: none is
     drawings: tuple[tuple[str, str], ...] = ()  # how the images were taken: what each shows, and an SVG element
-    warnings: tuple[str, ...] = ()  # sentences that whoever read the images has for the person
+    warnings: tuple[str, ...] = ()  # sentences of the images' reader
     calibration_checked: str = ""  # when, and with which result; empty: no cell of its own is known

@@ -1,6 +1,6 @@
 """The report as one page that needs no network, and as one picture.
 
-A person has a minute: figures first, then what is wrong and what to do, then the maps, and a light to move by hand.
+It is for a reader with one minute: figures first, then faults and remedies, then the maps, and a light to move by hand.
 """
 
 import base64
@@ -128,12 +128,12 @@ def _figures(normal_map: NormalMap, context: ReportContext) -> str:
 
 
 def table_rows(rows: Sequence[tuple[str, str]]) -> str:
-    """Rows of an HTML table: what, and what is said of it."""
+    """Rows of an HTML table: a name and a text each."""
     return "".join(f"<tr><th>{html.escape(name)}<td>{html.escape(said)}" for name, said in rows)
 
 
 def template() -> str:
-    """The page with its style and script, and names between `@` where its parts belong."""
+    """The template of the page with style and script; names between `@` mark the places of its parts."""
     return resources.files("acquisition.formats.report").joinpath("template.html").read_text(encoding="utf-8")
 
 
@@ -185,7 +185,7 @@ def _lights(normal_map: NormalMap, context: ReportContext) -> str:
 
 
 def _albedo(small: ReducedMaps) -> np.ndarray:
-    """Albedo for relighting, 8 bits linear with its brightest as white, and the mask as blue."""
+    """Albedo for relighting in red and green (8 bits, linear, the brightest as white), and the mask in blue."""
     grey = small.albedo if small.albedo.ndim == 2 else small.albedo.mean(axis=-1)
     top = float(np.quantile(grey[small.solved], 0.995)) if np.any(small.solved) else 1.0
     level = np.round(np.clip(grey / max(top, 1e-9), 0, 1) * 255)

@@ -1,6 +1,6 @@
 """Reduction of a result's maps to small pictures of the object, averaged over the pixels of the mask.
 
-A report is looked at on a screen, so maps are reduced before anything else is done with them, whatever their size.
+A report is viewed on a screen, so maps of any size are reduced before all other steps.
 """
 
 from dataclasses import dataclass
@@ -89,7 +89,7 @@ def gamma_encoded(values: Float32Array, mask: BoolArray, top: float) -> np.ndarr
 
 
 def coloured(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:
-    """Values from 0 to `top` in the colours of `scale`; (h, w, 3) RGB."""
+    """Values from 0 to `top` in the colours of `scale_colours`; (h, w, 3) RGB."""
     level = np.clip(values / max(top, 1e-9), 0, 1)
     bgr = np.asarray(cv2.applyColorMap(np.round(level * 255).astype(np.uint8), cv2.COLORMAP_VIRIDIS))
     return _on_background(bgr[..., ::-1], mask)
@@ -102,7 +102,7 @@ def scale_colours() -> list[str]:
 
 
 def scale_top(values: Float32Array, mask: BoolArray, least: float) -> float:
-    """A round upper end for a map's scale: its 98th percentile, rounded up to one digit and a half."""
+    """A round upper end for a map's scale: its 98th percentile, rounded up to a half of its first digit's unit."""
     high = max(float(np.quantile(values[mask], 0.98)) if np.any(mask) else 0.0, least)
     step = 10.0 ** np.floor(np.log10(high)) / 2
     return float(np.ceil(high / step) * step)
