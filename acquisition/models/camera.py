@@ -14,8 +14,7 @@ from acquisition.models.base import Value
 from acquisition.models.colour import Mosaic
 
 TriggerKind = Literal["software", "hardware"]
-"""`software`: a command over the camera's own link. `hardware`: a level on the camera's input, which an output of the
-arm's controller sets."""
+"""A command over the camera's own link, or a level on its input, which an output of the arm's controller sets."""
 
 FaultKind = Literal["lost", "late", "doubled", "damaged", "settings", "gone", "returned"]
 """`lost`: no frame came. `late`: a frame of an earlier trigger came. `doubled`: the previous frame came again.

@@ -397,10 +397,8 @@ def problem(code: ErrorCode, detail: str, **context: Any) -> dict[str, Any]:
 
 
 class RigError(Exception):
-    """A problem with a code from the table, a sentence about this case, and `context` for programs.
-
-    The sentence has no full stop, because further text may follow.
-    """
+    """A problem with a code from the table, a sentence about this case, and `context` for programs. The sentence has no
+    full stop, because further text may follow."""
 
     def __init__(self, code: ErrorCode, detail: str, **context: Any) -> None:
         super().__init__(detail)

@@ -61,8 +61,7 @@ class NormalMap:
 
     `sigma_deg` is the square root of the variance summed over both tangential directions. The angular error then has a
     Rayleigh distribution with mean 0.886 σ, median 0.833 σ and P(e < σ) = 0.632. σ is unreliable where `doubtful` is
-    true: fewer than three lights are used, hardly any light of the lamps reaches the pixel, or more light comes from
-    other surfaces (`indirect`) than from the lamps.
+    true: fewer than three lights, hardly any lamp that reaches the pixel, or more `indirect` than direct light.
     """
 
     normals: Float32Array  # (H, W, 3) view frame

@@ -8,10 +8,10 @@ Visibility is uncertain, and an error of a pixel's normal hides all lights of on
 pixels each count as turned away from all lights by 1 σ, as they are, and turned towards them by 1 σ. Multiplying
 information by the probability of being seen would be optimistic (decision 0068).
 
-The loss is the mean σ over the pixels, which a plan also forecasts. A few pixels that no light can reach would decide
-the mean variance. Many sets of lights are within a few per cent of the best; even sets suffer least from wrong depth.
-The wide prior of the depth offset (`photometry.SETTINGS.integrated_depth_sigma_m`) makes plans even, not a term of the
-loss (decision 0068).
+The loss is the mean σ over the pixels, as in forecasts. A few pixels that no light can reach would decide the mean
+variance. Many sets of lights are within a few per cent of the best; those evenly round the object suffer least from
+wrong depth. The wide prior of the depth offset (`photometry.SETTINGS.integrated_depth_sigma_m`) makes plans even, not a
+term of the loss (decision 0068).
 """
 
 from collections.abc import Sequence

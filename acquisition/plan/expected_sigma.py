@@ -9,9 +9,9 @@
 - L is 1 σ, per axis, of the lamp directions by errors of the calibration that all lamps share.
 - E is 1 σ of normals that nothing checks: those of fewer than four lights, or of a capture in which something is wrong
   (`photometry.capture_sigma_deg`).
-- S is the part of σ by creases, detail and lines in the images so far, mean over the pixels. Without it the mean error
-  that is forecast is 0.61 of the error found, with it 0.83, lines left out (geometric means of 16 plans of eight
-  lights, design seeds 46 and 47; scratch evaluation, November 2026).
+- S is the part of σ by creases, detail and lines in the images so far, mean over the pixels. Without it the forecast
+  mean error is 0.61 of the error found, with it 0.83, lines left out (geometric means of 16 plans of eight lights,
+  design seeds 46 and 47; scratch evaluation, November 2026).
 - V is 1 σ of a normal of which nothing is known (`photometry.bounded_variance`), as in a result.
 """
 

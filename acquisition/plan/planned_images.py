@@ -4,9 +4,8 @@ The noise of y is that of the final solve, not that of the calibration. The fina
 intensity; the remaining error is mostly common to all images and affects the albedo only. Depth is a nuisance parameter
 of its own, so the error of the light's direction is that of the lamp's position, which changes y only at oblique
 incidence. The projection of the normals to an integrable field halves independent pixel noise; the regression on
-neighbours leaves the same share of it as in the images so far. Indirect radiance is estimated from the images so far
-and subtracted. The error of this prediction is proportional to it, so dark measurements with indirect light carry less
-information.
+neighbours leaves the same share of it as in the images so far. Indirect radiance, estimated from the images so far, is
+subtracted; its error is proportional to it, so dark measurements with indirect light carry less information.
 """
 
 from collections.abc import Sequence
