@@ -2,10 +2,12 @@
 
 A job is a function of `jobs` called by its name with small arguments; images and maps stay in the session folder. So
 the web process imports no numerical kernel, a long solve never holds its interpreter lock, and a job that crashes or is
-killed takes only this process with it. Steps of a session are urgent and preempt jobs that are marked preemptible (kill
-and restart later), because no job has an effect before it ends. So a job whose process was killed, by the kernel when
-memory runs out or by a person, is done once more in a new process, too; killed again, it is given up, because what it
-needs is not there. The child ends when its parent does.
+killed ends only this process.
+
+No job has an effect before it ends, so it can be killed and repeated. Steps of a session are urgent: they kill jobs
+that are marked preemptible, which are restarted later. A job whose process was killed, by the kernel when memory runs
+out or by a person, is repeated once in a new process. If that is killed too, the job is given up, because what it needs
+is not available. The child ends when its parent does.
 """
 
 import errno
@@ -26,9 +28,9 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 
 _log = logging.getLogger(__name__)
 _POLL_S = 0.02
-"""Period, s, of looking for the stop token and for urgent jobs while a job runs."""
+"""Period, s, of checking the stop token and waiting urgent jobs while a job runs."""
 _TRIES = 2
-"""Processes that a job may take with it before it is given up."""
+"""Number of processes that may end during a job before it is given up."""
 
 
 class Preempted(Exception):  # noqa: N818 - the job is restarted later, it is no error
@@ -50,16 +52,15 @@ class Compute:
 
     @property
     def processor_s(self) -> dict[str, float]:
-        """Processor time of all jobs that ended, by name, s: unlike their duration it does not grow with what else
-        runs."""
+        """Processor time, s, of all jobs that ended, by name; unlike elapsed time it does not grow with other load."""
         return dict(self._processor_s)
 
     def run(self, stop: threading.Event, job: str, *arguments: Any, preemptible: bool = False) -> Any:
         """Runs the function `job` of `acquisition.runner.jobs` and returns what it returns.
 
-        A `preemptible` job is killed when one comes that is not. Raises what the job raises, Halted when the token is
-        set meanwhile (the job is killed) or the process is closed, Preempted, and RigError compute.lost when the
-        process ended in the job and the next one did too.
+        A `preemptible` job is killed when a job comes that is not. Raises what the job raises; Halted when the token is
+        set meanwhile (the job is killed) or the process is closed; Preempted; and RigError compute.lost when the
+        process ended during the job, and its successor too.
         """
         if preemptible:
             return self._run(stop, job, arguments, preemptible)
@@ -83,7 +84,7 @@ class Compute:
     def _exchange(
         self, stop: threading.Event, job: str, arguments: tuple[Any, ...], preemptible: bool
     ) -> tuple[bool, Any]:
-        """Whether the job succeeded, and its result or error; in another process where the first one ends."""
+        """Returns whether the job succeeded, and its result or error; repeats it if the process ends."""
         tries = 0
         while True:
             try:
@@ -96,8 +97,8 @@ class Compute:
                 _log.warning("the compute process ended in %s %s; the job is done once more", job, ended)
 
     def _try(self, stop: threading.Event, job: str, arguments: tuple[Any, ...], preemptible: bool) -> tuple[bool, Any]:
-        """Whether the job succeeded, and its result or error. Raises EOFError or OSError when the process ends."""
-        if self._closed or stop.is_set():  # waiting jobs start no process each while the service ends
+        """Returns whether the job succeeded, and its result or error. Raises EOFError, OSError if the process ends."""
+        if self._closed or stop.is_set():  # while the service ends, waiting jobs must not each start a process
             raise Halted
         connection = self._ready()
         connection.send((job, arguments))
@@ -108,7 +109,7 @@ class Compute:
                 if preemptible and self._urgent:
                     raise Preempted
         except BaseException:
-            self._kill()  # else the next job would be given this one's result
+            self._kill()  # else the next job would receive this one's result
             raise
         succeeded, result, processor_s = connection.recv()
         self._processor_s[job] = self._processor_s.get(job, 0.0) + processor_s
@@ -120,7 +121,7 @@ class Compute:
             self._ready()
 
     def close(self) -> None:
-        """Ends the process, whatever it does; no job is done afterwards."""
+        """Ends the process, whatever it is doing; no job runs afterwards."""
         self._closed = True
         self._kill()
 
@@ -148,7 +149,7 @@ class Compute:
 
 
 def _how_it_ended(exit_code: int | None, error: Exception) -> str:
-    """The exit code of a process, for people; None where it could not even be started."""
+    """Describes for people how a process ended; `exit_code` is None if it could not even be started."""
     if exit_code is None:
         return f"before it had begun ({error})"
     if exit_code >= 0:

@@ -1,4 +1,4 @@
-"""The session loop: derive the next step, check the gates, execute it, record the outcome; until the session rests.
+"""The session loop: check that the session may go on, derive the next step, execute it; until the session rests.
 
 Each iteration derives the step from the journal and the measured joints. There is no other memory of a session, so a
 pause, a crash and a resume need no code of their own. The loop decides what a failure means: a problem of the work
@@ -62,7 +62,7 @@ PAUSING_CODES = frozenset(
 AT_REST_RAD_S = 0.01
 """Joint speed, rad/s, below which every joint counts as at rest."""
 AT_REST_WITHIN_S = 2.0
-"""Time limit, s, for the arm to be seen at rest after a step; later the session is interrupted."""
+"""Time limit, s, for a reading to show the arm at rest after a step; if none does, the session is interrupted."""
 REST_POLL_S = 0.02
 """Period, s, of reading the joint speeds meanwhile."""
 JOURNAL_RETRY_S = 1.0
@@ -70,7 +70,7 @@ JOURNAL_RETRY_S = 1.0
 
 
 class SessionLoop:
-    """Runs sessions in the runner's thread; `trigger` may be called from any."""
+    """Runs sessions in the runner's thread; `trigger` may be called from any thread."""
 
     def __init__(
         self,
@@ -110,8 +110,8 @@ class SessionLoop:
         return True
 
     def until_written(self, entry: Callable[[], object]) -> None:
-        """Makes an entry into the journal, and waits while that cannot be written. Raises RigError as the entry does,
-        of a journal that cannot be written when the service ends."""
+        """Makes an entry into the journal, and repeats it while the journal cannot be written. Raises the entry's
+        RigError if it has another cause, or if the service ends meanwhile."""
         while True:
             try:
                 entry()
@@ -128,7 +128,7 @@ class SessionLoop:
         except Halted:
             self._enter_halt(session_id)
         except RigError as error:
-            if token.is_set():  # a step that a halt ends is no fault; a safety stop has its own latch
+            if token.is_set():  # a step that a halt ended is no fault; a safety stop has its own latch
                 self._enter_halt(session_id)
             elif error.code in PAUSING_CODES and self._monitor.latch is None:
                 return not self._pause(session_id, error)
@@ -171,7 +171,7 @@ class SessionLoop:
         elif self._closing.is_set() and state in session.RIG_HOLDING:
             reason = problem(ErrorCode.SERVICE_RESTARTED, "The service was ended")
             self.trigger(session_id, Trigger.INTERRUPT, reason=reason)
-        # Else a halt that is not journalled yet: its entry follows as a request.
+        # Else the halt is not journalled yet: a queued request will make its entry.
 
     def _pause(self, session_id: str, error: RigError) -> bool:
         """Pauses with the reason, because the work needs a person. False when a resume came in between."""

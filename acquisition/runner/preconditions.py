@@ -25,8 +25,8 @@ from acquisition.store import SessionRow, Store
 from acquisition.store.folder import require_space, write_bytes
 
 MAX_PATH_DISTANCE_RAD = 0.1
-"""Largest distance, rad, of a joint from the last path: a stop brakes along the path and blends cut its corners, and
-a person who moves the arm moves it further."""
+"""Largest accepted distance, rad, of a joint from the last path. A stop brakes along the path, and blends cut its
+corners; a person who moves the arm moves it further."""
 
 DARKS_PER_PASS = 6
 """Lamp-off frames assumed for one pass: one for each exposure time."""
@@ -36,7 +36,7 @@ RESULT_BYTES_PER_PIXEL = 80
 
 def require_same_rig(row: SessionRow, cell: CellConfig, choices: RigChoices, folder: Path) -> None:
     """Raises RigError rig.changed unless cell file and calibration are those that the session was created with, and
-    rig.other_tool unless what it needs is on the flange.
+    rig.other_tool unless the tool that it needs is on the flange.
     """
     choices.require_tool(row.recipe)
     if row.fingerprint != cell.fingerprint:
@@ -46,7 +46,7 @@ def require_same_rig(row: SessionRow, cell: CellConfig, choices: RigChoices, fol
 
 
 def require_same_arm(folder: Path, identity: ArmIdentity) -> None:
-    """Raises RigError rig.changed unless the arm is the one that the session began with; the first one is kept."""
+    """Raises RigError rig.changed unless the arm is the one that the session began with; the first call records it."""
     file = folder / "arm.txt"
     arm = f"{identity.model} {identity.serial}"
     if not file.exists():

@@ -18,14 +18,14 @@ _log = logging.getLogger(__name__)
 
 
 class Readiness:
-    """Connects the devices of a rig, in the runner's thread; the attributes may be read by any."""
+    """Connects the devices of a rig, in the runner's thread; any thread may read the attributes."""
 
     def __init__(self, rig: Rig, choices: RigChoices) -> None:
-        """`choices` say what is on the flange, and which calibration is in use."""
+        """`choices` gives the tool on the flange and the calibration in use."""
         self._rig, self._choices = rig, choices
         self.identity: ArmIdentity | None = None
         self.camera_ready = False
-        self.payload_told = True  # the controller has not refused that of the tool that was stated last
+        self.payload_told = True  # False if sending the payload of the tool stated last has failed
         self.problems: list[dict[str, Any]] = [
             problem(ErrorCode.RIG_NOT_READY, "The devices have not been connected yet")
         ]
@@ -39,7 +39,7 @@ class Readiness:
         try:
             self._rig.arm.carry(*self._payload())
             identity = self._rig.arm.connect()
-            # Connecting has not taken control: this says why it cannot. Or it was taken with the payload of before.
+            # If connecting has not taken control, this raises why. If sending the payload failed, this sends it again.
             if not self._rig.arm.reading.program_running or not self.payload_told:
                 self._rig.arm.prepare()
             self.payload_told = True
@@ -65,9 +65,9 @@ class Readiness:
         return not self.problems and self.payload_told and self._rig.arm.reading.program_running
 
     def tell_payload(self) -> None:
-        """Tells the controller the payload of another tool, where this program has control; else `prepare` does.
+        """Sends the payload of another tool to the controller if this program has control; else `prepare` does so.
 
-        Raises RigError as `Arm.prepare`; nothing moves then before `make_ready` has told it.
+        Raises RigError as `Arm.prepare`; after that nothing moves before `make_ready` has sent the payload.
         """
         self.payload_told = False
         self._rig.arm.carry(*self._payload())
@@ -76,7 +76,7 @@ class Readiness:
         self.payload_told = True
 
     def reconnect_missing(self) -> bool:
-        """Connects missing devices and keeps the problem of each; True when that has made the rig complete."""
+        """Connects missing devices and keeps the problem of each; returns True if this has completed the rig."""
         if not self.problems and self._rig.arm.reading.connected:
             return False
         problems: list[dict[str, Any]] = []
@@ -100,7 +100,8 @@ class Readiness:
         return mounted_tool.payload(self._rig.cell, self._choices.tool)
 
     def _connect_camera(self) -> None:
-        """Raises RigError camera.unreachable, config.invalid for a camera that is not the calibration's."""
+        """Connects the camera and logs warnings. Raises RigError camera.unreachable, and config.invalid for a camera
+        that does not fit the calibration."""
         camera, calibration = self._rig.camera, self._choices.calibration
         camera.connect()
         if camera.capabilities is not None:

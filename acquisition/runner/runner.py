@@ -41,14 +41,14 @@ from acquisition.store import SessionRow, Store
 _log = logging.getLogger(__name__)
 
 READY_WITHIN_S = 20.0
-"""Time limit of device work that a request waits for, s: connecting takes a second, an address where nobody listens is
-refused within 3 s, the rest is for a busy machine."""
+"""Time limit, s, for device work that a request waits for. Connecting takes 1 s, and an address where nobody listens is
+refused within 3 s; the rest is a margin for a busy machine."""
 
 CONNECT_EVERY_S = 5.0
 """Period, s, of attempts to connect missing devices while no session holds the rig."""
 
 CLOSING_POLL_S = 0.1
-"""Period, s, in which a request that waits for devices checks whether the service ends."""
+"""Period, s, at which a request that waits for devices checks whether the service is ending."""
 
 RECOVERY_WITHIN_S = 60.0
 """Time, s, after an operator's acknowledgement within which the same operator may recover the arm over HTTP."""
@@ -56,7 +56,7 @@ RECOVERY_WITHIN_S = 60.0
 T = TypeVar("T")
 
 ANSWERED_BY_RESUMING = (ErrorCode.PLAN_TO_REVIEW, ErrorCode.CALIBRATION_PLACE_TARGET)
-"""What a session waits for that a person answers by resuming it: the plan is good, the target is in place."""
+"""Reasons of a pause that a person answers by resuming: the plan is approved, or the target is in place."""
 
 
 class Runner:
@@ -76,10 +76,10 @@ class Runner:
         self.planning = PlanningService(store, rig, self.choices, compute, self._executor, self._closing)
         self.preview = Preview(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
-        self._running: str | None = None  # the session that the token is of
-        self._taking_over = threading.Lock()  # never held by a halt
+        self._running: str | None = None  # the session that the token belongs to
+        self._taking_over = threading.Lock()  # a halt never takes it
         self._stops = StopRecord(store, monitor, self._loop)
-        self.halts = 0  # how often somebody has halted the cell: what was decided before is void
+        self.halts = 0  # number of halts so far: a decision made before a halt is void
         self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
         self._next_connection = 0.0
         self.moves = OperatorMoves(store, rig, self.choices, compute, self._access())
@@ -95,7 +95,7 @@ class Runner:
         self._thread.start()
 
     def begin_shutdown(self) -> None:
-        """Halts and begins nothing more: the session will be interrupted, not stopped; `close` follows."""
+        """Halts the cell and begins nothing more. The session will be interrupted, not stopped; `close` follows."""
         self._closing.set()
         self._token.set()
         self._rig.halt()
@@ -121,8 +121,8 @@ class Runner:
         return new_session.create(self._store, self._rig.cell, self.choices.calibration, recipe, idempotency_key)
 
     def state_tool(self, tool: Tool, actor: str) -> None:
-        """A person states what is on the flange; the controller is told its payload. Raises RigError config.invalid for
-        a board that the cell file has not, rig.busy."""
+        """Records the tool that a person states to be on the flange; the controller then gets its payload. Raises
+        RigError config.invalid for a board that the cell file does not have, and rig.busy."""
         self.choices.state_tool(tool, actor)
         self._requests.put(self._readiness.tell_payload)
 
@@ -137,9 +137,11 @@ class Runner:
         self, session_id: str, action: Trigger, actor: str, *, from_here: bool = False,
         unless_halted_since: int | None = None,
     ) -> State:  # fmt: skip
-        """A person's action; returns the state after it. With `from_here` a person says that the arm may resume from
-        where it stands, although it is not where the session left it. A start or resume stops again where somebody has
-        halted the cell meanwhile; one that was decided earlier names the count of `halts` of that time.
+        """Carries out a person's action and returns the state after it.
+
+        With `from_here` a person states that the arm may resume from where it stands, although the session left it
+        elsewhere. A start or resume is stopped again if somebody has halted the cell meanwhile: since the count
+        `unless_halted_since` of `halts` for one that was decided earlier, else since this call.
 
         Raises RigError session.not_found, session.action_not_allowed, rig.busy, and for start and resume whatever
         stands in the way: arm.unreachable, arm.preflight, arm.elsewhere, camera.unreachable, safety.not_acknowledged,
@@ -156,26 +158,25 @@ class Runner:
                 return self._store.journal.trigger(session_id, action, actor)[1]
 
     def halt(self, actor: str) -> None:
-        """Halts whatever moves, at once, and latches that until a person acknowledges; the session is stopped
-        afterwards, in the runner's thread.
-        """
-        self.halts += 1  # before the token: a start in another thread sees this, or its token is set below
+        """Halts whatever moves, at once, and latches the halt until a person acknowledges it. The runner's thread then
+        stops the session."""
+        self.halts += 1  # before the token: a start in another thread sees this count, or its token is set below
         self._token.set()
         self._rig.halt()
         self._stops.add(actor, self._monitor.latch_stop(actor))
         self._requests.put(self._stops.record_outstanding)
-        self._token.set()  # a start may have been entered since: its token is another one
+        self._token.set()  # again: a start may have put another token in place meanwhile
 
     def require_clear(self) -> None:
-        """Raises RigError safety.not_acknowledged, or the present fault, while the safety latch is closed."""
+        """Raises RigError with the code of a present fault, or safety.not_acknowledged while the latch is closed."""
         self._monitor.require_clear()
 
     def acknowledge(self, actor: str) -> None:
-        """Opens the safety latch: `actor` has looked and the cell is clear. Raises RigError safety.still_faulted."""
+        """Opens the safety latch: `actor` has looked, and the cell is clear. Raises RigError safety.still_faulted."""
         self._stops.acknowledge(actor)
 
     def recover(self, step: RecoveryStep, actor: str) -> None:
-        """Carries out one recovery step on request of a person who has just acknowledged; never automatic.
+        """Carries out one recovery step at the request of a person who has just acknowledged; never automatic.
 
         Raises RigError safety.recovery_forbidden unless the cell file allows it, safety.not_acknowledged unless the
         same actor has acknowledged within RECOVERY_WITHIN_S, safety.recovery_refused, arm.unreachable.
@@ -204,7 +205,7 @@ class Runner:
             self._requests.put(lambda: self._stops.interrupt(latch, recorded))
 
     def status(self) -> RigStatus:
-        """The status of the rig, from cached readings; asks no device."""
+        """Returns the status of the rig from cached readings, without asking a device."""
         holder = self._store.journal.holder()
         reasons = self._not_ready_reasons()
         if holder is not None:
@@ -228,7 +229,7 @@ class Runner:
         )
 
     def progress(self, session_id: str) -> SessionProgress:
-        """The stage and progress of a session, with the remaining time and what it rests on.
+        """Returns stage and progress of a session, with the remaining time and what it is estimated from.
 
         Raises RigError session.not_found, store.corrupt when its plans cannot be read.
         """
@@ -240,12 +241,12 @@ class Runner:
         return self._estimator.estimate(record, stage)
 
     def told_progress(self, row: SessionRow) -> SessionProgress:
-        """The stage and progress of a session as last announced, for one whose files cannot be read."""
+        """Returns stage and progress of a session as last announced, for a session whose files cannot be read."""
         return self._estimator.told(row)
 
     @property
     def processor_s(self) -> dict[str, float]:
-        """Processor time of the jobs of the compute process so far, by name, s."""
+        """Processor time, s, of the compute process's jobs so far, by name of the job."""
         return self._compute.processor_s
 
     def render(self, job: str, *arguments: Any) -> bytes:
@@ -261,7 +262,7 @@ class Runner:
         target = session.next_state(row.state, action, Actor.OPERATOR)
         if target is None or target is row.state or row.state is State.PAUSING:
             before, state = journal.trigger(session_id, action, actor, expected=row.state)
-            # One that has come to rest meanwhile is not resumed without all that follows.
+            # A session that has come to rest meanwhile is resumed only after all checks below.
             return state if before is row.state else self._start(session_id, action, actor, from_here)
         holder = journal.holder()
         if holder is not None and holder.id != session_id:
@@ -284,24 +285,24 @@ class Runner:
         if row.state is State.PAUSED and row.reason is not None and row.reason["code"] in ANSWERED_BY_RESUMING:
             self.planning.approve(session_id, actor)
         token = StopToken()
-        # Else a person's move could replace the token of a session that has just begun, or its calibration and tool.
+        # Under both locks no move can replace the new session's token, and nobody can change its calibration and tool.
         with self.choices.changing, self._taking_over:
             preconditions.require_same_rig(row, self._rig.cell, self.choices, folder)
             before, target = journal.trigger(session_id, action, actor)
-            if before is target:  # a concurrent equal request was first: it runs the session
+            if before is target:  # an equal request came first and runs the session
                 return target
             self._token, self._running = token, session_id
         self._requests.put(lambda: self._loop.run(session_id, token))
         return target
 
     def _stop(self, session_id: str, actor: str) -> State:
-        if self._running == session_id:  # before the journal is asked, which another program may hold
+        if self._running == session_id:  # before asking the journal, which another program may hold
             self._token.set()
             self._rig.halt()
         _, state = self._store.journal.trigger(session_id, Trigger.STOP, actor)
         if state is State.STOPPING:
-            # A resume may have begun between the halt and the entry: its token is another one. And the loop may have
-            # ended before the entry, or not have run, so that nothing else would enter the arm's rest.
+            # A resume may have put another token in place between the halt and the entry. And if the loop ended before
+            # the entry, or never ran, nothing else would record that the arm is at rest.
             self._token.set()
             self._rig.halt()
             self._requests.put(lambda: self._finish_stop(session_id))
@@ -317,7 +318,7 @@ class Runner:
                     self._connect_missing()
                 with suppress(queue.Empty):
                     self._requests.get(timeout=0.25)()
-            except Exception:  # noqa: BLE001 - the thread must live on; a full disk, say, does not take every entry
+            except Exception:  # noqa: BLE001 - the thread must live on, also where a full disk refuses an entry
                 _log.exception("the runner's thread")
 
     def _connect_missing(self) -> None:

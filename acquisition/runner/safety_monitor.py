@@ -46,8 +46,8 @@ def classify(reading: ArmReading) -> states.Fault | None:
 class SafetyMonitor:
     """Polls `arm.reading` from a thread of its own and keeps the latch.
 
-    `on_change` is called with the new latch, or None, after every change: from the monitor's thread when a fault
-    appears, from the caller's of `acknowledge`. It must be quick; it may call `arm.halt`.
+    `on_change` is called with the new latch, or None, after a fault or an acknowledgement: from the monitor's thread
+    when a fault appears, from the thread that calls `acknowledge`. It must be quick; it may call `arm.halt`.
     """
 
     def __init__(self, arm: Arm, on_change: Callable[[Latch | None], None], latched: Latch | None = None) -> None:
@@ -56,7 +56,7 @@ class SafetyMonitor:
         self._on_change = on_change
         self._latch = latched
         self._acknowledged_at: dict[str, float] = {}  # actor → time of the acknowledgement (time.monotonic)
-        self._was_connected = False  # a link is lost only after it was there
+        self._was_connected = False  # a link counts as lost only after it was up
         self._latch_lock = threading.Lock()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="safety-monitor", daemon=True)
@@ -73,7 +73,7 @@ class SafetyMonitor:
 
     @property
     def latch(self) -> Latch | None:
-        """The fault that awaits acknowledgement; any thread, no lock."""
+        """The fault that awaits acknowledgement. Any thread may read it; no lock is taken."""
         return self._latch
 
     def require_clear(self) -> None:
@@ -94,9 +94,9 @@ class SafetyMonitor:
             )
 
     def acknowledge(self, actor: str) -> Latch | None:
-        """`actor` has looked and finds the cell clear; returns the latch that this opened, None when there was none.
+        """Opens the latch, because `actor` has looked and finds the cell clear; returns it, None when there was none.
 
-        The acknowledgement is remembered also where the latch stays. Raises RigError safety.still_faulted while the
+        The acknowledgement is remembered even if the latch stays closed. Raises RigError safety.still_faulted while the
         controller reports a stop.
         """
         fault = self.require_over(actor)
@@ -110,8 +110,8 @@ class SafetyMonitor:
         return opened
 
     def require_over(self, actor: str) -> states.Fault | None:
-        """Remembers that `actor` acknowledges; returns a lost link, the fault that may last. Raises RigError
-        safety.still_faulted while the controller reports a stop."""
+        """Remembers that `actor` acknowledges; returns the fault of a lost link, the only one that may persist, if any.
+        Raises RigError safety.still_faulted while the controller reports a stop."""
         self._acknowledged_at[actor] = time.monotonic()
         fault = self._present_fault()
         if fault is not None and fault.code != ErrorCode.DEVICE_DISCONNECTED:
@@ -123,9 +123,9 @@ class SafetyMonitor:
         return time.monotonic() - self._acknowledged_at.get(actor, -math.inf) <= within_s
 
     def latch_stop(self, actor: str) -> Latch:
-        """Latches a stop of the whole cell by `actor`; returns the latch, which is an older one where one is closed.
+        """Latches a stop of the whole cell by `actor`; returns the latch, or an older one that was closed already.
 
-        It calls nobody back: who stops the cell has halted the devices first.
+        Does not call `on_change`: whoever stops the cell has halted the devices before.
         """
         with self._latch_lock:
             if self._latch is None:
@@ -152,7 +152,7 @@ class SafetyMonitor:
             self._was_connected = True
         elif (
             reading.taking_control or not self._was_connected
-        ):  # silent, but not lost: its request ends within 12 s, well or not
+        ):  # silent, but not lost: the request for control succeeds or fails within 12 s
             return None
         return fault
 

@@ -1,9 +1,9 @@
-"""Journal of what has stopped the cell: a fault that the safety monitor latched, a person's stop, an acknowledgement.
+"""Journal entries of what stops the cell: a latched fault, a person's stop, and their acknowledgement.
 
-The devices are halted and the latch is closed before anything is written. A journal that cannot be written, on a full
-disk or held by another program, delays the entries only: what the session has come to is written as soon as that is
-over, by the thread that runs sessions, and what has stopped it afterwards. A latch that is recorded closes again with
-the next service.
+The devices are halted and the latch is closed before anything is written. A journal that cannot be written, because the
+disk is full or another program holds it, delays only the entries. The thread that runs sessions writes the session's
+new state as soon as the journal can be written again, and then the cause. A recorded latch that nobody has acknowledged
+closes again when the next service starts.
 """
 
 import logging
@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 
 
 class Entries(Protocol):
-    """`SessionLoop`: makes entries, and waits while the journal cannot be written."""
+    """The part of `SessionLoop` that makes entries, and waits while the journal cannot be written."""
 
     def trigger(
         self, session_id: str, trigger: Trigger, actor: str = ..., reason: dict[str, object] | None = ...
@@ -35,19 +35,20 @@ class Entries(Protocol):
 
 
 class StopRecord:
-    """Writes stops of the cell; `fault` and `acknowledge` from any thread, the others from the runner's."""
+    """Writes stops of the cell. `add`, `fault` and `acknowledge` may be called from any thread, the others from the
+    runner's."""
 
     def __init__(self, store: Store, monitor: SafetyMonitor, entries: Entries) -> None:
         self._store, self._monitor, self._entries = store, monitor, entries
-        self._recording = threading.Lock()  # never held by a halt
+        self._recording = threading.Lock()  # a halt never takes it
         self._outstanding: deque[tuple[str, Latch]] = deque()
 
     def fault(self, latch: Latch) -> bool:
-        """Records and announces a fault at once; False where the journal cannot be written."""
+        """Records and announces a fault at once; returns False if the journal cannot be written."""
         return _tried(lambda: self._store.journal.record_fault(latch.code, latch.detail))
 
     def interrupt(self, latch: Latch, recorded: bool) -> None:
-        """Interrupts the session that holds the rig, then records the fault unless `fault` has."""
+        """Interrupts the session that holds the rig, then records the fault unless `fault` has done so (`recorded`)."""
         holder = self._store.journal.holder()
         if holder is not None and holder.state is not State.INTERRUPTED:
             self._entries.trigger(holder.id, Trigger.INTERRUPT, Actor.SERVICE, problem(latch.code, latch.detail))
@@ -55,11 +56,11 @@ class StopRecord:
             self._entries.until_written(lambda: self._record(latch))
 
     def add(self, actor: str, latch: Latch) -> None:
-        """Notes that `actor` has stopped the cell, without a lock or the journal; `record_outstanding` follows."""
+        """Notes for `record_outstanding` that `actor` has stopped the cell; uses neither a lock nor the journal."""
         self._outstanding.append((actor, latch))
 
     def record_outstanding(self) -> None:
-        """Records the stops that are noted, and stops the session that holds the rig."""
+        """Records the noted stops, and stops the session that holds the rig."""
         while self._outstanding:
             self._halt(*self._outstanding[0])
             self._outstanding.popleft()
@@ -80,7 +81,7 @@ class StopRecord:
             self._entries.until_written(record)
 
     def acknowledge(self, actor: str) -> None:
-        """Records who acknowledges, and then opens the latch: an acknowledgement that is refused changes nothing.
+        """Records who acknowledges, then opens the latch. A refused acknowledgement changes nothing.
 
         Raises RigError safety.still_faulted, store.disk_full, store.unwritable.
         """
@@ -99,13 +100,13 @@ class StopRecord:
             self._record_closed(latch)
 
     def _record_closed(self, latch: Latch) -> None:
-        """Records a latch that is still closed: one acknowledged meanwhile would come back with the next service."""
+        """Records a latch if it is still closed. One acknowledged meanwhile would close again with the next service."""
         if self._monitor.latch is latch and not self._store.journal.unacknowledged_faults():
             self._store.journal.record_fault(latch.code, latch.detail)
 
 
 def _tried(entry: Callable[[], None]) -> bool:
-    """Whether an entry could be written; the disk may be full, or the journal held by another program."""
+    """Tries an entry; returns whether it was written. The disk may be full, or another program hold the journal."""
     try:
         entry()
     except RigError:
