@@ -1,6 +1,6 @@
-"""Jobs of sessions that calibrate with the board on the flange: poses of a pass, the look at a frame, the estimate.
+"""Jobs of sessions that calibrate with the board on the flange: poses of a pass, judgement of a frame, estimate.
 
-Pure but for the files of an estimate, which are written as a whole: a folder that is there is complete.
+They are pure except for the files of an estimate, which are written as a whole: an existing folder is complete.
 """
 
 import json
@@ -27,15 +27,15 @@ from acquisition.waypoints import calibrated_kinematics, mounted_tool
 from acquisition.waypoints.roadmap import connected_views
 
 CANDIDATES = 160
-"""Poses of which a pass's are chosen: twice as many lower the loss by 2 % only and take twice as long."""
+"""Number of candidates for a pass's poses. Twice as many lower the loss by only 2 % and take twice as long."""
 
 
 def board_poses(
     recipe: BoardRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, previous: Path | None
 ) -> LightPlan:
-    """The next pass's poses, planned from all images so far; none when the accuracy or the number is reached.
+    """Plans the next pass's poses from all images so far; none when the accuracy or number of images is reached.
 
-    `cell` is the cell file's, with whatever tool it names; `previous` is the folder of the last estimate. Raises
+    `cell` is that of the cell file, with whatever tool it names; `previous` is the folder of the last estimate. Raises
     RigError waypoints.unreachable, calibration.infeasible.
     """
     taken = len(observations.shots)
@@ -65,12 +65,12 @@ def board_poses(
 
 
 def look_at_board(pixels: np.ndarray, cell: CellConfig) -> str:
-    """Why a frame (H, W) does not serve, for people; empty where the board is seen."""
+    """Returns for people why a frame (H, W) cannot be used; empty if the board is seen."""
     return board_view.seen(pixels, mounted_tool.require_board(cell))[1]
 
 
 def board_moved(before: np.ndarray, after: np.ndarray, cell: CellConfig) -> str:
-    """How the board has moved between two frames (H, W) of one pose, for people; empty where it has not."""
+    """Returns for people how the board has moved between two frames (H, W) of one pose; empty if it has not."""
     board = charuco.of_cell(mounted_tool.require_board(cell))
     first, second = charuco.detect(before, board, "before"), charuco.detect(after, board, "after")
     if first is None or second is None:
@@ -89,8 +89,8 @@ def estimate_from_board(
 ) -> CalibrationSummary:  # fmt: skip
     """Calibrates from all images of a session and writes the estimate's folder.
 
-    Images that do not determine the calibration yet are no failure before the `last` pass, which raises RigError
-    calibration.infeasible; calibration.board_wrong and scene.moved are raised at once.
+    Images that do not yet determine the calibration raise RigError calibration.infeasible in the `last` pass only.
+    RigError calibration.board_wrong and scene.moved are raised at once.
     """
     images = board_session.read(observations, cell)
     found, why_not = None, ""
@@ -117,7 +117,7 @@ def estimate_from_board(
 def _write_results(
     found: BoardEstimate, images: BoardImages, recipe: BoardRecipe, calibration: Calibration, folder: Path
 ) -> CalibrationSummary:
-    """Writes what was found, and the calibration in use with it in place of its own values."""
+    """Writes the estimated values, and the calibration in use with these in place of its own."""
     made = board_results.results(found.camera, found.hand_eye, images.hashes)
     board_results.draw_projection_sigma(found.camera, made.projection_sigma_px, folder / "projection_sigma.png")
     board_results.draw_residuals(found.camera, folder / "residuals.png")

@@ -1,7 +1,7 @@
-"""Capture of views of the calibration board: as images of an object are captured, but judged by the board's corners.
+"""Capture of views of the calibration board, like images of an object but judged by the board's corners.
 
-A view in which the board is not seen is kept and named, because one pose may be unlucky (glare, a corner out of the
-image); two in a row, or the first one, pause the session: then something is wrong that a person has to look at.
+A view in which the board is not seen is kept and named, because a single pose may be unlucky (glare, a corner outside
+the image). Two such views in a row, or a first one, pause the session: something is wrong that a person has to look at.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from acquisition.runner.shots import Attempt, ShotCapture
 from acquisition.session import PassRecord, SessionRecord
 
 START_EXPOSURE_S = 0.01
-"""Exposure time of the first view, s; levels are proportional to it, so that the second try has the right one."""
+"""Exposure time, s, of the first view. Levels are proportional to it, so the second try has the right one."""
 
 
 class BoardShots(ShotCapture):
@@ -53,7 +53,7 @@ class BoardShots(ShotCapture):
         self._store_looked_at(record, step.key, taken, why)
 
     def repeat_reference(self, record: SessionRecord, step: RepeatReference, stop: StopToken) -> None:
-        """Captures an image again and records it only if the target is where it was, to a fraction of a pixel.
+        """Captures an image again and records it only if the target has not moved, to a fraction of a pixel.
 
         Raises Halted, RigError scene.moved, and what devices report.
         """
@@ -82,22 +82,22 @@ class BoardShots(ShotCapture):
     def _target_moved(
         self, record: SessionRecord, first: Shot, before: np.ndarray, after: np.ndarray, stop: StopToken
     ) -> str:
-        """How the target has moved between two frames (H, W) of one pose, for people; empty where it has not."""
+        """Returns for people how the target has moved between two frames (H, W) of one pose; empty if it has not."""
         return self._compute.run(stop, "board_moved", before, after, self.cell_of(record))
 
     def _judge_whole(self, pixels: np.ndarray, exposure_s: float, wanted: Exposure) -> check.Verdict:
-        """Judges the exposure of a whole image: the target is anywhere in it."""
+        """Judges the exposure over the whole image, because the target may be anywhere in it."""
         whole = np.ones((self._calibration.height, self._calibration.width), dtype=bool)
         return check.lit_frame(pixels, whole, self._calibration.sensor, exposure_s, wanted, self._rig.cell.camera)
 
     @staticmethod
     def _require_seen(key: ShotKey, why: str, last_was_seen: bool) -> None:
-        """Raises RigError calibration.target_not_seen unless the target is seen, or was in the image before."""
+        """Raises RigError calibration.target_not_seen unless the target is seen, or was seen in the image before."""
         if why and not last_was_seen:
             raise RigError(ErrorCode.CALIBRATION_TARGET_NOT_SEEN, f"{_name(key)}: {why}", light=key.number)
 
     def _store_looked_at(self, record: SessionRecord, key: ShotKey, taken: Attempt, why: str) -> None:
-        """Stores an image, accepted unless `why` says why the target is not seen in it."""
+        """Stores an image; it is accepted unless `why` gives a reason why the target is not seen in it."""
         judged = taken.verdict.quality
         quality = FrameQuality(
             saturated=judged.saturated, bright_level=judged.bright_level, accepted=not why, reason=why
@@ -106,7 +106,7 @@ class BoardShots(ShotCapture):
 
 
 def last_was_seen(passes: Sequence[PassRecord]) -> bool:
-    """Whether the target was seen in the image of these passes that was captured last."""
+    """Whether the target was seen in the newest image of these passes."""
     shots = [shot for work in passes for shot in work.shots.values()]
     return bool(shots) and max(shots, key=lambda shot: shot.taken_at).quality.accepted
 

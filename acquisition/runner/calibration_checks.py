@@ -1,5 +1,4 @@
-"""Checks of the calibration as the journal has them: an event that belongs to no session, and outlives the one that
-made it."""
+"""Checks of the calibration in the journal: an event that belongs to no session and outlives the one that made it."""
 
 from pathlib import Path
 
@@ -12,18 +11,18 @@ CHECKED = "calibration.checked"
 
 
 def newest(store: Store) -> dict[str, CheckRecord]:
-    """The newest check on each target, of whichever calibration."""
+    """Returns the newest check on each target, of whichever calibration."""
     known = store.journal.newest(CHECKED) or {}
     return {target: CheckRecord.model_validate(body) for target, body in known.items()}
 
 
 def state(store: Store, fingerprint: str) -> CheckState:
-    """What the checks say of the calibration with this fingerprint."""
+    """Returns the state of the calibration with this fingerprint by the checks."""
     return calibration_check.state(newest(store), fingerprint)
 
 
 def record(store: Store, session_id: str, estimate: Path) -> None:
-    """Enters the check that a session has made, in the folder of its `estimate`, into the journal."""
+    """Enters a session's check, which is in the folder of its `estimate`, into the journal."""
     found = CheckResult.model_validate_json((estimate / "check.json").read_bytes())
     made = CheckRecord(
         session=session_id, made_at=found.made_at, fingerprint=found.fingerprint, passed=found.passed,

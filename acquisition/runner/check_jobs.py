@@ -1,7 +1,7 @@
 """Jobs of sessions that check the calibration in use: poses, and the comparison with what it predicts.
 
-Pure but for the files of an estimate, which are written as a whole: a folder that is there is complete. A check makes
-no calibration: what it finds is that the one in use is true, or what has moved.
+They are pure except for the files of an estimate, which are written as a whole: an existing folder is complete. A check
+makes no calibration: it finds that the one in use still predicts the images, or what has moved.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,10 +30,10 @@ CHECK = "check.json"
 def check_poses(
     recipe: CheckRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None
 ) -> LightPlan:
-    """Poses of a check: views of the board that tell camera, board and joints apart, or the lamp over the plane.
+    """Plans the poses of a check: views of the board that tell camera, board and joints apart, or lamps over the plane.
 
-    `known` is the folder of the calibration set in use. Raises RigError calibration.infeasible where that states
-    nothing to check against, waypoints.unreachable.
+    `known` is the folder of the calibration set in use. Raises RigError calibration.infeasible if that states nothing
+    to check against, and waypoints.unreachable.
     """
     if recipe.target == "plane":
         lamp_check.stated(known, calibration)
@@ -71,7 +71,7 @@ def estimate_check(
 
 
 _Compared = tuple[ChangeTest, dict[str, float], Callable[[GroupTest], str]]
-"""Tests, deviation of each image by name, and how a test is said."""
+"""Tests, deviation of each image by its name, and the function that puts a test into words."""
 
 
 def _board(cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None) -> _Compared:
@@ -96,7 +96,7 @@ def _result(
     deviations: dict[str, float], sentence: Callable[[GroupTest], str],
 ) -> CheckResult:  # fmt: skip
     changed = tuple(_part(test, sentence) for test in found.changed)
-    # A board that was screwed on anew sits otherwise: that is named, and is no fault of the calibration.
+    # A board that was mounted anew sits differently: this is named, and is no fault of the calibration.
     passed = all(test.name == board_check.BOARD_PLACE for test in changed)
     return CheckResult(
         target=recipe.target,

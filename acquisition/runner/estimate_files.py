@@ -5,7 +5,7 @@ from pathlib import Path
 from acquisition.models.base import Value
 
 SUMMARY, CALIBRATION, BASIS = "summary.json", "calibration.json", "basis.json"
-"""Figures for people; the calibration in use with what was found; of boards, what further views are planned from."""
+"""Figures for people; the calibration in use with the estimated values; for boards, the basis of further views."""
 
 
 def write_json(path: Path, value: Value) -> None:

@@ -1,4 +1,4 @@
-"""Estimates of calibration sessions: computed and recorded as results are, and kept as a set when the session ends."""
+"""Estimates of calibration sessions: computed and recorded like results, and kept as a set when the session ends."""
 
 import threading
 import time
@@ -23,8 +23,8 @@ from acquisition.store import Artifact, Store
 from acquisition.store.folder import write_manifest
 
 JOBS = {"camera": "estimate_from_board", "hand-eye": "estimate_from_board", "response": "estimate_response"}
-"""The job that estimates, by the session's kind; each has the same parameters. Those of kinds `lamp` and `check` take
-the set in use instead of whether the images are the last."""
+"""Name of the estimating job by kind of session; these jobs have equal parameters. The jobs of the kinds `lamp` and
+`check` take the folder of the calibration set in use in place of the flag `last`."""
 
 READY = "estimate.ready"
 """Type of the event that announces an estimate."""
@@ -34,10 +34,10 @@ def estimate_and_record(
     store: Store, compute: Compute, record: SessionRecord, number: int, cell: CellConfig, calibration: Calibration,
     known: Path | None, stop: threading.Event,
 ) -> None:  # fmt: skip
-    """Estimates from all images of a session and records it: files first, then row and event.
+    """Estimates from all images of a session and records the estimate: files first, then row and event.
 
-    `known` is the folder of the calibration set in use, None: it is the cell file's. Raises Halted, and what the
-    job raises.
+    `known` is the folder of the calibration set in use (None: the cell file's calibration). Raises Halted, and what
+    the job raises.
     """
     folder, recipe = store.folder(record.session_id), record.recipe
     if not isinstance(recipe, CalibrationRecipe):
@@ -70,22 +70,22 @@ def estimate_and_record(
 
 
 def newest(store: Store, session_id: str) -> Artifact | None:
-    """The newest estimate of a session; None without one."""
+    """Returns the newest estimate of a session, or None."""
     made = store.journal.artifacts(session_id, "estimate")
     return made[-1] if made else None
 
 
 def summary_of(entry: Artifact) -> CalibrationSummary:
-    """The figures of an estimate in the journal."""
+    """Returns the figures of an estimate in the journal."""
     known = CalibrationSummary.model_fields
     return CalibrationSummary.model_validate({name: entry.body[name] for name in known if name in entry.body})
 
 
 def keep(store: Store, record: SessionRecord, cell: CellConfig, known: Path | None) -> None:
-    """Keeps a session's newest estimate as a set of calibration values, named after the session.
+    """Keeps a session's newest estimate as a calibration set named after the session; that of a check in the journal.
 
-    Files of the set that was in use (its folder `known`) that the estimate does not replace are kept with it: they
-    state the covariances of the values that are still its.
+    Files of the set in use (folder `known`) that the estimate does not replace are kept with it: they state the
+    covariances of the values that it takes over.
     """
     entry, folder = newest(store, record.session_id), store.folder(record.session_id)
     if entry is None or not entry.body["estimated"]:
@@ -119,7 +119,7 @@ def _made_with(
     record: SessionRecord, cell: CellConfig, calibration: Calibration, known: Path | None, summary: CalibrationSummary,
     folder: Path,
 ) -> dict[str, str]:  # fmt: skip
-    """What an estimate rests on, for its report."""
+    """Returns what an estimate is based on, for its report."""
     return {
         "session": record.session_id,
         "date": datetime.now(UTC).isoformat(timespec="seconds"),

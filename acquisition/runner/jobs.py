@@ -1,7 +1,7 @@
 """The jobs of the compute process: each calls one pure stage; large data are files in the session folder.
 
-Pilot, plan, route and solve are combined here and in the runner only. The functions are at module level and their
-arguments small, because they are sent to the process by name; they return values of `models`, which the web process can
+Pilot, plan, route and solve are combined only here and in the runner. The functions are at module level and take small
+arguments, because they are called in the process by name. They return values of `models`, which the web process can
 read without importing a stage.
 """
 
@@ -58,13 +58,13 @@ Rows = npt.NDArray[np.int64]
 PictureForm = Literal["png", "html"]
 
 _TOP_PERCENTILE = 99.0
-"""Percentile of the heights of all pixels that is the object's top: single pixels at discontinuities are too high."""
+"""Percentile of all pixels' heights taken as the object's top; single pixels at discontinuities are too high."""
 FORECAST_COUNTS = (1, 2, 4, 8, 16)
 """Numbers of further lights for which a plan forecasts the error."""
 ASSUMED_MOVE_S = 2.0
-"""Time of a move between two lights, s, assumed where no route is on record."""
+"""Time, s, assumed of a move between two lights if no route is on record."""
 FRAME_S = 0.1
-"""Time of a frame beside its exposure, s: readout, transfer, check, file and journal."""
+"""Time, s, of a frame beside its exposure: readout, transfer, check, file and journal."""
 
 
 def make_reach(cell: CellConfig, calibration: Calibration, cache: Path) -> None:
@@ -85,7 +85,7 @@ def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.
 
 
 def first_lights(recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path) -> LightPlan:
-    """The lights of the first pass: the pilot's, or all those of a pattern."""
+    """Returns the lights of the first pass: the pilot's, or all lights of a recipe without a pilot."""
     reach = _reach(cell, calibration, cache)
     if recipe.method == "user":
         return baselines.user_lights(recipe, reach)
@@ -104,7 +104,7 @@ def first_lights(recipe: Recipe, cell: CellConfig, calibration: Calibration, cac
 def prior_forecast(
     recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path, first: Sequence[Light]
 ) -> PriorForecast:
-    """Expected σ against the number of images before the first one, of a sphere as large as the keep-out admits."""
+    """Forecasts σ against the number of images before the first one, for the largest sphere that fits the keep-out."""
     keep_out = cell.object.keep_out
     radius_m = min(keep_out.radius_m, keep_out.height_m / 2)
     return prior.forecast(recipe, first, _reach(cell, calibration, cache), calibration, radius_m)
@@ -114,10 +114,10 @@ def further_lights(
     recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path, result: Path, observations: Observations,
     region_file: Path | None,
 ) -> tuple[LightPlan, list[bytes]]:  # fmt: skip
-    """The next pass's lights, planned from the last result, and for each a picture (PNG) of what it gains.
+    """Plans the next pass's lights from the last result, with a picture (PNG) of each light's gain.
 
-    `region_file` is the mask of the region of interest, none: the whole object. Raises RigError config.invalid when the
-    object is measured to be higher than its keep-out.
+    `region_file` is the mask of the region of interest (None: the whole object). Raises RigError as
+    `require_within_keep_out`.
     """
     normal_map = export.read(result)
     require_within_keep_out(normal_map, cell, calibration)
@@ -143,7 +143,7 @@ def further_lights(
 
 
 def _capture_times(cell: CellConfig, routes: Sequence[Route]) -> plan.CaptureTimes:
-    """Limits and times of a cell's captures; the time between two lights is the mean of the routes so far."""
+    """Returns limits and times of a cell's captures; the time between two lights is the mean over the routes so far."""
     moving_s = [route.seconds / (len(route.waypoints) + 1) for route in routes if route.waypoints]
     return plan.CaptureTimes(
         shortest_s=cell.camera.min_exposure_s,
@@ -154,10 +154,10 @@ def _capture_times(cell: CellConfig, routes: Sequence[Route]) -> plan.CaptureTim
 
 
 def require_within_keep_out(normal_map: NormalMap, cell: CellConfig, calibration: Calibration) -> None:
-    """Raises RigError config.invalid when the measured object takes half its clearance from the arm, or more.
+    """Raises RigError config.invalid if the measured object exceeds its keep-out by more than half the clearance.
 
-    The session ends, and no path is planned round the measured surface: the same keep-out holds for parking, for the
-    path home and for the next session, and only a person who corrects the cell file makes all of them safe.
+    The session then ends, and no path is planned round the measured surface: the same keep-out holds for parking, for
+    the path home and for the next session, and only a person who corrects the cell file makes all of them safe.
     """
     rays = photometry.rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
     reliable = normal_map.mask & ~normal_map.doubtful
@@ -183,8 +183,8 @@ def _region_mask(mask: Path | None, calibration: Calibration) -> BoolArray | Non
 
 
 def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Calibration) -> list[float]:
-    """For each light the 99.5th percentile of the signal over the solved pixels, fraction of full scale per second;
-    pixels that the object itself shades count as dark."""
+    """Returns each light's level: the 99.5th percentile of the signal over the solved pixels, of the brightest channel,
+    fraction of full scale per second. Pixels that the object itself shades count as dark."""
     rows, columns = np.nonzero(normal_map.mask)
     step = max(1, len(rows) // 20_000)
     pixels = rows[::step], columns[::step]
@@ -210,7 +210,7 @@ def predict_images(lights: list[Light], calibration: Calibration, result: Path) 
 def _signal(
     normal_map: NormalMap, lights: list[Light], calibration: Calibration, pixels: tuple[Rows, Rows]
 ) -> FloatArray:
-    """The signal (F, K) of lights at some pixels, fraction of full scale per second, shadows left out."""
+    """Returns the signal (F, K) of lights at some pixels, fraction of full scale per second, without cast shadows."""
     rows, columns = pixels
     ray = photometry.rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
     point = photometry.points(ray, normal_map.depth)[:, rows, columns]
@@ -220,35 +220,35 @@ def _signal(
 
 
 def plan_route(lights: list[Light], start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> Route:
-    """Certified joint paths from `start` (rad) through the lights and home."""
+    """Plans certified joint paths from `start` (rad) through the lights and home."""
     return routing.route(lights, start, cell, calibration)
 
 
 def plan_route_on_the_way(
     lights: list[Light], start: tuple[float, ...], cell: CellConfig, calibration: Calibration
 ) -> Route:
-    """The same for images that are taken on the way: moves are nearly all of the time, and are searched for longer."""
+    """As `plan_route`, for images on the way; searches longer, because moves take nearly all of the time."""
     return routing.route(lights, start, cell, calibration, routing.DENSE_NODES)
 
 
 def plan_route_of_views(
     lights: list[Light], joints: list[Joints], start: tuple[float, ...], cell: CellConfig, calibration: Calibration
 ) -> Route:
-    """Certified joint paths from `start` (rad) through views of the calibration board and home."""
+    """Plans certified joint paths from `start` (rad) through views of the calibration board and home."""
     return routing.route_of_views(lights, joints, start, cell, calibration)
 
 
 def rejoin_route(
     route: Route, left: tuple[int, ...], start: tuple[float, ...], cell: CellConfig, calibration: Calibration
 ) -> Route:
-    """What is left of a route, from where the arm stands now (rad)."""
+    """Returns the rest of a route, with a path to it from where the arm stands now (`start`, rad)."""
     return rejoin.rejoin(route, left, start, cell, calibration)
 
 
 def plan_return(
     start: tuple[float, ...], end: tuple[float, ...], cell: CellConfig, calibration: Calibration
 ) -> JointPath:
-    """A certified joint path from `start` to where the arm was before (rad)."""
+    """Plans a certified joint path from `start` back to `end`, where the arm was before (rad)."""
     return routing.path_between(start, end, cell, calibration)
 
 
@@ -256,7 +256,7 @@ def own_lights(
     positions: list[Vector3], cell: CellConfig, calibration: Calibration, cache: Path, previous: Path | None,
     start: tuple[float, ...],
 ) -> tuple[LightPlan, Route]:  # fmt: skip
-    """A person's own lights (m, view frame) as a plan, and the route through them; `previous` is the last result.
+    """Makes a plan of a person's own lights (m, view frame), and its route; `previous` is the last result.
 
     Raises RigError waypoints.unreachable, waypoints.collision, naming the lights.
     """
@@ -274,28 +274,28 @@ def own_lights(
 def forecast_lights(
     key: str, given: ForecastInput, cache: Path, positions: list[Vector3]
 ) -> tuple[LightForecast, bytes | None]:
-    """Forecast for lights that a person places (m, view frame) and its picture (PNG), none without a result."""
+    """Forecasts σ for lights that a person places (m, view frame), with a picture (PNG; None without a result)."""
     return light_forecast.forecast(key, given, _reach(given.cell, given.calibration, cache), positions)
 
 
 def plan_retreat(start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> JointPath:
-    """A certified joint path home from `start` (rad)."""
+    """Plans a certified joint path home from `start` (rad)."""
     return routing.retreat(start, cell, calibration)
 
 
 def jog_step(joints: tuple[float, ...], motion: JogMotion, cell: CellConfig, calibration: Calibration) -> JointPath:
-    """A certified step of jogging from `joints` (rad)."""
+    """Plans a certified step of jogging from `joints` (rad)."""
     return jog_steps.jog_step(joints, motion, cell, calibration)
 
 
 def draw_reach(cell: CellConfig, calibration: Calibration, cache: Path, form: PictureForm) -> bytes:
-    """A picture of the cell's reach."""
+    """Draws the cell's reach."""
     reach = _reach(cell, calibration, cache)
     return drawing.reach_png(reach) if form == "png" else drawing.reach_html(reach).encode()
 
 
 def draw_route(route: Route, cell: CellConfig, calibration: Calibration, form: PictureForm) -> bytes:
-    """A picture of a route in its cell."""
+    """Draws a route in its cell."""
     if form == "png":
         return drawing.route_png(route, cell, calibration)
     return drawing.route_html(route, cell, calibration).encode()
@@ -322,7 +322,7 @@ def _facts(
     normal_map: NormalMap, observations: Observations, cell: CellConfig, calibration: Calibration,
     forecast: LightPlan | None, folder: Path, seconds: dict[str, float],
 ) -> report.ReportContext:  # fmt: skip
-    """What the report of a session's result says beside the maps; the folder is sessions/<id>/results/<number>."""
+    """Collects what the report of a result states beside the maps; `folder` is sessions/<id>/results/<number>."""
     session = folder.parent.parent
     images = session_folder.images(observations, calibration, normal_map.silhouette)
     passes = [shot.key.pass_number for shot in observations.shots if shot.light is not None]
@@ -345,7 +345,7 @@ def report_calibration(folder: Path, title: str, facts: dict[str, str], advice: 
 
 
 def _routes(session: Path, last_pass: int) -> list[Route]:
-    """Each pass's full route; shorter ones are what was left after an interruption."""
+    """Returns each pass's full route, the longest one; shorter ones are rests after an interruption."""
     routes: list[Route] = []
     for number in range(last_pass + 1):
         files = sorted((session / f"passes/{number}").glob("route*.json"), reverse=True)
@@ -358,8 +358,8 @@ def solve_normals(
     observations: Observations, cell: CellConfig, calibration: Calibration, settings: SolveSettings,
     forecast: LightPlan | None, region_file: Path | None, folder: Path, check: CheckState | None = None,
 ) -> ResultSummary:  # fmt: skip
-    """Solves all images and writes the result into `folder`; `region_file` is the region of interest, if any, `check`
-    what is known of the calibration by its checks."""
+    """Solves all images and writes the result into `folder`. `region_file` is the mask of the region of interest, if
+    any, and `check` the state of the calibration by its checks."""
     begun = time.monotonic()
     normal_map = solve_in_cell(observations, cell, calibration, settings)
     seconds = {"solve": time.monotonic() - begun}

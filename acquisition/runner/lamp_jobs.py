@@ -1,8 +1,9 @@
-"""Jobs of sessions that calibrate the lamp: poses of a pass, the look at a frame, the estimate.
+"""Jobs of sessions that calibrate the lamp: poses of a pass, judgement of a frame, estimate.
 
-Poses are configurations of the arm rather than lights: about the lamp's axis a light may be turned as one likes, but
-where in the tool's frame the lamp is shows only as the tool turns. Of those that are connected to home the sphere's are
-chosen by optimum design, as lights and views are; the plane's are spread over the angles off the lamp's axis.
+Poses are configurations of the arm rather than lights: a light may be turned freely about the lamp's axis, but the
+lamp's position in the tool frame shows only if the tool turns. Among the poses that are connected to home, those for
+the sphere are chosen by optimum design, like lights and views. Those for the plane are spread over the angles off the
+lamp's axis.
 """
 
 from pathlib import Path
@@ -28,18 +29,18 @@ from acquisition.waypoints import measured_pose
 from acquisition.waypoints.roadmap import connected_lights, dome_center
 
 CANDIDATES_PER_POSE = 4
-"""Poses that are tried for each one that is wanted: the arm reaches about half of them."""
+"""Number of candidates tried for each wanted pose; the arm reaches about half of them."""
 
 SPHERE_TILT_DEG, PLANE_TILT_DEG = 45.0, 42.0
-"""Most by which the lamp is tilted away from the target: of the sphere, so that its place along its axis shows; of the
-plane, so that the lobe does, to 40° and more."""
+"""Largest tilt of the lamp away from the target, degrees. For the sphere, tilt makes the lamp's position along its axis
+observable; for the plane, it makes the lobe observable to 40° and more."""
 
 SPHERE_SLANT_DEG, PLANE_SLANT_DEG = 70.0, 55.0
-"""Most slant of the lamp's places: a plane that is lit from the side sends little light back."""
+"""Largest slant of the lamp's positions, degrees; a plane that is lit from the side reflects little light."""
 
 NEAREST, FARTHEST = 0.85, 1.1
-"""Distances of the lamp's places from the dome's middle, over the dome's radius: different ones tell the lamp's place
-from the sphere's."""
+"""Range of the lamp's distances from the dome's centre, in units of the dome's radius. Different distances separate the
+lamp's position from the sphere's."""
 
 HAND_EYE = "hand_eye.json"
 
@@ -47,7 +48,7 @@ HAND_EYE = "hand_eye.json"
 def lamp_poses(
     recipe: LampRecipe, cell: CellConfig, calibration: Calibration, number: int, known: Path | None
 ) -> LightPlan:
-    """The poses of a pass. `known` is the folder of the calibration set in use; none: it is the cell file's.
+    """Plans the poses of a pass. `known` is the folder of the calibration set in use (None: the cell file's values).
 
     Raises RigError calibration.infeasible without a hand–eye calibration or with too few poses, config.invalid without
     targets.
@@ -65,14 +66,14 @@ def lamp_poses(
 
 
 def plane_poses(count: int, seed: int, cell: CellConfig, calibration: Calibration) -> LightPlan:
-    """`count` poses of the lamp over the matt plane, at random. Raises RigError calibration.infeasible."""
+    """Plans `count` random poses of the lamp over the matt plane. Raises RigError calibration.infeasible."""
     lamp_targets.require_targets(cell)
     joints = _reached(count, seed, cell, calibration, sphere=False)
     return _plan(joints, list(range(min(count, len(joints)))), count, cell, calibration, sphere=False)
 
 
 def _reached(count: int, seed: int, cell: CellConfig, calibration: Calibration, *, sphere: bool) -> FloatArray:
-    """Joints (N, 6) of the candidates for `count` poses that are connected to home."""
+    """Returns the joints (N, 6) of those candidates for `count` poses that are connected to home."""
     lights = _candidates(cell, calibration, CANDIDATES_PER_POSE * count, seed, sphere=sphere)
     return connected_lights(lights, cell, calibration)
 
@@ -80,7 +81,7 @@ def _reached(count: int, seed: int, cell: CellConfig, calibration: Calibration, 
 def _plan(
     joints: FloatArray, chosen: list[int], count: int, cell: CellConfig, calibration: Calibration, *, sphere: bool
 ) -> LightPlan:
-    """The plan of the chosen ones. Raises RigError calibration.infeasible where they are fewer than `count`."""
+    """Makes the plan of the chosen poses. Raises RigError calibration.infeasible if they are fewer than `count`."""
     if len(chosen) < count:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
@@ -102,9 +103,9 @@ def look_at_target(
     exposed: Exposed, exposure_s: float, sphere: bool, cell: CellConfig, calibration: Calibration,
     placed_before: np.ndarray | None,
 ) -> str:  # fmt: skip
-    """Why a frame does not serve, for people; empty where the target is seen.
+    """Returns for people why a frame cannot be used; empty if the target is seen.
 
-    `placed_before`: a frame (H, W) of the plane's placing before this one, from which it has to differ.
+    `placed_before` is a frame (H, W) of the plane's previous placing, from which this one has to differ.
     """
     pixels, reading = exposed.frame.pixels, exposed.reading
     if sphere:
@@ -125,11 +126,11 @@ def look_at_target(
 
 
 def target_moved(before: np.ndarray, after: np.ndarray, sphere: bool, cell: CellConfig, sensor: SensorModel) -> str:
-    """How the target has moved between two frames (H, W) of one pose, for people; empty where it has not."""
+    """Returns for people how the target has moved between two frames (H, W) of one pose; empty if it has not."""
     if sphere:
         first, second = (highlight.find(one, float(2**sensor.bits - 1)) for one in (before, after))
         if isinstance(second, str):
-            # The image before had the same exposure time, and was not clipped.
+            # The first image had the same exposure time and was not clipped.
             return (
                 f"{second}; it was not before: lamp or camera has changed"
                 if second == lamp_targets.CLIPPED_HIGHLIGHT
@@ -151,10 +152,10 @@ def estimate_lamp(
     recipe: LampRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None,
     folder: Path,
 ) -> CalibrationSummary:  # fmt: skip
-    """Calibrates from all images of a session and writes the estimate's folder: the lamp's place from the sphere, and
-    where the plane has been captured, intensity and lobe.
+    """Calibrates from all images of a session and writes the estimate's folder.
 
-    Raises RigError calibration.infeasible.
+    The sphere gives the lamp's position; the plane, if it has been captured, gives intensity and lobe. Raises RigError
+    calibration.infeasible.
     """
     hand_eye = _hand_eye(known)
     hashes = {shot.frame.path: shot.frame.sha256 for shot in observations.shots}
@@ -211,7 +212,7 @@ def _advice(found: CalibrationSummary) -> list[str]:
 
 
 def _candidates(cell: CellConfig, calibration: Calibration, count: int, seed: int, *, sphere: bool) -> list[Light]:
-    """Lights (view frame) over the object's place at random, tilted away from it to random sides."""
+    """Draws random lights (view frame) over the object's place, tilted away from it to random sides."""
     random = np.random.default_rng([19, seed])
     center, up = dome_center(cell, calibration), _up(cell, calibration)
     tilt_deg, slant_deg = (SPHERE_TILT_DEG, SPHERE_SLANT_DEG) if sphere else (PLANE_TILT_DEG, PLANE_SLANT_DEG)
@@ -231,7 +232,7 @@ def _candidates(cell: CellConfig, calibration: Calibration, count: int, seed: in
 
 
 def _up(cell: CellConfig, calibration: Calibration) -> FloatArray:
-    """Rotation (3, 3) from the object's frame, z up, to the view frame."""
+    """Returns the rotation (3, 3) from the object's frame, z up, to the view frame."""
     base_from_object = cell.object.keep_out.base_from_object.matrix[:3, :3]
     return lamp_pose.base_from_view(calibration)[:3, :3].T @ base_from_object
 
@@ -243,7 +244,7 @@ def _tilt_deg(light: Light, cell: CellConfig, calibration: Calibration) -> float
 
 
 def _plane_levels(lights: list[Light], cell: CellConfig, calibration: Calibration) -> list[float]:
-    """Signal of a flat plane's middle under each light, fraction of full scale per second."""
+    """Returns the signal at the centre of a flat plane under each light, fraction of full scale per second."""
     center, normal = dome_center(cell, calibration), _up(cell, calibration)[:, 2]
     points = center[:, None].astype(np.float32)
     vectors = photometry.light_vectors(points, photometry.lamps(lights), calibration)[:, :, 0]
@@ -266,5 +267,5 @@ def _hand_eye(known: Path | None) -> HandEyeResult:
 
 
 def _pass_of(frame: str) -> int:
-    """Pass of an image by its file, `passes/<number>/shots/…`."""
+    """Returns an image's pass from the name of its file, `passes/<number>/shots/…`."""
     return int(Path(frame).parts[1])

@@ -1,8 +1,8 @@
 """Capture of images for the lamp's calibration: the highlight on the mirror sphere, the matt plane.
 
-Levels are set by what counts in the image: the sphere's highlight is some pixels of a dark image, and must not clip.
-As with the board, an image in which the target is not seen is kept and named, because one pose may be unlucky; two in a
-row, or the first one of a pass, pause the session.
+The exposure follows the part of the image that counts: the sphere's highlight covers some pixels of a dark image and
+must not clip. As with the board, an image in which the target is not seen is kept and named, because a single pose may
+be unlucky. Two such images in a row, or a first one of a pass, pause the session.
 """
 
 import numpy as np
@@ -19,17 +19,17 @@ from acquisition.runner.board_shots import BoardShots, last_was_seen
 from acquisition.session import SessionRecord
 
 SPHERE_START_S = 1e-4
-"""Exposure time of the sphere's first image, s: a lamp's mirror image is hundreds of times as bright as paper."""
+"""Exposure time, s, of the sphere's first image; a lamp's mirror image is hundreds of times as bright as paper."""
 
 SPHERE_TARGET, SPHERE_LEAST, SPHERE_MOST = 0.6, 0.15, 0.95
-"""Fraction of full scale that a highlight's brightest pixel is to reach; those between which an image is kept."""
+"""Level of a highlight's brightest pixel, fraction of full scale: the target, and the range of accepted images."""
 
 
 class LampShots(BoardShots):
     """Moves the arm and captures images of sphere and plane; used in the runner's thread only."""
 
     def await_target(self, record: SessionRecord, step: AwaitTarget) -> None:
-        """Raises RigError calibration.place_target, by which the session waits for a person."""
+        """Raises RigError calibration.place_target, which makes the session wait for a person."""
         number = step.pass_number - 1
         board = lamp_targets.plane_board(self._rig.cell)
         width, height = board.size_m
@@ -60,7 +60,7 @@ class LampShots(BoardShots):
         known = (sphere, self.cell_of(record), self._calibration, self._placed_before(record, step))
         why = self._compute.run(stop, "look_at_target", taken.exposed, taken.exposure_s, *known)
         if why != lamp_targets.CLIPPED_HIGHLIGHT:
-            # Asked first: without lamp or target no exposure time serves, and that is what a person has to know.
+            # Checked first: without lamp or target no exposure time helps, and a person has to know that.
             self._require_seen(step.key, why, last_was_seen([record.passes[step.key.pass_number]]))
         if why == lamp_targets.CLIPPED_HIGHLIGHT or not taken.verdict.usable:
             detail = why or taken.verdict.quality.reason
@@ -72,19 +72,19 @@ class LampShots(BoardShots):
         self._store_looked_at(record, step.key, taken, why)
 
     def lit(self, record: SessionRecord, key: ShotKey) -> bool:
-        """The lamp is what is calibrated: it is on."""
+        """Returns True: the lamp is what is calibrated, so it is on."""
         return True
 
     def _target_moved(
         self, record: SessionRecord, first: Shot, before: np.ndarray, after: np.ndarray, stop: StopToken
     ) -> str:
-        """How the target has moved between two frames (H, W) of one pose, for people; empty where it has not."""
+        """Returns for people how the target has moved between two frames (H, W) of one pose; empty if it has not."""
         sphere = _shows_sphere(record, first.key.pass_number)
         known = (sphere, self.cell_of(record), self._calibration.sensor)
         return self._compute.run(stop, "target_moved", before, after, *known)
 
     def _start_s(self, record: SessionRecord, step: TakeShot, sphere: bool) -> float:
-        """Exposure time of a pose's first attempt, s."""
+        """Returns the exposure time, s, of a pose's first attempt."""
         work, camera = record.passes[step.key.pass_number], self._rig.cell.camera
         if not sphere:
             levels = work.plan.levels_per_s if work.plan is not None else None
@@ -96,14 +96,14 @@ class LampShots(BoardShots):
         return exposure.in_range(SPHERE_START_S, camera) if not seen else exposure.for_level(seen[-1], wanted, camera)
 
     def _judge_highlight(self, pixels: np.ndarray, exposure_s: float) -> check.Verdict:
-        """Judges the sphere's image by its brightest pixel; hot pixels count as well, which the next image shows."""
+        """Judges the sphere's image by its brightest pixel. Hot pixels count as well; the next image shows this."""
         sensor, camera = self._calibration.sensor, self._rig.cell.camera
         level = (float(pixels.max()) - sensor.black_level_dn) / sensor.full_scale_dn
         clipped = float(np.mean(pixels >= 2**sensor.bits - 1))
         quality = FrameQuality(saturated=clipped, bright_level=level, accepted=True)
         if SPHERE_LEAST <= level <= SPHERE_MOST:
             return check.Verdict(quality, None)
-        # What clips may be far brighter than it looks.
+        # A clipped highlight may be far brighter than its level.
         better = exposure.for_level(
             level / exposure_s, Exposure(target=SPHERE_TARGET / (3 if level > 1 else 1)), camera
         )
@@ -114,7 +114,7 @@ class LampShots(BoardShots):
         return check.Verdict(quality, None if too_long or too_short else better)
 
     def _placed_before(self, record: SessionRecord, step: TakeShot) -> np.ndarray | None:
-        """A frame (H, W) of the plane's placing before this one, for the first image of a further placing."""
+        """Returns a frame (H, W) of the plane's previous placing at the first image of a further one; else None."""
         number = step.key.pass_number
         if number <= lamp_targets.SPHERE_PASS + 1 or record.passes[number].shots:
             return None

@@ -1,8 +1,8 @@
-"""Forecasts for lights that a person drags, in the compute process: what does not depend on the lights is kept there.
+"""Forecasts for lights that a person drags, in the compute process, which keeps what does not depend on the lights.
 
-A review asks several times a second with one light moved. So the last review's basis is kept in memory, and with it the
-verdict of the arm for each position seen. All of it can be made again at any time, so a compute process that was ended
-in between only answers the next request late.
+A review requests a forecast several times a second, each time with one light moved. So the last review's basis stays in
+memory, and with it the arm's verdict on each position so far. All of it can be computed again: if the compute process
+is ended in between, only the next answer is late.
 """
 
 from collections import OrderedDict
@@ -21,10 +21,10 @@ from acquisition.plan.explain import Basis
 from acquisition.waypoints.reach import ReachMap, refusals
 
 MAX_POSITIONS = 500
-"""Positions whose verdicts are kept: minutes of dragging."""
+"""Number of positions whose verdicts are kept, enough for minutes of dragging."""
 
 NEAREST_M, FARTHEST_M = 0.02, 10.0
-"""Distances of a light from the dome's centre outside of which it is refused without looking at the arm, m."""
+"""Range of distances, m, of a light from the dome's centre; outside it a light is refused without checking the arm."""
 
 
 @dataclass
@@ -36,13 +36,13 @@ class _Review:
     verdicts: OrderedDict[Vector3, Refusal | None] = field(default_factory=OrderedDict[Vector3, Refusal | None])
 
 
-_kept: list[_Review] = []  # the last review alone: there is one at a time
+_kept: list[_Review] = []  # only the last review: there is one at a time
 
 
 def forecast(
     key: str, given: ForecastInput, reach: ReachMap, positions: list[Vector3]
 ) -> tuple[LightForecast, bytes | None]:
-    """Forecast with lights at `positions` (m, view frame) and its picture (PNG); `key` names the review.
+    """Forecasts σ with lights at `positions` (m, view frame), with a picture (PNG); `key` names the review.
 
     Raises RigError plan.infeasible when the last result is no basis for a plan.
     """

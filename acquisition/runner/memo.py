@@ -1,4 +1,4 @@
-"""Memo: the newest answers of slow pure functions by what they depend on; any thread may call."""
+"""Memo: the newest answers of slow pure functions, by a key of what they depend on; any thread may call."""
 
 import threading
 from collections import OrderedDict
@@ -9,7 +9,7 @@ Answer = TypeVar("Answer")
 
 
 class Memo(Generic[Answer]):
-    """Keeps at most `most` answers; the one that was asked for least recently is dropped first."""
+    """Keeps at most `most` answers and drops the least recently used first."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -17,9 +17,9 @@ class Memo(Generic[Answer]):
         self._lock = threading.Lock()
 
     def of(self, key: Hashable, compute: Callable[[], Answer]) -> Answer:
-        """The answer for a key; computed where it is not kept, and not kept where computing raises.
+        """Returns the answer for a key, computed unless it is kept; nothing is kept if computing raises.
 
-        Two threads that ask for the same at once may both compute it.
+        Two threads that request the same key at once may both compute the answer.
         """
         with self._lock:
             if key in self._answers:

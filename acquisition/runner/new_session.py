@@ -1,4 +1,4 @@
-"""A new session: its folder first, then its row, so that there is none that could never start."""
+"""Creation of a session: its folder first, then its row, so that no session exists that could never start."""
 
 import shutil
 import time
@@ -15,9 +15,9 @@ from acquisition.store.session_table import new_session_id
 def create(
     store: Store, cell: CellConfig, calibration: Calibration, recipe: AnyRecipe, idempotency_key: str | None
 ) -> tuple[SessionRow, bool]:
-    """Creates a session and its folder: recipe, cell file and calibration, complete without the database. The flag is
-    False when the idempotency key names an existing session.
+    """Creates a session with its folder; the flag is False when the idempotency key names an existing session.
 
+    The folder has recipe, cell file and calibration, and is complete without the database.
     Raises RigError request.invalid for exposures that the camera cannot make and for a key that was used for another
     recipe; store.disk_full and store.unwritable, which leave nothing behind.
     """
