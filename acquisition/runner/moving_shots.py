@@ -1,10 +1,10 @@
 """Capture on the way: each image is exposed as the arm arrives at its light, and judged on the way to the next.
 
-The arm is moved as ever: one certified segment after another, in the runner's thread. What is left out is the waiting.
-The lamp stays on from the first light to the last; a second thread begins each exposure when the lamp has less than
-half of its calibrated σ to go; the arm leaves as soon as the exposure is over; reading out, judging and storing happen
-meanwhile. Each frame's light is where the controller's poses say that the lamp was in the middle of the exposure. A
-frame that was lost, exposed wrongly or during too much motion is taken again at rest when the others are done.
+The arm is moved as for images at rest, one certified segment after another, in the runner's thread; only the waiting is
+left out. The lamp stays on from the first light to the last. A second thread begins each exposure when the lamp has
+less than half of its calibrated σ to go. The arm leaves as soon as the exposure is over; readout, judgement and storage
+happen meanwhile. A frame's light is the lamp's position in the middle of the exposure by the controller's poses. A
+frame that was lost, exposed wrongly or during too much motion is taken again at rest after the others.
 """
 
 import threading
@@ -27,28 +27,28 @@ from acquisition.session import SessionRecord, State
 from acquisition.store import Store
 
 POLL_S = 0.002
-"""Period, s, of looking at the arm's track and at the stop token while a light is approached."""
+"""Period, s, of checking the arm's track and the stop token while a light is approached."""
 
 LEADS = 8
-"""Images whose times from the call until the exposure has begun are looked at: the longest counts."""
+"""Number of recent images whose lead times (from the call until the exposure begins) are kept; the longest counts."""
 
 AFTER_S = 0.01
-"""Time, s, beyond the latest begin of an exposure seen so far for which the arm still waits."""
+"""Margin, s, of the arm's wait beyond the end of an exposure that begins after the longest lead time."""
 
 ARRIVES_WITHIN_S = 60.0
 """Time limit, s, for the arm to come near its light; moves take some seconds."""
 
 TRACK_WITHIN_S = 0.5
-"""Time limit, s, for the poses of the end of an exposure to arrive."""
+"""Time limit, s, for the poses at the end of an exposure to arrive."""
 
 
 @dataclass
 class _Passing:
-    """One image on the way: what is asked for, and what came of it."""
+    """One image on the way: what is to be taken, and the outcome."""
 
     shot: TakeShot
     exposure_s: float
-    ends_at: float | None = None  # time.monotonic() when the exposure will be over; none: not known before the frame
+    ends_at: float | None = None  # time.monotonic() when the exposure will be over; None: not known before the frame
     over: threading.Event = field(default_factory=threading.Event)  # the frame is here, or none will come
     done: threading.Event = field(default_factory=threading.Event)
     stored: bool = False
@@ -57,7 +57,7 @@ class _Passing:
 
 
 class MovingShotCapture(ShotCapture):
-    """Captures images at rest, and on the way; used in the runner's thread, which a second one serves meanwhile."""
+    """Captures images at rest and on the way; used in the runner's thread, which starts a second one per exposure."""
 
     def __init__(self, store: Store, rig: Rig, choices: RigChoices, compute: Compute) -> None:
         super().__init__(store, rig, choices, compute)
@@ -68,7 +68,7 @@ class MovingShotCapture(ShotCapture):
         return max(self._leads_s, default=None)
 
     def take_scan(self, record: SessionRecord, step: TakeScan, stop: StopToken) -> None:
-        """Follows waypoints and captures the image of each on the way; at rest, what did not succeed so.
+        """Follows waypoints and captures the image of each on the way, then at rest those that failed.
 
         Ends early when the session is to pause. Raises what `take_shot` raises.
         """
@@ -86,7 +86,7 @@ class MovingShotCapture(ShotCapture):
                 self._take_at_rest(record, passing.shot, stop)
 
     def _pass_lights(self, record: SessionRecord, shots: list[TakeShot], stop: StopToken) -> list[_Passing]:
-        """Moves through the lights with the lamp on; returns what came of each light that was reached."""
+        """Moves through the lights with the lamp on; returns the outcome of each light that was tried."""
         passed: list[_Passing] = []
         ended = StopToken()
         try:
@@ -134,7 +134,7 @@ class MovingShotCapture(ShotCapture):
     def _take_on_the_way(
         self, record: SessionRecord, passing: _Passing, before: _Passing | None, stop: StopToken, ended: StopToken
     ) -> None:
-        """Exposes, judges and stores one image; the thread that serves the runner's."""
+        """Exposes, judges and stores one image, in the second thread."""
         try:
             if before is not None:
                 before.done.wait()  # one frame at a time
@@ -148,7 +148,7 @@ class MovingShotCapture(ShotCapture):
             passing.done.set()
 
     def _expose_near(self, passing: _Passing, stop: StopToken, ended: StopToken) -> Frame | None:
-        """The frame that begins as the arm arrives; None where it does not arrive."""
+        """Exposes a frame as the arm arrives at its light; returns None if it does not arrive."""
         goal, lead_s = passing.shot.waypoint.joints, self._lead_s or 0.0
         allowed_m = moving.AIMED_SHARE * self._calibration.lamp_position_sigma_m
         deadline = time.monotonic() + ARRIVES_WITHIN_S
@@ -166,13 +166,13 @@ class MovingShotCapture(ShotCapture):
             passing.over.set()
         begun_at = _monotonic(frame.taken_at) - passing.exposure_s / 2
         hardware = frame.settings is not None and frame.settings.trigger == "hardware"
-        # A hardware trigger is a request to the arm's driver and waits for the end of the move: the frame says when.
+        # A hardware trigger waits in the arm's driver for the end of the move, so its lead time tells nothing here.
         if not hardware:
             self._leads_s.append(begun_at - called_at)
         return frame
 
     def _keep(self, record: SessionRecord, passing: _Passing, frame: Frame, stop: StopToken) -> None:
-        """Judges a frame and stores it with the lamp's pose in the middle of its exposure; else tells why not."""
+        """Judges a frame and stores it with the arm's pose in the middle of its exposure; announces a rejected one."""
         shot, middle = passing.shot, self._middle(frame, passing.exposure_s, stop)
         most_m = moving.MAX_SHARE * self._calibration.lamp_position_sigma_m
         if middle is None:
@@ -197,7 +197,7 @@ class MovingShotCapture(ShotCapture):
         passing.stored = True
 
     def _middle(self, frame: Frame, exposure_s: float, stop: StopToken) -> moving.Middle | None:
-        """The arm in the middle of a frame's exposure, once the poses until its end are here."""
+        """Waits for the poses until the end of an exposure; returns the arm in its middle, None if they do not come."""
         taken_at, deadline = _monotonic(frame.taken_at), time.monotonic() + TRACK_WITHIN_S
         begin, end = taken_at - exposure_s / 2, taken_at + exposure_s / 2
         while (middle := moving.during(self._track(exposure_s + 2.0), begin, end)) is None:
@@ -224,11 +224,11 @@ class MovingShotCapture(ShotCapture):
         self.take_shot(self._store.record(record.session_id), shot, stop)
 
     def _goes_on(self, record: SessionRecord) -> bool:
-        """Whether nobody wants the session to pause or stop."""
+        """Whether the session is running: nobody has asked it to pause or stop."""
         return self._store.journal.session(record.session_id).state is State.RUNNING
 
     def _level(self, record: SessionRecord, shot: TakeShot) -> float | None:
-        """The brightest level known for a light, full scales per second: predicted, or that of the last image."""
+        """Returns a light's brightest level, full scales per second: predicted, or that of the last image."""
         work = record.passes[shot.key.pass_number]
         if record.recipe.exposure.seconds is not None:
             return 1.0
@@ -238,7 +238,7 @@ class MovingShotCapture(ShotCapture):
         return seen[-1] if seen else None
 
     def _exposure(self, record: SessionRecord, shot: TakeShot, passed: list[_Passing]) -> float:
-        """The exposure time, s, of an image on the way."""
+        """Returns the exposure time, s, of an image on the way."""
         work = record.passes[shot.key.pass_number]
         seen = [one.level_per_s for one in passed if one.level_per_s is not None]
         if not seen or (work.plan is not None and work.plan.levels_per_s is not None):
@@ -247,5 +247,5 @@ class MovingShotCapture(ShotCapture):
 
 
 def _monotonic(wall_s: float) -> float:
-    """time.monotonic() at a time in seconds since 1970."""
+    """Returns the value of time.monotonic() at a time in seconds since 1970."""
     return wall_s - time.time() + time.monotonic()

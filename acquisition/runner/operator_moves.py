@@ -1,9 +1,9 @@
-"""Moves that a person asks for outside of sessions: the way home, and jogging while a button is held.
+"""Moves that a person requests outside of sessions: the path home, and jogging while a button is held.
 
-Both run in the runner's thread, on paths that are certified like those of routes, and both end with any halt. Jogging
-has a dead-man: each request renews the hold for `HOLD_S`, and the token that every waiting loop of a move already asks
-whether it is to stop counts as set when the hold has run out. So no timer or thread of its own has to live for the arm
-to be stopped, and where the service itself falls silent the driver's lease does it (decisions 8 and 51).
+Both run in the runner's thread, on paths that are certified like those of routes, and any halt ends both. Jogging has a
+dead-man: each request renews the hold for `HOLD_S`. When the hold has run out, the stop token, which every waiting loop
+of a move checks, counts as set. So stopping the arm depends on no timer or thread of its own; if the service itself
+falls silent, the driver's lease stops the arm (decisions 8 and 51).
 """
 
 import logging
@@ -29,13 +29,13 @@ from acquisition.store.queue_table import QueueState
 _log = logging.getLogger(__name__)
 
 HOLD_S = 0.3
-"""How long a jog goes on after the last request, s: at the jog's highest speed the tool moves 3 cm meanwhile."""
+"""Time, s, for which a jog goes on after the last request; at the highest jogging speed the tool moves 3 cm."""
 
 ENDED_WITHIN_S = 2.0
-"""Time, s, within which a jog that was told to end is at rest: a step lasts less."""
+"""Time limit, s, for the arm to come to rest when a jog is ended; a step takes less."""
 
 REMEMBERED_HOLDS = 64
-"""Presses that are remembered, so that a late renewal of one that has ended begins nothing."""
+"""Number of presses that are remembered, so that a late renewal of an ended press starts no motion."""
 
 _POLL_S = 0.01
 
@@ -46,14 +46,14 @@ class HoldToken(threading.Event):
     def __init__(self) -> None:
         super().__init__()
         self._until = time.monotonic() + HOLD_S
-        self.halted = False  # somebody has set it, it has not run out
+        self.halted = False  # True if somebody has set the token, not if the hold has run out
 
     def renew(self) -> None:
-        """The button is still held."""
+        """Renews the hold: the button is still pressed."""
         self._until = time.monotonic() + HOLD_S
 
     def let_go(self) -> None:
-        """The button is not held any more."""
+        """Ends the hold: the button is released."""
         super().set()
 
     def set(self) -> None:
@@ -62,7 +62,7 @@ class HoldToken(threading.Event):
         super().set()
 
     def is_set(self) -> bool:
-        """Whether the move has to end; once it has to, a renewal does not help."""
+        """Whether the move has to end; once True, it stays so, and a renewal has no effect."""
         if not super().is_set() and time.monotonic() > self._until:
             self.let_go()
         return super().is_set()
@@ -70,7 +70,7 @@ class HoldToken(threading.Event):
 
 @dataclass(frozen=True)
 class RunnerAccess:
-    """What the moves need of the runner, whose thread and whose stop token they use."""
+    """Functions of the runner, whose thread and stop token the moves use."""
 
     refuse_held: Callable[[], None]
     require_clear: Callable[[], None]
@@ -117,7 +117,7 @@ class OperatorMoves:
         access.refuse_held()
         self.refuse_jogged()
         token = StopToken()
-        self._take_over(token)  # before anything is looked at: a halt from now on ends this move, planned or not
+        self._take_over(token)  # before any check: a halt from now on ends this move, planned or not
         access.require_clear()
         access.make_ready()
         access.require_clear()
@@ -126,7 +126,7 @@ class OperatorMoves:
         access.put(lambda: self._follow_home(here, path, token, actor))
 
     def _take_over(self, token: StopToken) -> None:
-        """Makes a token the one that halts set; set at once where somebody halts meanwhile."""
+        """Makes `token` the one that a halt sets; sets it at once if somebody halts meanwhile."""
         halts = self._access.halts()
         self._access.take_over(token)
         if self._access.halts() != halts:
@@ -162,12 +162,12 @@ class OperatorMoves:
             raise RigError(ErrorCode.RIG_BUSY, f"{jog.actor} jogs the arm: let the button go first")
 
     def jog(self, hold: str, motion: JogMotion, actor: str, *, once: bool) -> bool:
-        """Begins a motion, or renews the hold of the one in progress; returns whether the arm moves by it already.
+        """Begins a motion, or renews the hold of the one in progress; returns whether the arm already moves by it.
 
         `hold` names one press of a button: when its motion has ended, for whatever reason, it begins no other. The
-        motion goes on step by step until the hold runs out, `once` it ends after one step. Raises RigError rig.busy
-        while a session holds the rig, the queue runs or somebody else jogs; arm.jog_ended; waypoints.collision and
-        waypoints.unreachable when the next step is not free; safety.not_acknowledged, and what devices report.
+        motion goes on step by step until the hold runs out; with `once` it ends after one step. Raises RigError
+        rig.busy while a session holds the rig, the queue runs or somebody else jogs; arm.jog_ended; waypoints.collision
+        and waypoints.unreachable when the next step is not free; safety.not_acknowledged, and what devices report.
         """
         access = self._access
         access.refuse_held()
@@ -206,8 +206,8 @@ class OperatorMoves:
         return not made.ended.is_set()
 
     def release(self, hold: str | None = None) -> None:
-        """Ends a jog at once, and returns when the arm is at rest; the press `hold` begins nothing any more, even where
-        its request is still on the way."""
+        """Ends a jog at once, and returns when it has ended. The press `hold` starts no motion afterwards, even if its
+        request is still on the way. Raises RigError rig.busy if the jog does not end within ENDED_WITHIN_S."""
         with self._lock:
             if hold is not None and hold not in self._holds:
                 self._holds.append(hold)
@@ -220,9 +220,9 @@ class OperatorMoves:
             raise RigError(ErrorCode.RIG_BUSY, "The arm is not at rest yet")
 
     def _drive(self, jog: _Jog) -> None:
-        """Follows one certified step in the runner's thread and asks it for the next, until the jog has ended.
+        """Follows one certified step in the runner's thread and queues the next one, until the jog has ended.
 
-        Between two steps the thread serves others, so that the camera's preview shows where the arm has come to.
+        Between two steps the thread serves other requests, so that the camera's preview shows where the arm is.
         """
         outcome = self._step(jog)
         if outcome is None:
@@ -235,7 +235,7 @@ class OperatorMoves:
             self._store.journal.announce(None, "rig.jogged", body)
 
     def _step(self, jog: _Jog) -> str | None:
-        """Follows one step; the outcome of the jog where it was the last one."""
+        """Follows one step; returns the jog's outcome if it was the last one, else None."""
         access, token = self._access, jog.token
         try:
             if not access.is_current(token):
@@ -243,7 +243,7 @@ class OperatorMoves:
             access.refuse_held()
             access.require_clear()
             known = (jog.motion, *self._known)
-            # Not ended by the token, which would end the compute process, whose next start takes seconds.
+            # The jog's token does not end this job: that would kill the compute process, whose start takes seconds.
             path: JointPath = self._compute.run(access.closing, "jog_step", self._present_joints(), *known)
             access.require_clear()
             if token.is_set():
@@ -269,7 +269,7 @@ class OperatorMoves:
 
     @property
     def _known(self) -> tuple[CellConfig, Calibration]:
-        """The cell with the tool that is on the flange, and the calibration in use."""
+        """The cell with the tool on the flange, and the calibration in use."""
         return self._choices.cell, self._choices.calibration
 
     def _present_joints(self) -> tuple[float, ...]:

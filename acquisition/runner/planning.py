@@ -1,8 +1,8 @@
-"""Planning service: dry runs of recipes, forecasts for lights of a person's own, and their acceptance as a plan.
+"""Planning service: dry runs of recipes, forecasts for a person's own lights, and their acceptance as a plan.
 
 Nothing moves. Plans are made by the same jobs in the compute process as those of a session. Dry runs and forecasts have
-lower priority: the jobs of a session preempt them. They are pure functions of what is asked and take seconds, so the
-newest are kept: whoever edits a recipe's title, or asks twice, waits once.
+lower priority: the jobs of a session preempt them. They are pure functions that take seconds, so the newest answers are
+kept: a repeated request, or one with another title only, is answered at once.
 """
 
 import threading
@@ -39,13 +39,13 @@ ASSUMED_EXPOSURE_S = 0.1
 """Assumed time, s, of an image whose exposure time is automatic, with readout and checks."""
 
 KEPT_FORECASTS = 8
-"""Forecasts that are kept, so that figures and picture of the same lights are computed once."""
+"""Number of forecasts kept, so that figures and picture of the same lights are computed once."""
 
 KEPT_DRY_RUNS = 32
-"""Lights with their prior forecasts, and routes, that are kept; an answer takes up to 10 kB."""
+"""Numbers of plans with prior forecast, and of routes, that are kept; an answer takes up to 10 kB."""
 
 SAME_START_RAD = 1e-3
-"""Grid of the arm's place, rad, within which a dry run's route is the same: a resting arm's reading varies by less."""
+"""Grid of the start's joints, rad, within which a dry run's route is reused; readings of a resting arm vary by less."""
 
 UNPLANNED: Mapping[str, Any] = {"label": "", "notes": "", "retakes": 0, "review_plan": False}
 """Fields of a recipe that neither its first lights nor their forecast depend on."""
@@ -53,8 +53,10 @@ UNPLANNED: Mapping[str, Any] = {"label": "", "notes": "", "retakes": 0, "review_
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a recipe's first pass would do, and what its session may reach; `seconds` is the time from the first move
-    to the arm's return, without the path back to the light of the first image, which is repeated.
+    """What a recipe's first pass would do, and the accuracy that its session may reach.
+
+    `seconds` is the time from the first move to the arm's return, without the path back to the first image's light,
+    which is repeated.
     """
 
     plan: LightPlan
@@ -87,11 +89,11 @@ class PlanningService:
 
     @property
     def reach_file(self) -> Path:
-        """Where the cell's reach is kept."""
+        """File in which the cell's reach is kept."""
         return self._executor.reach_cache
 
     def reach(self) -> str:
-        """The cell's reach as JSON. Raises RigError rig.busy while a session uses the compute process."""
+        """Returns the cell's reach as JSON. Raises RigError rig.busy if it is not made and a session holds the rig."""
         calibration = self._calibration
         cache = self._executor.reach_cache_of(calibration)
         if self._store.journal.holder() is not None and not cache.exists():
@@ -101,7 +103,7 @@ class PlanningService:
         return cache.read_text(encoding="utf-8")
 
     def dry_run(self, recipe: Recipe) -> DryRun:
-        """The lights and the route of a recipe's first pass, from where the arm stands (or from home).
+        """Plans lights and route of a recipe's first pass, from where the arm stands (from home if not connected).
 
         Raises RigError rig.busy while a session works, request.invalid for exposures that the camera cannot make,
         plan.infeasible, waypoints.unreachable, waypoints.collision.
@@ -123,7 +125,7 @@ class PlanningService:
         return DryRun(plan, route, seconds, forecast)
 
     def first_views(self, recipe: BoardRecipe) -> tuple[LightPlan, Calibration]:
-        """The poses of a calibration's first pass, and the calibration in use, by which they are planned.
+        """Returns the poses of a calibration's first pass, and the calibration in use, with which they are planned.
 
         The board need not be on the flange yet. Raises RigError rig.busy while a session works, config.invalid without
         a board, waypoints.unreachable, calibration.infeasible.
@@ -140,7 +142,7 @@ class PlanningService:
         return plan, known
 
     def _design(self, recipe: Recipe) -> tuple[LightPlan, PriorForecast]:
-        """The lights of a recipe's first pass and what accuracy to expect. Raises Preempted."""
+        """Returns the lights of a recipe's first pass, and the prior forecast. Raises Preempted."""
         known = (recipe, self._choices.lamp_cell, self._calibration, self._executor.reach_cache)
 
         def compute() -> tuple[LightPlan, PriorForecast]:
@@ -151,7 +153,7 @@ class PlanningService:
         return self._designs.of(key, compute)
 
     def _route(self, plan: LightPlan, start: tuple[float, ...]) -> Route:
-        """The path through a plan's lights from where the arm stands. Raises Preempted."""
+        """Returns the route through a plan's lights from `start` (rad). Raises Preempted."""
         lights = tuple(light.model_dump_json() for light in plan.lights)
         grid = tuple(round(angle / SAME_START_RAD) for angle in start)
         return self._routes.of(
@@ -194,9 +196,9 @@ class PlanningService:
     def forecast(
         self, session_id: str, number: int, positions: Sequence[Vector3]
     ) -> tuple[LightForecast, bytes | None]:
-        """Forecast of σ with lights at `positions` (m, view frame) for a plan under review, and its picture (PNG).
+        """Forecasts σ with lights at `positions` (m, view frame) for a plan under review, with a picture (PNG).
 
-        Nothing is kept of it but the answers to the last few requests. The picture is None where no result precedes.
+        Only the answers to the last few requests are kept. The picture is None if there is no result before this pass.
         Raises RigError session.not_found, session.action_not_allowed, plan.infeasible, rig.busy.
         """
         self._require_review(session_id, number)
@@ -224,7 +226,7 @@ class PlanningService:
             raise RigError(ErrorCode.RIG_BUSY, "A session computes at the moment: ask again later") from error
 
     def approve(self, session_id: str, actor: str) -> None:
-        """Records that `actor` approves the plan, or has placed the target, that the session waits for, if it does."""
+        """Records that `actor` approves the plan, or has placed the target, if the session waits for one of these."""
         step = self._next_step(session_id)
         if isinstance(step, AwaitReview | AwaitTarget):
             self._store.journal.approve(session_id, step.pass_number, actor)

@@ -1,7 +1,7 @@
 """Preview frames of the camera while no session holds the rig.
 
 The camera belongs to the runner's thread, so a preview frame is a request to that thread like any other, and a session
-that starts preempts it. While a session holds the rig a preview is refused: the session's frames are the view then.
+that starts preempts it. While a session holds the rig, a preview is refused: the session's own frames are shown then.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ class Preview:
         self._token = StopToken()
 
     def take_frame(self, exposure_s: float) -> Frame:
-        """One frame; lamp and arm stay as they are.
+        """Takes one frame; lamp and arm stay as they are.
 
         Raises RigError rig.busy, rig.not_ready, request.invalid, camera.unreachable, camera.timeout,
         device.disconnected.

@@ -1,8 +1,8 @@
-"""Progress of a session and the time that it will still take, from what its journal and those of earlier ones say.
+"""Progress and remaining time of a session, estimated from its own events and those of earlier sessions.
 
-Extrapolating the elapsed time counts pauses as work and knows nothing of what is left. Here the work that is left is
-counted by kind, as `session.next_step` will derive it, and each kind takes as long as it took in this session, else in
-the last completed ones of this cell, else as computed or assumed; the answer says which.
+Extrapolation of the elapsed time would count pauses as work and ignore what is left. Here the remaining work is counted
+by kind, as `session.next_step` will derive it. Each kind takes as long as it took in this session, else in the last
+completed ones of this cell, else as computed from the route or assumed; the answer states which.
 """
 
 import statistics
@@ -19,10 +19,10 @@ from acquisition.session import PassRecord, SessionRecord, Stage, State
 from acquisition.store import Event, SessionFilter, SessionRow, Store
 
 EARLIER_SESSIONS = 5
-"""Completed sessions of the cell whose times count."""
+"""Number of completed sessions of the cell whose times count."""
 
 LOOKED_AT = 50
-"""Completed sessions among which those of this cell are looked for."""
+"""Number of completed sessions among which those of this cell are searched for."""
 
 ASSUMED_S: dict[str, float] = {
     "pilot": 5.0,
@@ -32,11 +32,11 @@ ASSUMED_S: dict[str, float] = {
     "normals": 5.0,
     "estimate": 5.0,
 }
-"""Times assumed of one unit of each kind of work without any measurement, s: the demonstration's on two cores, whose
-first lights wait for the compute process."""
+"""Assumed times, s, of one unit of each kind of work without a measurement: those of the demonstration on two cores,
+whose first lights wait for the compute process."""
 
 ASSUMED_STOP_S = 0.3
-"""Time assumed of an image beside its move, settling and lamp, s: exposure, readout, checks."""
+"""Assumed time, s, of an image beside its move, settling and lamp: exposure, readout, checks."""
 
 _WORK_OF_STAGE = {
     stage: str(stage) for stage in (Stage.PILOT, Stage.PLAN, Stage.WAYPOINTS, Stage.NORMALS, Stage.ESTIMATE)
@@ -44,10 +44,10 @@ _WORK_OF_STAGE = {
 _EVENTS = ("session.stage", "session.state", "shot.captured")
 _TOLD = ("session.stage", "session.progress")
 _PASS_EXTRAS = 1
-"""Units of capture work of a pass beside its lights: the way home with the lamp-off frames."""
+"""Units of capture work of a pass beside its lights: the path home with the lamp-off frames."""
 
 Durations = dict[str, list[float]]
-"""Measured times (s) of one unit by kind of work."""
+"""Measured times, s, of single units of work by kind."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class SessionProgress:
 
 @dataclass
 class _Work:
-    """Units of work that are left, by kind; `at_least`: more may follow."""
+    """Remaining units of work by kind; with `at_least` more may follow."""
 
     units: dict[str, int] = field(default_factory=dict[str, int])
     at_least: bool = False
@@ -72,19 +72,19 @@ class _Work:
 
 
 class ProgressEstimator:
-    """Estimates sessions of one store; any thread may call."""
+    """Estimates the progress of sessions of one store; any thread may call."""
 
     def __init__(self, store: Store, cell: CellConfig) -> None:
         self._store, self._cell = store, cell
-        self._of_ended: dict[str, Durations] = {}  # the newest, no more
+        self._of_ended: dict[str, Durations] = {}  # only the newest sessions
 
     def estimate(self, record: SessionRecord, stage: Stage) -> SessionProgress:
-        """Progress of a session as its record has it, in the stage that it has reached."""
+        """Estimates the progress of a session from its record and the stage that it has reached."""
         holds = record.state in session.RIG_HOLDING
         return SessionProgress(stage, session.progress(record), self._time_left(record) if holds else None)
 
     def told(self, row: SessionRow) -> SessionProgress:
-        """Progress of a session as it was last announced, which needs none of its files."""
+        """Returns the progress of a session as last announced, without reading its files."""
         told = {event.type: event.body for event in self._store.journal.events(0, 10_000, row.id, _TOLD)}
         if row.state is State.COMPLETED:
             return SessionProgress(Stage.FINISHED, 1.0, None)
@@ -123,7 +123,7 @@ class ProgressEstimator:
         return ASSUMED_S[work], "assumed"
 
     def _earlier(self, session_id: str) -> Durations:
-        """Times in the newest completed sessions of this cell."""
+        """Returns the times of work in the newest completed sessions of this cell."""
         rows = self._store.journal.sessions(LOOKED_AT, wanted=SessionFilter(states=(State.COMPLETED,)))
         ids = [row.id for row in rows if row.fingerprint == self._cell.fingerprint and row.id != session_id]
         kept = self._of_ended
@@ -140,7 +140,7 @@ class ProgressEstimator:
 
 
 def work_left(record: SessionRecord) -> _Work:
-    """Counts the work that is left by kind, as `session.next_step` will ask for it."""
+    """Counts the remaining work by kind, as `session.next_step` will derive it."""
     work, recipe = _Work(), record.recipe
     if not isinstance(recipe, Recipe):
         return _calibration_left(record, recipe)
@@ -168,7 +168,7 @@ def work_left(record: SessionRecord) -> _Work:
 
 
 def measured(events: Sequence[Event]) -> Durations:
-    """Times of units of work between a session's events (stage, state, image); a pause makes one of them unknown."""
+    """Measures times of work between a session's events (stage, state, image); a pause makes one of them unknown."""
     result: Durations = {}
     stage: str | None = None
     since: float | None = None
@@ -191,7 +191,7 @@ def measured(events: Sequence[Event]) -> Durations:
 
 
 def _calibration_left(record: SessionRecord, recipe: CalibrationRecipe) -> _Work:
-    """The work of a calibration that takes all its images; with an accuracy to reach it may be less."""
+    """Counts the remaining work of a calibration that takes all images; with an accuracy to reach it may be less."""
     work, taken = _Work(), sum(len(passed.shots) for passed in record.passes)
     if _concluded(record):
         return work
@@ -210,7 +210,7 @@ def _calibration_left(record: SessionRecord, recipe: CalibrationRecipe) -> _Work
 
 
 def _planned(record: SessionRecord, number: int) -> int:
-    """Lights that the recipe gives a pass that is not planned yet."""
+    """Number of lights that the recipe gives a pass without a plan."""
     recipe = require_capture(record.recipe)
     if recipe.method != "optimal":
         return recipe.lights_total

@@ -1,10 +1,10 @@
 """Results: the solve of a session, its repetition with other settings on request, and exports made on demand.
 
 A re-solve uses no device and has lower priority than a session: it starts only while no session runs, in the one
-compute process, and the next step of a session preempts it; it is restarted later. Requests are events of the journal
-until an event of success or failure follows, so a restarted service resumes them. A request that asks for what was
-asked for before, by its idempotency key or by equal settings, images and software, leads to the same result: a client
-that repeats itself makes no second job. A cancelled solve is killed with its process, which frees its memory at once.
+compute process; the next step of a session preempts it, and it is restarted later. A request is an event of the journal
+and pending until an event of success or failure follows, so a restarted service resumes it. A request with the
+idempotency key of an earlier one, or with equal settings, images and software, leads to the same result: a client that
+repeats itself makes no second job. A cancelled solve is killed with its process, which frees its memory at once.
 """
 
 import logging
@@ -44,15 +44,14 @@ EXPORTS = (
 """Files that are made from a result on the first request, and cached."""
 
 POLL_S = 0.5
-"""Period, s, of checking whether a session runs and whether the service ends."""
+"""Period, s, of checking whether a session runs and whether the service is ending."""
 
 ENDED_WITHIN_S = 10.0
-"""How long the deletion of a session waits for the end of its solve, s; what is written later is removed by its thread.
-"""
+"""Time, s, for which a session's deletion waits for its solve to end; the thread removes what it writes later."""
 
 
 def observations(record: SessionRecord, folder: Path, last_pass: int | None = None) -> Observations:
-    """All images so far, or those up to a pass; the lamp-off frame of each exposure time is the newest one."""
+    """Returns all images so far, or those up to a pass, with the newest lamp-off frame of each exposure time."""
     passes = record.passes if last_pass is None else record.passes[: last_pass + 1]
     shots = (
         shot
@@ -94,7 +93,7 @@ def record_result(
 
 
 def region_file(store: Store, session_id: str) -> Path | None:
-    """The mask of the session's region of interest; None where there is none."""
+    """Returns the file of the newest mask of the session's region of interest, or None."""
     masks = store.journal.artifacts(session_id, "region")
     return store.folder(session_id) / masks[-1].path if masks else None
 
@@ -133,7 +132,7 @@ class ReSolveService:
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="resolving", daemon=True)
         self._running: SolveRequest | None = None
-        self._ended = threading.Event()  # of the running solve: it writes nothing more
+        self._ended = threading.Event()  # set when the running solve writes nothing more
         self._halting = threading.Event()  # ends the running solve: the service closes, or it was cancelled
 
     def open(self) -> None:
@@ -153,10 +152,10 @@ class ReSolveService:
         self, session_id: str, settings: SolveSettings, last_pass: int | None, actor: str,
         idempotency_key: str | None = None, calibration: str | None = None,
     ) -> tuple[SolveRequest, bool]:  # fmt: skip
-        """Accepts a solve of a session that has ended; `last_pass` None: all its images; `calibration` is the
-        identifier of a set, None: that of the capture.
+        """Accepts a solve of a session that has ended, with the images up to `last_pass` (None: all) and the
+        calibration set `calibration` (None: the calibration of the capture).
 
-        The flag is False for a request that was made before: by its key, or by equal settings, images and software
+        The flag is False for a repeated request: one with an earlier key, or with equal settings, images and software,
         unless that solve failed or was cancelled.
 
         Raises RigError session.not_found, session.action_not_allowed while the session may still take images,
@@ -207,7 +206,7 @@ class ReSolveService:
         return request, True
 
     def cancel(self, session_id: str, number: int, actor: str) -> None:
-        """Cancels a solve that waits or runs; the event `resolve.failed` with the code result.cancelled says so.
+        """Cancels a solve that waits or runs; the event `resolve.failed` with the code result.cancelled announces it.
 
         Cancelling it again is no error. Raises RigError session.not_found, request.not_found for no such request,
         session.action_not_allowed when it has ended otherwise.
@@ -254,7 +253,7 @@ class ReSolveService:
         raise RigError(ErrorCode.RESULT_NOT_READY, f"Result {number} of session {session_id} is being solved")
 
     def make_export(self, session_id: str, number: int, name: str) -> Path:
-        """The file of one of `EXPORTS`, made unless it is there. Raises RigError rig.busy while a session runs."""
+        """Returns the file of one of `EXPORTS`, made if missing. Raises RigError rig.busy while a session runs."""
         folder = self._store.folder(session_id)
         file = folder / "results" / str(number) / "exports" / name
         if file.exists():
@@ -281,7 +280,7 @@ class ReSolveService:
         return file
 
     def _known(self, wanted: SolveRequest, asked: list[SolveRequest]) -> SolveRequest | None:
-        """The one of the session's requests so far that leads to the same result; None without one."""
+        """Returns the earlier request of the session that leads to the same result, or None."""
         failed = solve_requests.failures(self._store.journal, wanted.session_id)
         for request in asked:
             if wanted.idempotency_key is not None and request.idempotency_key == wanted.idempotency_key:
@@ -308,7 +307,7 @@ class ReSolveService:
                     self._finish(request)
 
     def _carry_out(self, request: SolveRequest) -> None:
-        """Solves what was asked for and announces what became of it; nothing when the service ends."""
+        """Carries out a request and announces its outcome, except when the service ends."""
         try:
             with bound_contextvars(session_id=request.session_id):
                 self._solve(request)
@@ -324,7 +323,7 @@ class ReSolveService:
             self._end(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
 
     def _end(self, request: SolveRequest, error: RigError) -> None:
-        """Announces a failure from the thread; waits while the journal cannot be written: else it would be pending."""
+        """Announces a failure; waits while the journal cannot be written, else the request would stay pending."""
         while True:
             try:
                 self._fail(request, error)
@@ -335,7 +334,7 @@ class ReSolveService:
             return
 
     def _begin(self, request: SolveRequest) -> bool:
-        """Notes which solve runs from now on; False for one that was cancelled while it waited."""
+        """Notes that a solve runs from now on; returns False if it was cancelled while it waited."""
         with self._numbering:
             pending = solve_requests.submitted(self._store.journal, request.session_id)
             waits = request.number in [item.number for item in pending]
@@ -352,7 +351,7 @@ class ReSolveService:
         self._ended.set()
 
     def _remove_if_deleted(self, session_id: str) -> None:
-        """Removes what was written of a session after it was deleted, here or by `prune` beside the service."""
+        """Removes what was written for a session after its deletion by the service or by `prune` beside it."""
         if self._is_deleted(session_id):
             shutil.rmtree(self._store.session_path(session_id), ignore_errors=True)
 

@@ -1,6 +1,6 @@
 """Jobs of sessions that calibrate the camera's response: one light for all images, and the estimate from them.
 
-Pure but for the files of an estimate, which are written as a whole: a folder that is there is complete.
+They are pure except for the files of an estimate, which are written as a whole: an existing folder is complete.
 """
 
 from functools import partial
@@ -26,13 +26,13 @@ from acquisition.waypoints.reach import refusals
 from acquisition.waypoints.roadmap import dome_center, dome_lights
 
 AT_ONCE = 16
-"""Places of the dome that are tried together, the ones nearest to the view axis first."""
+"""Number of dome positions that are tried together, the nearest to the view axis first."""
 
 
 def response_light(recipe: ResponseRecipe, cell: CellConfig, calibration: Calibration) -> LightPlan:
-    """One light for all images, the reachable one nearest to the view axis, which leaves the least in shadow.
+    """Chooses one light for all images: the reachable one nearest to the view axis, which leaves the least in shadow.
 
-    Raises RigError waypoints.unreachable where the lamp reaches none.
+    Raises RigError waypoints.unreachable if the lamp reaches none.
     """
     dome = dome_lights(cell, calibration, cell.dome.candidates)
     slants = geometry.slant_azimuth(np.array([one.position for one in dome]) - dome_center(cell, calibration))[0]

@@ -1,7 +1,7 @@
 """Capture for a calibration of the camera's response: the arm rests at one light, exposure time and lamp change.
 
-Exposure times follow from the first image that is recorded, so that they stay the same however often the session is
-interrupted. Before it frames are taken that only measure and are not kept.
+Exposure times follow from the first recorded image, so that they stay the same however often the session is
+interrupted. Before that image, frames are taken that only measure the level and are not kept.
 """
 
 from dataclasses import replace
@@ -16,7 +16,7 @@ from acquisition.runner.shots import ShotCapture
 from acquisition.session import FIRST_REFERENCE_NUMBER, SessionRecord
 
 METERING_FRAMES = 12
-"""Frames at most by which the level is found; each halves or doubles at least."""
+"""Largest number of frames that measure the level; each at least halves or doubles the exposure time."""
 
 
 class ResponseShots(ShotCapture):
@@ -31,7 +31,7 @@ class ResponseShots(ShotCapture):
         self._go_to(record, step.waypoint, stop)
         setting = _setting(record)
         exposure_s = self._exposure(record, step.key, setting, stop)
-        # Frames of one exposure have noise of their own in a simulated cell too.
+        # In a simulated cell, too, each frame of one exposure time has its own noise.
         exposed, attempt = self._expose(record, step.key, exposure_s, 0, stop, 1 + step.key.number)
         self._require_arm_at_light(exposed, step)
         verdict = check.lit_frame(
@@ -49,7 +49,7 @@ class ResponseShots(ShotCapture):
         self._store_shot(record, step.key, exposed, exposure_s, attempt, quality)
 
     def repeat_reference(self, record: SessionRecord, step: RepeatReference, stop: StopToken) -> None:
-        """Captures the first image again: others are without light or clipped, and all were taken from one pose.
+        """Captures the first image again, since others are without light or clipped; all were taken at one pose.
 
         Raises Halted, RigError scene.moved, and what devices report.
         """
@@ -60,7 +60,8 @@ class ResponseShots(ShotCapture):
         return key.number >= FIRST_REFERENCE_NUMBER or _setting(record).lit
 
     def _exposure(self, record: SessionRecord, key: ShotKey, setting: FrameSetting, stop: StopToken) -> float:
-        """Exposure time, s, that brings the brightest parts to the setting's share of full scale, if the camera can."""
+        """Returns the exposure time, s, that brings the brightest parts to the setting's share of full scale, within
+        the camera's range."""
         captured = _captured(record)
         if captured:
             full_s = captured[0].exposure_s / _recipe(record).frames[0].share
@@ -69,7 +70,7 @@ class ResponseShots(ShotCapture):
         return exposure.in_range(round(full_s * setting.share, 6), self._rig.cell.camera)
 
     def _measured_level(self, record: SessionRecord, key: ShotKey, stop: StopToken) -> float:
-        """Level of the brightest parts with the lamp on, full scales per second, by frames that are not kept."""
+        """Measures the level of the brightest parts, lamp on, full scales per second, by frames that are not kept."""
         recipe, camera = _recipe(record), self._rig.cell.camera
         wanted = recipe.exposure
         exposure_s = exposure.for_level(exposure.assumed_level(self._rig.cell, self._calibration), wanted, camera)
@@ -91,12 +92,12 @@ class ResponseShots(ShotCapture):
 
 
 def _captured(record: SessionRecord) -> list[Shot]:
-    """The images so far, in the order of capture."""
+    """Returns the images so far, in the order of capture."""
     return sorted((shot for work in record.passes for shot in work.shots.values()), key=lambda shot: shot.taken_at)
 
 
 def _setting(record: SessionRecord) -> FrameSetting:
-    """The next image's setting: by the order of capture, so that the first is well exposed on whichever route."""
+    """Returns the next image's setting by the order of capture, so that the first is well exposed on any route."""
     return _recipe(record).frames[len(_captured(record))]
 
 

@@ -1,9 +1,9 @@
-"""What people have chosen for the rig: the calibration that sessions are captured with, and the tool on the flange.
+"""People's choices for the rig: the calibration that sessions are captured with, and the tool on the flange.
 
-Both are events of the journal, so that they survive a restart and the history says who chose what. Neither changes
+Both are events of the journal, so that they survive a restart and the history states who chose what. Neither changes
 while a session holds the rig: its images are solved with the calibration that they were taken with, and its paths are
-certified for the tool that is on the flange. Nothing tells the service which tool that is but a person; so a session
-that needs another one is refused rather than believed.
+certified for the tool that is on the flange. Only a person can tell the service which tool that is; so a session that
+needs another tool than the stated one is refused.
 """
 
 import threading
@@ -30,7 +30,7 @@ CALIBRATION_CHOSEN, TOOL_STATED = "calibration.activated", "tool.mounted"
 
 
 def camera_name(cell: CellConfig) -> str:
-    """The cell's camera for people: its kind, with the serial number where it has one."""
+    """Returns the cell's camera for people: its kind, and what identifies it (such as serial number or model)."""
     camera = cell.camera
     match camera:
         case SimCameraConfig():
@@ -54,10 +54,10 @@ class RigChoices:
         self, store: Store, cell: CellConfig, of_cell: Calibration, refuse_used: Callable[[], None],
         arm_name: Callable[[], str | None],
     ) -> None:  # fmt: skip
-        """`of_cell` is the calibration that the cell file names; `refuse_used` raises RigError rig.busy while somebody
-        moves the arm; `arm_name` is model and serial number of the arm that answers, None: none does.
+        """`of_cell` is the calibration that the cell file names; `refuse_used` raises RigError rig.busy while the rig
+        is in use; `arm_name` returns model and serial number of the connected arm, or None.
 
-        Raises RigError store.corrupt when the one that was chosen is not there any more, or is damaged.
+        Raises RigError store.corrupt when the chosen calibration is missing or damaged.
         """
         self._store, self._cell, self._of_cell = store, cell, of_cell
         self._refuse_used, self._arm_name = refuse_used, arm_name
@@ -72,7 +72,7 @@ class RigChoices:
             raise RigError(ErrorCode.STORE_CORRUPT, missing, file=self._id) from error
         stated = store.journal.newest(TOOL_STATED)
         self._tool: Tool = cell.arm.tool if stated is None else stated["tool"]
-        self.changing = threading.Lock()  # held while a session takes the rig, too: never by a halt
+        self.changing = threading.Lock()  # also held while a session takes the rig; a halt never takes it
 
     @property
     def calibration(self) -> Calibration:
@@ -81,26 +81,26 @@ class RigChoices:
 
     @property
     def calibration_id(self) -> str:
-        """Identifier of the calibration in use; `cell`: that of the cell file."""
+        """Identifier of the calibration in use; `cell` for that of the cell file."""
         return self._id
 
     @property
     def tool(self) -> Tool:
-        """What is on the flange, as somebody stated last."""
+        """Tool on the flange, as a person stated it last."""
         return self._tool
 
     @property
     def cell(self) -> CellConfig:
-        """The cell with that tool, for paths that belong to no session."""
+        """The cell with the stated tool, for paths that belong to no session."""
         return mounted_tool.with_tool(self._cell, self._tool)
 
     @property
     def lamp_cell(self) -> CellConfig:
-        """The cell with the lamp on the flange, whatever is there now: of the reach, and of all plans of lights."""
+        """The cell with the lamp on the flange, whatever is there now, for the reach and all plans of lights."""
         return mounted_tool.with_tool(self._cell, "lamp")
 
     def values(self, identity: str) -> Calibration:
-        """The values of a calibration by its identifier. Raises RigError calibration.not_found, store.corrupt."""
+        """Returns the values of a calibration. Raises RigError calibration.not_found, store.corrupt."""
         return self._of_cell if identity == CELL_FILE else self._store.calibrations.calibration(identity)
 
     def choose_calibration(self, identity: str, actor: str) -> None:
@@ -119,7 +119,8 @@ class RigChoices:
             self._id, self._calibration = identity, values
 
     def state_tool(self, tool: Tool, actor: str) -> None:
-        """A person states what is on the flange. Raises RigError config.invalid for a board without one, rig.busy."""
+        """Records the tool that a person states to be on the flange. Raises RigError config.invalid for a board that
+        the cell file does not have, and rig.busy."""
         with self.changing:
             self._refuse_used()
             mounted_tool.with_tool(self._cell, tool)
@@ -128,7 +129,7 @@ class RigChoices:
             self._tool = tool
 
     def require_tool(self, recipe: AnyRecipe) -> None:
-        """Raises RigError rig.other_tool unless what a session needs is on the flange."""
+        """Raises RigError rig.other_tool unless the tool that a session needs is the stated one."""
         needed = tool_of(recipe)
         if needed != self._tool:
             raise RigError(
@@ -139,7 +140,7 @@ class RigChoices:
             )
 
     def differences(self, made: CalibrationSet) -> list[str]:
-        """In what a calibration does not fit this rig, for people; none: it does."""
+        """Lists for people in what a calibration does not fit this rig; empty if it fits."""
         arm = self._arm_name()
         size = (self._of_cell.width, self._of_cell.height)
         found = [

@@ -1,9 +1,10 @@
 """The queue: sessions that run one after another, each as a person would start it, and never without a person's word.
 
-A thread follows the journal; when an entry's session has completed it begins the next one through the runner, with all
-the checks of a start. It stops at the first trouble and says which. It also stops before an entry whose object is not
-the one before: somebody will reach into the cell to change it, and nothing may move until that person says that it is
-in place. After a restart of the service it is stopped in any case (decision 50).
+A thread follows the journal. When an entry's session has completed, it begins the next one through the runner, with all
+the checks of a start. The queue stops at the first trouble and states which. It also stops before an entry of another
+object than the one before, unless the entry is marked `unattended`: somebody will reach into the cell to change the
+object, and nothing may move until that person says that it is in place. After a restart of the service the queue is
+stopped in any case (decision 50).
 """
 
 import logging
@@ -22,10 +23,10 @@ from acquisition.store.queue_table import EntryState, QueueEntry, QueueState
 _log = logging.getLogger(__name__)
 
 ENDED_SHOWN = 20
-"""Entries that have ended and are still listed."""
+"""Number of ended entries that are still listed."""
 
 _POLL_S = 0.5
-"""Period of looking at the queue when the journal is quiet, s."""
+"""Period, s, of checking the queue when the journal is quiet."""
 
 
 class SessionQueue:
@@ -35,7 +36,7 @@ class SessionQueue:
         self._store, self._runner = store, runner
         self._lock = threading.RLock()  # one decision at a time; a stop of the arm never takes it
         self._closing = threading.Event()
-        self._confirmed: int | None = None  # the entry that a person has said to be in place
+        self._confirmed: int | None = None  # the entry whose object a person has said to be in place
         self._halts = 0  # the runner's count of halts when a person resumed
         self._resumed_by = ""
         self._last_object: str | None = None  # of the session that this queue completed last
@@ -57,15 +58,15 @@ class SessionQueue:
     # --------------------------------------------------------------------------------------------------------- requests
 
     def entries(self) -> list[QueueEntry]:
-        """The entries: the last that have ended, the one that runs, those that wait."""
+        """Returns the entries: the last ones that have ended, the running one, and the waiting ones."""
         return self._store.journal.queue_entries(ENDED_SHOWN)
 
     def resume(self, actor: str, entry_id: int | None = None) -> None:
-        """Lets the queue go on, on the word of a person: the next entry's object is in place and the cell is clear.
+        """Lets the queue go on, on a person's word that the next entry's object is in place and the cell is clear.
 
-        `entry_id` is the entry that the person means, if known. Raises RigError queue.object_to_place when the next one
-        is another, rig.busy while the session of the present entry waits for a person itself, and when nothing is in
-        the queue request.invalid; safety.not_acknowledged.
+        `entry_id` is the entry that the person means, if known. Raises RigError queue.object_to_place when the next
+        entry is another one, rig.busy while the present entry's own session waits for a person, request.invalid when
+        the queue is empty, and safety.not_acknowledged.
         """
         with self._lock:
             self._settle()
@@ -110,7 +111,7 @@ class SessionQueue:
             self._store.journal.wait_for_event(newest, _POLL_S)
 
     def _advance(self) -> None:
-        """Records what became of the present entry, and begins the next one where that is allowed."""
+        """Records the outcome of the present entry, and begins the next one if that is allowed."""
         self._settle()
         journal = self._store.journal
         if journal.queue_status().state is not QueueState.RUNNING:
@@ -138,7 +139,8 @@ class SessionQueue:
             self._stop(problem(error.code, error.detail, **error.context))
 
     def _begin(self, entry: QueueEntry, row: SessionRow | None) -> None:
-        """Creates and starts the entry's session; written before it is started, so that a crash repeats nothing."""
+        """Creates and starts the entry's session. The entry is written before the start, so that a crash repeats
+        nothing."""
         if row is None:
             row, _ = self._runner.create(_labelled(entry), f"lightpose-queue-{entry.id}")
         self._store.journal.set_queue_entry(entry, EntryState.RUNNING, row.id)
@@ -175,11 +177,11 @@ class SessionQueue:
 
     def _stop(self, reason: dict[str, Any]) -> None:
         _log.warning("the queue stops: %s", reason["detail"])
-        self._last_object = None  # a person comes: what stands in the cell afterwards is theirs to say
+        self._last_object = None  # a person comes, who then has to say what stands in the cell
         self._store.journal.set_queue_status(QueueState.STOPPED, Actor.SERVICE, reason)
 
     def _present(self) -> QueueEntry | None:
-        """The entry that runs, else the first that waits."""
+        """Returns the entry that runs, else the first that waits."""
         live = [entry for entry in self.entries() if entry.state in (EntryState.RUNNING, EntryState.WAITING)]
         running = [entry for entry in live if entry.state is EntryState.RUNNING]
         return next(iter([*running, *live]), None)
@@ -205,12 +207,12 @@ def _to_place(entry: QueueEntry) -> RigError:
 
 
 def _labelled(entry: QueueEntry) -> Recipe:
-    """The entry's recipe, with the object's name as label unless it has one."""
+    """Returns the entry's recipe, with the object's name as label unless it has one."""
     return entry.recipe if entry.recipe.label else entry.recipe.model_copy(update={"label": entry.object_name[:200]})
 
 
 def _trouble(row: SessionRow) -> dict[str, Any] | None:
-    """Why a session cannot go on without a person, none while it can; the review of a plan is no trouble."""
+    """Returns why a session cannot go on without a person, None while it can; the review of a plan is no trouble."""
     if row.state is State.INTERRUPTED or (row.state is State.PAUSED and row.reason is not None):
         reason = row.reason or problem(ErrorCode.QUEUE_SESSION_ENDED, f"Session {row.id} is {row.state}")
         return None if reason["code"] == ErrorCode.PLAN_TO_REVIEW else reason

@@ -1,4 +1,4 @@
-"""The near-light solve of a session's images in its cell, which service and command line share."""
+"""Near-light solve of a session's images in its cell, shared by service and command line."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ def solve_in_cell(
     settings: SolveSettings,
     block_map: BlockMap = map,
 ) -> NormalMap:
-    """Solves near-light photometric stereo with what the cell file says of the scene.
+    """Solves near-light photometric stereo with the cell file's description of the scene.
 
     The object is inside the keep-out cylinder, whose centre is the initial depth, and stands on the cell's table.
     `block_map` solves the blocks of the final solve. Raises RigError normals.infeasible.
@@ -41,7 +41,7 @@ def solve_in_cell(
 
 
 def _grey_tile(cell: CellConfig, calibration: Calibration) -> GreyTile | None:
-    """The cell's tile as the camera sees it; none: it has none. Raises RigError config.invalid."""
+    """Returns the cell's grey tile as the camera sees it; None if it has none. Raises RigError config.invalid."""
     mask = region.grey_tile(cell, calibration)
     if mask is None or cell.grey_tile is None:
         return None

@@ -2,9 +2,9 @@
 
 All images of a session must show one static scene. From the second pass on each frame is registered to the image that
 the previous result predicts; there is no prediction for the first pass, and in some frames no shift can be measured. So
-a pass with an image that was not checked in this way ends with a repetition of the session's first image, under the
-same light: equal images show that nothing has moved in between; otherwise the time of the movement is unknown, and all
-images of the pass are discarded and captured anew once a person has looked.
+a pass with an image that was not checked in this way ends with a repetition of the session's first image under the same
+light. Equal images show that nothing has moved in between. Otherwise the time of the movement is unknown: all images of
+the pass are discarded, and captured anew after a person has looked.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,7 +38,7 @@ from acquisition.waypoints import measured_pose, mounted_tool
 
 @dataclass(frozen=True)
 class Attempt:
-    """The last frame that was exposed for an image: its exposure time, s, its number from 0, and the verdict on it."""
+    """The last frame that was exposed for an image: exposure time, s, number of the attempt from 0, and verdict."""
 
     exposed: Exposed
     exposure_s: float
@@ -62,7 +62,7 @@ class ShotCapture:
 
     @property
     def region(self) -> BoolArray:
-        """The pixels (H, W) where the object can be."""
+        """Mask (H, W) of the pixels where the object can be."""
         known = self._region
         if known is None or known[0] is not self._calibration:
             known = (self._calibration, region.keep_out(self._rig.cell, self._calibration))
@@ -103,7 +103,7 @@ class ShotCapture:
         )
 
     def take_further(self, record: SessionRecord, step: TakeFurther, stop: StopToken) -> None:
-        """Takes a further frame of a light at its waypoint, where the arm stands already unless it was moved away.
+        """Takes a further frame of a light at its waypoint; the arm moves there only if it was moved away.
 
         Raises Halted, RigError capture.frame_rejected, arm.move_failed, and what devices report.
         """
@@ -124,7 +124,7 @@ class ShotCapture:
         )
 
     def judge_lit(self, record: SessionRecord, step: TakeShot, pixels: np.ndarray, exposure_s: float) -> check.Verdict:
-        """Judges a lit frame (H, W) by itself, and then against the earlier ones and the predicted image."""
+        """Judges a lit frame (H, W) by itself, then against earlier frames and the predicted image."""
         wanted, camera, sensor = record.recipe.exposure, self._rig.cell.camera, self._calibration.sensor
         if _planned_times(record, step.key):
             verdict = check.planned_frame(pixels, self.region, sensor, exposure_s, camera)
@@ -136,7 +136,7 @@ class ShotCapture:
 
     def take_dark(self, record: SessionRecord, step: TakeDark, stop: StopToken) -> None:
         """Takes a lamp-off frame. Raises Halted, RigError capture.frame_rejected, and what devices report."""
-        # Each pass's has noise of its own in a simulated cell too.
+        # In a simulated cell, too, each pass's frame has its own noise.
         exposed = take.expose(self._rig, step.exposure_s, step.key.pass_number, lit=False, stop=stop)
         quality = check.dark_frame(exposed.frame.pixels, self.region, self._calibration.sensor)
         if not quality.accepted:
@@ -153,7 +153,7 @@ class ShotCapture:
         before = self._pixels_of(record, first)
         attempt = differed = 0
         while True:
-            # Noise differs from one attempt to the next in a simulated cell too, and no two images have the same.
+            # In a simulated cell, too, each attempt has its own noise, and no two images have the same.
             before_this = first.attempt + 1 + record.references
             exposed, attempt = self._expose(record, step.key, first.exposure_s, attempt, stop, before_this)
             same = compare.same_scene(before, exposed.frame.pixels, self.region, self._calibration.sensor)
@@ -166,7 +166,7 @@ class ShotCapture:
         self._store_shot(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
 
     def go_home(self, record: SessionRecord, step: GoHome, stop: StopToken) -> None:
-        """Follows the route's own path home from its end, and a new one from elsewhere."""
+        """Follows the route's own path home from its last waypoint, and a newly planned one from elsewhere."""
         here, route = self._rig.arm.reading.joints, step.route
         if route is not None and route.waypoints and session.same_joints(here, route.waypoints[-1].joints):
             self._follow(record, JointPath(path=route.home_path, speeds=route.home_speeds, seconds=0.0), stop)
@@ -204,7 +204,8 @@ class ShotCapture:
         stop: StopToken,
         attempts_before: int = 0,
     ) -> tuple[Exposed, int]:
-        """A lit frame and the number of its attempt; a frame that the camera loses is retaken as the recipe allows."""
+        """Takes a frame and returns it with the number of its attempt. A frame that the camera loses is retaken as
+        often as the recipe allows."""
         lit, lost = self.lit(record, key), 0
         while True:
             try:
@@ -219,8 +220,8 @@ class ShotCapture:
         self, record: SessionRecord, step: TakeShot | TakeFurther, exposure_s: float,
         judge: Callable[[np.ndarray, float], check.Verdict], stop: StopToken, attempts_before: int = 0,
     ) -> Attempt:  # fmt: skip
-        """The frame of a step with the verdict on it, retaken at the exposure time that the verdict asks for as often
-        as the recipe allows; `judge` takes pixels (H, W) and exposure time, s. Frames that were lost count apart."""
+        """Takes a step's frame, and retakes it at the exposure time that the verdict proposes as often as the recipe
+        allows. `judge` takes pixels (H, W) and exposure time, s. Lost frames are counted separately."""
         attempt = rejected = 0
         while True:
             exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop, attempts_before)
@@ -232,7 +233,7 @@ class ShotCapture:
             exposure_s, attempt, rejected = verdict.retake_s, attempt + 1, rejected + 1
 
     def _pixels_of(self, record: SessionRecord, shot: Shot) -> np.ndarray:
-        """Pixels (H, W) of an image of the session."""
+        """Returns the pixels (H, W) of an image of the session."""
         return FolderFrames(self._store.folder(record.session_id)).rows(shot.frame, 0, shot.frame.height)
 
     def _compare_with_earlier(
@@ -253,7 +254,7 @@ class ShotCapture:
         )
 
     def _scene_moved(self, record: SessionRecord, step: RepeatReference, same: compare.Comparison) -> RigError:
-        """The error for a repeated image that differs; discards the pass's images when it closes the pass."""
+        """Returns the error for a repeated image that differs; discards the pass's images when it closes the pass."""
         first, number = step.shot.key, step.key.pass_number
         detail = f"Image {first.number} of pass {first.pass_number}, taken again, {same.detail}"
         if step.closes_pass:
@@ -268,7 +269,7 @@ class ShotCapture:
         self._store.journal.announce(record.session_id, "shot.retaken", body)
 
     def _require_arm_at_light(self, exposed: Exposed, step: TakeShot | TakeFurther) -> None:
-        """Raises RigError arm.move_failed unless the arm was at the waypoint: somebody else has moved it."""
+        """Raises RigError arm.move_failed if the arm was not at the waypoint, because somebody else has moved it."""
         if not session.same_joints(exposed.reading.joints, step.waypoint.joints):
             raise RigError(
                 ErrorCode.ARM_MOVE_FAILED, f"The arm was not at light {step.light.number} while its frame was exposed"
@@ -328,7 +329,7 @@ class ShotCapture:
 
 
 def _planned_times(record: SessionRecord, key: ShotKey) -> list[float]:
-    """The exposure times (s) of a light's frames by its pass's plan, in their order; empty: none is planned."""
+    """Returns the exposure times, s, that the pass's plan gives the frames of a light, in order; empty if none."""
     work = record.passes[key.pass_number]
     exposures = None if work.plan is None else work.plan.exposures
     return [] if exposures is None else exposures[key.number].times_s
@@ -344,7 +345,7 @@ def _camera_record(frame: Frame) -> CameraRecord | None:
 
 
 def predicted_image_file(folder: Path, pass_number: int, plan: int, light: int) -> Path:
-    """The file of the image predicted for a light of a pass's plan, counted from 1; the first pass has none.
+    """Returns the file of the image predicted for a light; `plan` counts a pass's plans from 1. Pass 0 has none.
 
     The file name is part of the session folder's layout.
     """

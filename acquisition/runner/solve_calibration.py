@@ -1,6 +1,7 @@
-"""The calibration that a session's images are solved with again: that of the capture, or a set that was made since.
+"""Calibration with which a session's images are solved again: that of the capture, or a set that was made since.
 
-Lights are stored as the capture's calibration had them; with another one they follow anew from the measured tool poses.
+Lights are stored as the capture's calibration gives them; with another one they are computed from the measured tool
+poses again.
 """
 
 from acquisition.models import cell_config
@@ -13,19 +14,19 @@ from acquisition.waypoints import measured_pose
 
 
 def values(store: Store, session_id: str, identity: str | None) -> Calibration:
-    """The calibration of a set; None: that of the capture. Raises RigError calibration.not_found, store.corrupt."""
+    """Returns the calibration of a set (None: of the capture). Raises RigError calibration.not_found, store.corrupt."""
     if identity is not None:
         return store.calibrations.calibration(identity)
     return cell_config.load_calibration(store.folder(session_id) / "calibration.json")
 
 
 def lit_by(images: Observations, cell: CellConfig, calibration: Calibration) -> Observations:
-    """Images with lights where another calibration has them."""
+    """Returns the images with their lights computed by another calibration."""
     return images.lit_as(lambda tool, joints: measured_pose.light(tool, joints, cell.arm, calibration))
 
 
 def require_fits(store: Store, session_id: str, identity: str) -> None:
-    """Raises RigError calibration.not_found, calibration.does_not_fit unless a set is of the session's image size."""
+    """Raises RigError calibration.not_found, and calibration.does_not_fit unless a set has the session's image size."""
     made, captured = store.calibrations.get(identity), values(store, session_id, None)
     if (made.width, made.height) != (captured.width, captured.height):
         raise RigError(

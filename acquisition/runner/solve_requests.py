@@ -1,4 +1,4 @@
-"""Requests of further solves as the journal has them: events of acceptance, until one of success or failure follows."""
+"""Requests of further solves in the journal: events of acceptance, pending until one of success or failure follows."""
 
 import json
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class SolveRequest:
 
 
 def submitted(journal: Journal, session_id: str | None, *, with_finished: bool = False) -> list[SolveRequest]:
-    """The solves that were asked for, of one session or of all: those without an outcome, or all of them."""
+    """Returns the solve requests of one session or of all sessions: those without an outcome, or all of them."""
     asked: dict[tuple[str, int], SolveRequest] = {}
     last = 0
     while events := journal.events(last, 500, session_id, (ACCEPTED, FAILED, READY)):
@@ -47,6 +47,6 @@ def submitted(journal: Journal, session_id: str | None, *, with_finished: bool =
 
 
 def failures(journal: Journal, session_id: str) -> dict[int, dict[str, Any]]:
-    """The problems of a session's solves that failed, by number."""
+    """Returns the problems of a session's failed solves, by number."""
     events = journal.events(0, 10_000, session_id, (FAILED,))
     return {event.body["number"]: event.body["problem"] for event in events}

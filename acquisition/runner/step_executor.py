@@ -84,7 +84,7 @@ class StepExecutor:
         write_manifest(folder, facts)
 
     def keep_calibration(self, record: SessionRecord) -> None:
-        """Keeps what a calibration session found as a set of its own; does nothing for one of capture."""
+        """Keeps the estimate of a calibration session; does nothing for a session of kind capture."""
         if not isinstance(record.recipe, Recipe):
             estimates.keep(self._store, record, self._rig.cell, self._known)
 
@@ -118,7 +118,7 @@ class StepExecutor:
                 assert_never(step)
 
     def _shots_of(self, record: SessionRecord) -> ShotCapture:
-        """How a session's images are captured and judged."""
+        """Returns the object that captures and judges a session's images."""
         if isinstance(record.recipe, Recipe):
             return self._shots
         if isinstance(record.recipe, ResponseRecipe):
@@ -129,17 +129,17 @@ class StepExecutor:
 
     @property
     def _known(self) -> Path | None:
-        """The folder of the calibration set in use, with the covariances of its values; None: it is the cell file's."""
+        """Folder of the calibration set in use, with the covariances of its values; None for the cell file's values."""
         identity = self._choices.calibration_id
         return None if identity == CELL_FILE else self._store.calibrations.folder(identity)
 
     @property
     def reach_cache(self) -> Path:
-        """The cache file of the cell's reach with the calibration in use."""
+        """Cache file of the cell's reach with the calibration in use."""
         return self.reach_cache_of(self._calibration)
 
     def reach_cache_of(self, calibration: Calibration) -> Path:
-        """The cache file of the cell's reach with a calibration: lights lie about what it takes for the object."""
+        """Returns the cache file of the cell's reach with a calibration, by which the object's place is known."""
         return self._store.cache(f"reach-{self._rig.cell.fingerprint[:16]}-{calibration.fingerprint[:16]}.json")
 
     # ---------------------------------------------------------------------------------------------------- lights, route
@@ -186,7 +186,7 @@ class StepExecutor:
         self._store.journal.add_artifact(record.session_id, "plan", number, name, digest, body, "plan.ready")
 
     def predict_images(self, session_id: str, number: int, plan: LightPlan, stop: threading.Event) -> None:
-        """Stores the image that the previous result predicts for each light; the plan is entered afterwards."""
+        """Stores the image that the previous result predicts for each light, before the plan is entered."""
         if plan.levels_per_s is None:
             return
         folder = self._store.folder(session_id)
@@ -199,7 +199,7 @@ class StepExecutor:
 
     @staticmethod
     def plan_summary(plan: LightPlan, pictures: list[str]) -> dict[str, Any]:
-        """The journal's summary of a plan; `pictures` are the SHA-256 of the picture of each light's gain."""
+        """Returns the journal's summary of a plan; `pictures` are the SHA-256 of the pictures of the lights' gains."""
         return {
             "lights": len(plan.lights),
             "method": plan.method,
@@ -256,7 +256,7 @@ class StepExecutor:
         self._store.journal.add_artifact(record.session_id, "route", number, name, digest, body, "waypoints.ready")
 
     def _rejoining_route(self, record: SessionRecord, step: PlanRoute, stop: StopToken) -> Route | None:
-        """The rest of a route with a path back to it from the measured joints; None when a new route is needed."""
+        """Returns the rest of a route with a path to it from the measured joints; None when a new route is needed."""
         route = record.passes[step.pass_number].route
         if route is None or not set(step.light_numbers) <= set(route.light_numbers):
             return None
@@ -285,7 +285,7 @@ class StepExecutor:
 
 
 def _with_plan_numbers(error: RigError, light_numbers: tuple[int, ...]) -> RigError:
-    """The error with the lights numbered as in the plan; the route planner numbers only those that it was given."""
+    """Returns the error with the lights numbered as in the plan; the route planner numbers only the given ones."""
     lights = [{**light, "number": light_numbers[light["number"]]} for light in error.context.get("lights", [])]
     if not lights:
         return error
