@@ -25,11 +25,11 @@ __all__ = ["Action", "Artifact", "Event", "FolderFrames", "Journal", "SessionFil
 
 
 FOLDER_MODE = 0o700
-"""Permissions of a data folder that the service makes: images of people's objects are nobody else's business."""
+"""Permissions of a data folder that the service makes: other users cannot see the images of people's objects."""
 
 
 class Store:
-    """One data folder: `rig.lock`, `rig.db`, `sessions/<id>/`, `calibrations/<id>/`, `cache/`; of one service."""
+    """One data folder: `rig.lock`, `rig.db`, `sessions/<id>/`, `calibrations/<id>/`, `cache/`; used by one service."""
 
     def __init__(self, data: Path) -> None:
         """Opens or makes the folder. Raises RigError store.locked when another service has it; store.unwritable,
@@ -55,7 +55,7 @@ class Store:
         self.calibrations = CalibrationSets(self.data / "calibrations")
 
     def _make_folders(self) -> int:
-        """Makes what is not there yet; the descriptor of the lock's file. Raises OSError."""
+        """Makes the folders that are missing; returns the descriptor of the lock's file. Raises OSError."""
         self.data.mkdir(parents=True, exist_ok=True, mode=FOLDER_MODE)
         _keep_others_out(self.data)
         (self.data / "sessions").mkdir(exist_ok=True)
@@ -63,19 +63,19 @@ class Store:
         return os.open(self.data / "rig.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
     def folder(self, session_id: str) -> Path:
-        """The folder of a session that the journal knows."""
+        """Returns the folder of a session that the journal knows."""
         return self.session_path(self.journal.session(session_id).id)
 
     def session_path(self, session_id: str) -> Path:
-        """Where a session's folder is, or was, or will be, whether the journal knows it or not."""
+        """Returns the path of a session's folder, whether or not it exists and the journal knows the session."""
         return self.data / "sessions" / session_id
 
     def cache(self, name: str) -> Path:
-        """Path of a cached file, which can be computed again."""
+        """Returns the path of a cached file, which can be computed again."""
         return self.data / "cache" / name
 
     def calibration_of(self, session_id: str) -> str | None:
-        """SHA-256 of the calibration's values that a session was created with; None: its folder is not there.
+        """Returns the SHA-256 of the calibration's values of a session; None if their file is missing.
 
         Raises RigError session.not_found, store.corrupt.
         """
@@ -88,11 +88,11 @@ class Store:
         return shutil.disk_usage(self.data).free
 
     def record(self, session_id: str) -> SessionRecord:
-        """A session as `session.next_step` reads it."""
+        """Returns a session as `session.next_step` reads it."""
         return self.journal.record(session_id, self.folder(session_id))
 
     def _discard_partial(self) -> None:
-        """Removes what a service that was killed has left half written: results, exports, files of its session."""
+        """Removes the half-written results, exports and session files that a killed service has left."""
         sessions = self.data / "sessions"
         for pattern in ("*/results/.*", "*/results/*/exports/.*"):
             for folder in sessions.glob(pattern):
@@ -109,8 +109,9 @@ class Store:
 
 
 def _keep_others_out(folder: Path) -> None:
-    """Takes the permissions of others from a folder that somebody has made by hand, where it is this user's; a group's
-    stay, since a unit or an administrator gives them on purpose.
+    """Removes the permissions of others from a folder that this user owns, such as one that was made by hand.
+
+    A group's permissions stay, because a unit or an administrator gives them on purpose.
     """
     status = folder.stat()
     others = stat.S_IMODE(status.st_mode) & stat.S_IRWXO

@@ -1,6 +1,6 @@
 """Sets of calibration values in a data folder, each in a folder of its own that is complete and never changed.
 
-A set outlives the session that made it: pruning sessions does not take the calibration away that others were captured
+A set outlives the session that made it: pruning that session does not remove a calibration that others were captured
 with.
 """
 
@@ -26,12 +26,12 @@ class CalibrationSets:
         self._folder = folder
 
     def all(self) -> list[CalibrationSet]:
-        """All sets, oldest first. Raises RigError store.corrupt for one that cannot be read."""
+        """Returns all sets, oldest first. Raises RigError store.corrupt for one that cannot be read."""
         made = [self._read(file) for file in self._folder.glob(f"[!.]*/{SET}")]
         return sorted(made, key=lambda one: (one.made_at, one.id))
 
     def get(self, identity: str) -> CalibrationSet:
-        """One set. Raises RigError calibration.not_found."""
+        """Returns one set. Raises RigError calibration.not_found."""
         known = {one.id: one for one in self.all()}
         if identity not in known:
             raise RigError(
@@ -40,7 +40,7 @@ class CalibrationSets:
         return known[identity]
 
     def calibration(self, identity: str) -> Calibration:
-        """The values of a set. Raises RigError calibration.not_found, store.corrupt where they are not as recorded."""
+        """Returns a set's values. Raises RigError calibration.not_found, and store.corrupt if they have changed."""
         known = self.get(identity)
         values = cell_config.load_calibration(self._folder / known.id / CALIBRATION)
         if values.fingerprint != known.fingerprint:
@@ -52,7 +52,7 @@ class CalibrationSets:
         return values
 
     def file(self, identity: str, name: str) -> Path:
-        """A file of a set by its name. Raises RigError calibration.not_found, request.not_found."""
+        """Returns a file of a set by its name. Raises RigError calibration.not_found, request.not_found."""
         folder = self._folder / self.get(identity).id
         names = sorted(path.name for path in folder.iterdir())
         if name not in names:
@@ -62,15 +62,15 @@ class CalibrationSets:
         return folder / name
 
     def files(self, identity: str) -> list[str]:
-        """Names of the files of a set."""
+        """Returns the names of a set's files."""
         return sorted(path.name for path in (self._folder / self.get(identity).id).iterdir())
 
     def folder(self, identity: str) -> Path:
-        """The folder of a set. Raises RigError calibration.not_found."""
+        """Returns the folder of a set. Raises RigError calibration.not_found."""
         return self._folder / self.get(identity).id
 
     def add(self, made: CalibrationSet, estimate: Path, before: Path | None = None) -> None:
-        """Keeps an estimate's folder as a set, unless it is there already; with the files of the set `before` that it
+        """Keeps an estimate's folder as a set unless it exists, with the files of the set `before` that the estimate
         does not replace."""
         if (self._folder / made.id / SET).exists():
             return

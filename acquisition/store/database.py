@@ -1,7 +1,7 @@
-"""The database of one data folder: its connection, its migrations, and the event table, which is the bus.
+"""The database of one data folder: its connection, its migrations, and the event table, which serves as event bus.
 
-One connection behind one lock: the writers are the runner, the safety monitor and a few requests, each transaction
-takes a millisecond, and a state is only ever read and changed inside the same transaction. The event table's row number
+One connection behind one lock suffices: the writers are the runner, the safety monitor and a few requests, and each
+transaction takes a millisecond. A state is read and changed only inside one transaction. The event table's row number
 is the event's id, so a reader that was disconnected continues after the last id it has read.
 """
 
@@ -61,7 +61,7 @@ class Database:
     def events(
         self, after_id: int, limit: int = 500, session_id: str | None = None, types: Sequence[str] = ()
     ) -> list[Event]:
-        """Events with ids above `after_id`, oldest first."""
+        """Returns events with ids above `after_id`, oldest first."""
         where, values = ["id > ?"], [after_id]
         conditions: list[Any] = list(values)
         if session_id is not None:
@@ -78,19 +78,19 @@ class Database:
         return [Event(row["id"], row["session_id"], row["type"], json.loads(row["body"]), row["at"]) for row in rows]
 
     def counts(self) -> Counts:
-        """How much the journal holds."""
+        """Returns how many sessions, images and events the journal holds."""
         states = self._all("SELECT state, count(*) AS count FROM session GROUP BY state")
         (shots,) = self._all("SELECT count(*) AS count FROM shot")
         by_state = {State(row["state"]): int(row["count"]) for row in states}
         return Counts(by_state, int(shots["count"]), self.last_event_id())
 
     def last_event_id(self) -> int:
-        """The newest event's id, 0 when there is none."""
+        """Returns the newest event's id, 0 when there is none."""
         row = self._one("SELECT coalesce(max(id), 0) AS id FROM event")
         return 0 if row is None else int(row["id"])
 
     def wait_for_event(self, after_id: int, timeout_s: float) -> bool:
-        """Blocks until there is an event above `after_id` (True), or the time is over (False)."""
+        """Blocks until there is an event with an id above `after_id` (True), or the time is over (False)."""
         deadline = time.monotonic() + timeout_s
         with self._event_added:
             while self.last_event_id() <= after_id:
@@ -164,7 +164,7 @@ class Database:
 
 @contextmanager
 def _refusals() -> Generator[None]:
-    """Gives what SQLite cannot do a code: the disk is full or refuses, the file is damaged, a program holds it."""
+    """Turns SQLite's errors into RigError: the disk is full or refuses, the file is damaged, a program holds it."""
     try:
         yield
     except sqlite3.DatabaseError as error:
@@ -180,5 +180,5 @@ def _refusals() -> Generator[None]:
 
 
 def placeholders(values: Any) -> str:
-    """Placeholders (question marks) for a list of values in SQL."""
+    """Returns placeholders (question marks) for a list of values in SQL."""
     return ", ".join("?" for _ in values)

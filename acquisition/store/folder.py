@@ -31,7 +31,7 @@ RESERVED_BYTES = 32 << 20
 
 
 def require_space(folder: Path, size: int) -> None:
-    """Raises RigError store.disk_full unless so many bytes fit where `folder` lies, and RESERVED_BYTES stay free."""
+    """Raises RigError store.disk_full unless `size` bytes fit on the disk of `folder` and RESERVED_BYTES stay free."""
     free = shutil.disk_usage(folder).free
     if free < size + RESERVED_BYTES:
         raise RigError(
@@ -76,7 +76,7 @@ def read_value(kind: type[Stored], folder: Path, name: str) -> Stored:
 
 
 def damaged(folder: Path, name: str, error: Exception) -> RigError:
-    """The store.corrupt of a file of a session's folder that cannot be read, or has not what was written into it."""
+    """Returns RigError store.corrupt for a session's file that cannot be read, or whose content has changed."""
     why = error.strerror if isinstance(error, OSError) else "its content is not what was written"
     return RigError(ErrorCode.STORE_CORRUPT, f"sessions/{folder.name}/{name}: {why}", session_id=folder.name, file=name)
 
@@ -93,13 +93,13 @@ def write_frame(folder: Path, name: str, pixels: npt.NDArray[np.uint16]) -> Fram
 
 
 def sha256_of(path: Path) -> str:
-    """SHA-256 of a file."""
+    """Returns the SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def publish(partial: Path, final: Path) -> None:
-    """Renames a finished folder to its place, replacing nothing; its files are flushed first."""
+    """Flushes the files of a finished folder and renames it to its place, replacing nothing."""
     for path in sorted(partial.rglob("*")):
         if path.is_file():
             with path.open("rb") as file:

@@ -1,8 +1,8 @@
 """The journal of sessions in one SQLite file: each change and the event that announces it are one transaction.
 
-It is the single source of what the next step is derived from; plans, routes and results are files that a row names with
+It is the only record from which the next step is derived. Plans, routes and results are files that a row names with
 their checksum. A plan may be replaced: the newest row of its number is valid, and a route older than its plan is not.
-Moves are journalled before they are made (write-ahead), files are written before they are journalled.
+Moves are journalled before they are made (write-ahead); files are written before they are journalled.
 """
 
 import json
@@ -45,17 +45,17 @@ class Journal(OutboxTable):
         self, recipe: AnyRecipe, cell: str, fingerprint: str, idempotency_key: str | None = None,
         identity: str | None = None,
     ) -> tuple[SessionRow, bool]:  # fmt: skip
-        """Creates a session and returns it and True; for an idempotency key used before, that session and False.
+        """Creates a session; returns it and True, or for an idempotency key used before, that session and False.
 
-        `identity` is one of `new_session_id`, under which its folder has been made. Raises RigError request.invalid
-        for a key that was used for another recipe.
+        `identity` comes from `new_session_id` and names the folder that has been made for it. Raises RigError
+        request.invalid for a key that was used for another recipe.
         """
         with self._transaction() as connection:
             known = self.session_of_key(idempotency_key, recipe)
             if known is not None:
                 return known, False
             (number,) = connection.execute("SELECT coalesce(max(number), 0) + 1 FROM session").fetchone()
-            now = round(time.time(), 6)  # as HTTP states it, so that a session is among those since its own time
+            now = round(time.time(), 6)  # as HTTP states it, so that a filter since this time finds the session
             identity = identity or new_session_id(now)
             connection.execute(
                 "INSERT INTO session (id, number, state, recipe, cell, fingerprint, idempotency_key, created_at)"
@@ -69,10 +69,10 @@ class Journal(OutboxTable):
         self, session_id: str, trigger: Trigger, actor: str, reason: dict[str, Any] | None = None,
         *, expected: State | None = None,
     ) -> tuple[State, State]:  # fmt: skip
-        """Changes a session's state by the table and returns (before, after), all in one transaction.
+        """Changes a session's state by the transition table and returns (before, after), all in one transaction.
 
-        `actor` is a person's name, or that of `session.Actor.RUNNER` or `SERVICE`. Of a session in another state than
-        the `expected` one nothing changes. Raises RigError session.action_not_allowed, rig.busy (naming the holder),
+        `actor` is a person's name, or that of `session.Actor.RUNNER` or `SERVICE`. If the state is not the `expected`
+        one, nothing changes. Raises RigError session.action_not_allowed, rig.busy (naming the holder),
         session.not_found.
         """
         with self._transaction() as connection:
@@ -193,14 +193,14 @@ class Journal(OutboxTable):
             self._add_artifact(connection, session_id, "region", number, path, sha256, body, "region.drawn")
 
     def approve(self, session_id: str, pass_number: int, actor: str) -> None:
-        """Records that a person has approved the plan of a pass."""
+        """Records that a person has approved the plan of a pass, or placed its target."""
         with self._transaction() as connection:
             self._event(connection, session_id, PLAN_REVIEWED, {"number": pass_number, "by": actor})
 
     def replace_plan(
         self, session_id: str, number: int, files: dict[str, tuple[str, str]], body: dict[str, Any], actor: str
     ) -> None:
-        """Records a plan by which a person replaces another, and its route; their files are on the disk.
+        """Records a plan with which a person replaces another, and its route; their files are already on the disk.
 
         `files` gives path and SHA-256 of `plan` and `route`. Raises RigError session.action_not_allowed unless the
         session is paused and nobody has approved the old plan.
@@ -224,12 +224,12 @@ class Journal(OutboxTable):
         self.announce(session_id, MOVE_SENT, {"way": path})
 
     def last_path(self, session_id: str) -> list[tuple[float, ...]]:
-        """The path (K, 6), rad, of the last move; empty before the first one."""
+        """Returns the path (K, 6), rad, of the last move; empty before the first one."""
         row = self._newest_event(session_id, MOVE_SENT)
         return [] if row is None else [tuple(joints) for joints in row["way"]]
 
     def artifacts(self, session_id: str, kind: str) -> list[Artifact]:
-        """The artefacts of one kind, oldest first."""
+        """Returns the artefacts of one kind, oldest first."""
         rows = self._all("SELECT * FROM artifact WHERE session_id = ? AND kind = ? ORDER BY id", session_id, kind)
         return [
             Artifact(
@@ -245,16 +245,16 @@ class Journal(OutboxTable):
         ]
 
     def plan_count(self, session_id: str, pass_number: int) -> int:
-        """Number of plans that a pass has had; the newest is valid."""
+        """Returns the number of plans that a pass has had; the newest is valid."""
         return sum(item.number == pass_number for item in self.artifacts(session_id, "plan"))
 
     def shots(self, session_id: str) -> list[Shot]:
-        """All frames of a session, in the order of capture."""
+        """Returns all frames of a session, in the order of capture."""
         rows = self._all("SELECT body FROM shot WHERE session_id = ? ORDER BY rowid", session_id)
         return [Shot.model_validate_json(row["body"]) for row in rows]
 
     def record(self, session_id: str, folder: Path) -> SessionRecord:
-        """What `session.next_step` reads; plans and routes come from the files that the journal names.
+        """Returns what `session.next_step` reads; plans and routes come from the files that the journal names.
 
         Raises RigError session.not_found, store.corrupt naming the file that is missing or damaged.
         """
@@ -264,7 +264,7 @@ class Journal(OutboxTable):
             routes = {
                 item.number: item.path
                 for item in self.artifacts(session_id, "route")
-                if item.number in plans and item.id > plans[item.number].id  # an older one leads to other lights
+                if item.number in plans and item.id > plans[item.number].id  # an older route leads to other lights
             }
             results = self.artifacts(session_id, "result")
             solved = {item.number for item in results if item.body.get("origin", "session") == "session"}
@@ -303,7 +303,7 @@ class Journal(OutboxTable):
             self._record_action(connection, session_id, action, actor, outcome)
 
     def actions(self, session_id: str) -> list[Action]:
-        """The history of a session's actions, oldest first."""
+        """Returns the history of a session's actions, oldest first."""
         rows = self._all(
             "SELECT session_id, action, actor, outcome, at FROM action WHERE session_id = ? ORDER BY id", session_id
         )
@@ -326,7 +326,7 @@ class Journal(OutboxTable):
             self._event(connection, None, "safety.changed", {"acknowledged": True, "by": actor})
 
     def unacknowledged_faults(self) -> list[dict[str, Any]]:
-        """Recorded faults without acknowledgement, oldest first."""
+        """Returns recorded faults without acknowledgement, oldest first."""
         return [dict(row) for row in self._all("SELECT code, detail, since FROM safety WHERE acknowledged_at IS NULL")]
 
     # ------------------------------------------------------------------------------------------------------ internals
@@ -346,7 +346,7 @@ class Journal(OutboxTable):
         return {event.body["number"] for event in self.events(0, 10_000, session_id, (PLAN_REVIEWED,))}
 
     def _unverified(self, session_id: str) -> bool:
-        """Whether the session was resumed after an interruption and has repeated no image since."""
+        """Returns whether the session was resumed after an interruption and has repeated no image since."""
         (resumed,) = self._all(
             "SELECT max(id) AS id FROM event WHERE session_id = ? AND type = 'session.state'"
             " AND json_extract(body, '$.from') = 'interrupted' AND json_extract(body, '$.state') = 'running'",
@@ -360,7 +360,7 @@ class Journal(OutboxTable):
         return resumed["id"] is not None and (repeated["id"] or 0) < resumed["id"]
 
     def newest(self, type_: str) -> dict[str, Any] | None:
-        """The body of the newest event of a type that belongs to no session; None without one."""
+        """Returns the body of the newest event of a type that belongs to no session, or None."""
         row = self._one("SELECT body FROM event WHERE session_id IS NULL AND type = ? ORDER BY id DESC LIMIT 1", type_)
         return None if row is None else json.loads(row["body"])
 
@@ -372,7 +372,7 @@ class Journal(OutboxTable):
 
 
 def _further(shots: list[Shot], number: int) -> dict[int, tuple[Shot, ...]]:
-    """The further frames of each light of pass `number`."""
+    """Returns the further frames of each light of pass `number`."""
     result: dict[int, tuple[Shot, ...]] = {}
     for shot in shots:
         if shot.key.pass_number == number and shot.kind == "bracket" and shot.light_number is not None:
@@ -381,6 +381,6 @@ def _further(shots: list[Shot], number: int) -> dict[int, tuple[Shot, ...]]:
 
 
 def _repeated(shots: list[Shot]) -> frozenset[ShotKey]:
-    """Keys of the images repeated after the last lit one of a pass; `shots` in the order of capture."""
+    """Returns the keys of images repeated after the last lit one of a pass; `shots` are in the order of capture."""
     last_lit = max((place for place, shot in enumerate(shots) if shot.kind == "light"), default=-1)
     return frozenset(shot.repeats for shot in shots[last_lit + 1 :] if shot.repeats is not None)

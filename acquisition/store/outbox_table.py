@@ -1,8 +1,8 @@
 """The outbox: which completed sessions the archive has, up to which event, and why others wait.
 
 A session is due when it is complete and has an event that the archive has not seen: its end, a further result, a new
-label. Nothing is entered when a session ends, so the archive is nowhere in the path of a session; whoever sends asks
-for what is due.
+label. Nothing is entered here when a session ends, so no session depends on the archive; the sender asks for what is
+due.
 """
 
 import time
@@ -13,12 +13,12 @@ from acquisition.store.queue_table import QueueTable
 from acquisition.store.rows import SessionRow, session_from_row
 
 ARCHIVED, ARCHIVE_FAILED = "session.archived", "session.archive_failed"
-"""Types of the events that tell of the archive itself, which make nothing due."""
+"""Types of the events about archiving itself, which make no session due."""
 
 
 @dataclass(frozen=True)
 class Due:
-    """A session to be pushed, its newest event, and how often that was tried in vain."""
+    """A session to be pushed, its newest event, and the number of failed tries."""
 
     session: SessionRow
     event_id: int
@@ -27,7 +27,7 @@ class Due:
 
 @dataclass(frozen=True)
 class OutboxStatus:
-    """The archive's address (none: there is none), numbers of sessions, and the newest reason why one waits."""
+    """The archive's address (None: no archive), numbers of sessions, and the newest reason why one waits."""
 
     address: str | None
     archived: int
@@ -40,7 +40,7 @@ class OutboxTable(QueueTable):
     """Reads and changes the outbox; any thread or process may call any method."""
 
     def set_archive(self, address: str | None) -> None:
-        """States the archive that sessions are handed on to (none: to none); a new one gets all sessions."""
+        """Sets the archive that completed sessions are pushed to (None: no archive); a new one gets all of them."""
         with self._transaction() as connection:
             row = connection.execute("SELECT address FROM archive").fetchone()
             if (None if row is None else row["address"]) == address:
@@ -51,7 +51,7 @@ class OutboxTable(QueueTable):
                 connection.execute("INSERT INTO archive VALUES (1, ?)", (address,))
 
     def due(self, now: float) -> Due | None:
-        """The session that has waited longest and may be tried at `now`, s since 1970; None: none may."""
+        """Returns the session that has waited longest of those that may be tried at `now`, s since 1970, or None."""
         row = self._one(
             "SELECT session.*, event_id, tries FROM awaiting_archive JOIN session ON session.id = session_id"
             " WHERE next_try_at <= ? ORDER BY session.ended_at LIMIT 1",
@@ -68,7 +68,7 @@ class OutboxTable(QueueTable):
         self._put(due, "waiting", None, due.tries + 1, next_try_at, reason)
 
     def outbox_status(self) -> OutboxStatus:
-        """How far the archive has come."""
+        """Returns how many sessions are archived and how many wait, and why."""
         address = self._one("SELECT address FROM archive")
         waiting = self._one("SELECT count(*) AS count FROM awaiting_archive")
         archived = self._one("SELECT count(*) AS count FROM outbox WHERE state = 'archived'")
@@ -84,7 +84,7 @@ class OutboxTable(QueueTable):
         )
 
     def not_yet_archived(self, session_ids: Sequence[str]) -> set[str]:
-        """Those of the sessions that the archive, where there is one, does not have with all that happened to them."""
+        """Returns those of the sessions that the archive lacks or has incompletely; empty if there is no archive."""
         if self._one("SELECT address FROM archive") is None:
             return set()
         rows = self._all("SELECT session_id FROM awaiting_archive")

@@ -56,7 +56,7 @@ class QueueEntry:
 
 @dataclass(frozen=True)
 class QueueStatus:
-    """Whether the queue goes on by itself, since when and by whom, and why not."""
+    """Whether the queue goes on by itself, who changed this and when, and the problem that stopped it."""
 
     state: QueueState
     reason: dict[str, Any] | None
@@ -68,13 +68,13 @@ class QueueTable(SessionTable):
     """Reads and changes the queue; any thread may call any method."""
 
     def queue_status(self) -> QueueStatus:
-        """Whether the queue goes on by itself."""
+        """Returns whether the queue goes on by itself."""
         (row,) = self._all("SELECT * FROM queue")
         reason = None if row["reason"] is None else json.loads(row["reason"])
         return QueueStatus(QueueState(row["state"]), reason, row["changed_by"], row["changed_at"])
 
     def set_queue_status(self, state: QueueState, actor: str, reason: dict[str, Any] | None = None) -> None:
-        """Starts or stops the queue; `reason` is a problem, none: as a person wished, or because it is empty."""
+        """Starts or stops the queue; `reason` is a problem, or None for a person's wish or an empty queue."""
         with self._transaction() as connection:
             connection.execute(
                 "UPDATE queue SET state = ?, reason = ?, changed_by = ?, changed_at = ?",
@@ -84,7 +84,7 @@ class QueueTable(SessionTable):
             self._event(connection, None, "queue.changed", body)
 
     def queue_entries(self, ended: int) -> list[QueueEntry]:
-        """The `ended` newest entries that have ended, oldest first, then the running one, then the others in order."""
+        """Returns the `ended` newest ended entries, oldest first, then the running one, then the others in order."""
         past = self._all(
             "SELECT * FROM queue_entry WHERE ended_at IS NOT NULL ORDER BY ended_at DESC, id DESC LIMIT ?", ended
         )
@@ -92,7 +92,7 @@ class QueueTable(SessionTable):
         return [_entry(row) for row in (*reversed(past), *live)]
 
     def queue_entry(self, entry_id: int) -> QueueEntry:
-        """One entry. Raises RigError request.not_found."""
+        """Returns one entry. Raises RigError request.not_found."""
         row = self._one("SELECT * FROM queue_entry WHERE id = ?", entry_id)
         if row is None:
             raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"The queue has no entry {entry_id}")
@@ -101,7 +101,7 @@ class QueueTable(SessionTable):
     def add_queue_entry(
         self, object_name: str, recipe: Recipe, actor: str, *, unattended: bool, idempotency_key: str | None
     ) -> tuple[QueueEntry, bool]:
-        """Adds an entry at the end and returns it and True; for a key used before, that entry and False.
+        """Adds an entry at the end; returns it and True, or for a key used before, that entry and False.
 
         Raises RigError request.invalid when too many entries wait, or when the key was used for something else.
         """
@@ -159,7 +159,7 @@ class QueueTable(SessionTable):
             self._event(connection, None, "queue.changed", {"order": list(entry_ids), "by": actor})
 
     def set_queue_entry(self, entry: QueueEntry, state: EntryState, session_id: str | None) -> None:
-        """Records what became of an entry, and its session."""
+        """Records the state of an entry, and its session."""
         ended = time.time() if state in (EntryState.DONE, EntryState.FAILED) else None
         with self._transaction() as connection:
             connection.execute(

@@ -1,9 +1,9 @@
 """Retention: deletion of old sessions.
 
-Ended sessions are deleted by age, and the newest of them are kept however old they are; sessions that were created and
-never started are deleted by age, unless they wait in the queue. A session that holds the rig is never deleted: its
-folder is the only copy of what was captured. Where completed sessions are handed on to an archive, one that it does not
-have whole is never deleted either. The journal's entry is deleted first, in a transaction that checks the state again,
+Ended sessions are deleted by age, but the newest of them are kept at any age. Sessions that were created and never
+started are deleted by age, unless they wait in the queue. A session that holds the rig is never deleted: its folder is
+the only copy of what was captured. If completed sessions are pushed to an archive, one that the archive does not have
+completely is never deleted either. The journal's entry is deleted first, in a transaction that checks the state again,
 so that the folder of a session in use is never removed.
 """
 
@@ -20,9 +20,7 @@ SECONDS_PER_DAY = 86_400.0
 
 @dataclass(frozen=True)
 class PrunedSession:
-    """One session that was, or would be, removed: its id, whether it was ever started, when it ended, else was created
-    (s since 1970), and its size.
-    """
+    """One session that was, or would be, removed; `last_used_at` is its end, else its creation, s since 1970."""
 
     session_id: str
     started: bool
@@ -31,11 +29,10 @@ class PrunedSession:
 
 
 def prune(data: Path, *, older_than_days: float, keep: int, now: float, dry_run: bool) -> list[PrunedSession]:
-    """Removes ended sessions older than `older_than_days` at `now` (s since 1970), but never the newest `keep`, and
-    sessions older than that which were never started and are not queued.
+    """Removes ended sessions older than `older_than_days` at `now` (s since 1970), except the newest `keep`.
 
-    With `dry_run` nothing is removed. May run beside the service. Raises RigError request.not_found when the folder
-    holds no journal.
+    Also removes sessions of that age that were never started and are not queued. With `dry_run` nothing is removed. May
+    run beside the service. Raises RigError request.not_found when the folder holds no journal.
     """
     database = data / "rig.db"
     if not database.is_file():

@@ -12,7 +12,7 @@ from acquisition.session import State
 
 @dataclass(frozen=True)
 class SessionRow:
-    """One session as the journal has it."""
+    """One session in the journal."""
 
     id: str
     number: int
@@ -30,7 +30,7 @@ class SessionRow:
 
 @dataclass(frozen=True)
 class SessionFilter:
-    """Which sessions a list holds; what is not given does not restrict it."""
+    """Which sessions a list holds; a field that is not given does not restrict it."""
 
     states: tuple[State, ...] = ()
     label: str = ""  # part of the label, case ignored
@@ -83,7 +83,7 @@ class Artifact:
 
 
 def session_from_row(row: sqlite3.Row) -> SessionRow:
-    """A row of the table `session` as a value."""
+    """Returns a row of the table `session` as a value."""
     recipe = calibration_recipe.read(row["recipe"])
     return SessionRow(
         id=row["id"],

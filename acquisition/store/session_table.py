@@ -1,7 +1,7 @@
 """The table of sessions: one session by its id, lists by state, label and date, and a person's label and notes.
 
-A recipe is kept as it was ordered, in the journal and in the session's folder, whose manifest holds its hash. What a
-person corrects later, label and notes, has columns of its own.
+A recipe is kept unchanged in the journal and in the session's folder, whose manifest holds its hash. Label and notes
+that a person corrects later have columns of their own.
 """
 
 import secrets
@@ -18,7 +18,7 @@ _EVERY_SESSION = SessionFilter()
 
 
 def new_session_id(now: float) -> str:
-    """A new session's identifier: date and time (s since 1970), and six digits by chance."""
+    """Returns a new session's identifier: date and time of `now` (s since 1970), and six random hexadecimal digits."""
     return time.strftime("%Y%m%d-%H%M%S-", time.gmtime(now)) + secrets.token_hex(3)
 
 
@@ -26,16 +26,16 @@ class SessionTable(Database):
     """Reads and describes sessions; any thread may call any method."""
 
     def session(self, session_id: str) -> SessionRow:
-        """One session. Raises RigError session.not_found."""
+        """Returns one session. Raises RigError session.not_found."""
         row = self._one("SELECT * FROM session WHERE id = ?", session_id)
         if row is None:
             raise RigError(ErrorCode.SESSION_NOT_FOUND, f"No session {session_id[:80]!r}", session_id=session_id[:80])
         return session_from_row(row)
 
     def session_of_key(self, idempotency_key: str | None, recipe: AnyRecipe) -> SessionRow | None:
-        """The session that was made with an idempotency key; None: none was, or there is no key.
+        """Returns the session that was made with an idempotency key; None if there is none, or no key.
 
-        Raises RigError request.invalid when it was made of another recipe.
+        Raises RigError request.invalid when it was made from another recipe.
         """
         known = self._one("SELECT * FROM session WHERE idempotency_key = ?", idempotency_key)
         if known is None:
@@ -50,7 +50,7 @@ class SessionTable(Database):
     def sessions(
         self, limit: int, before: int | None = None, wanted: SessionFilter = _EVERY_SESSION
     ) -> list[SessionRow]:
-        """Sessions that are wanted, newest first, with numbers below `before`."""
+        """Returns the sessions that `wanted` selects, with numbers below `before`, newest first."""
         where: list[str] = ["number < ?"]
         values: list[Any] = [before if before is not None else 2**62]
         if wanted.states:
@@ -69,12 +69,12 @@ class SessionTable(Database):
         return [session_from_row(row) for row in self._all(query, *values, limit)]
 
     def holder(self) -> SessionRow | None:
-        """The session that holds the rig, if any."""
+        """Returns the session that holds the rig, if any."""
         row = self._one(f"SELECT * FROM session WHERE state IN ({placeholders(RIG_HOLDING)})", *RIG_HOLDING)  # noqa: S608
         return None if row is None else session_from_row(row)
 
     def describe_session(self, session_id: str, label: str | None, notes: str | None, actor: str) -> None:
-        """Replaces label or notes (None: as they are) and records who did. Raises RigError session.not_found."""
+        """Replaces label or notes (None: unchanged) and records who did so. Raises RigError session.not_found."""
         with self._transaction() as connection:
             self.session(session_id)
             connection.execute(
