@@ -1,9 +1,9 @@
-"""Whether the servers that a command names answer, asked before anything that takes long is imported.
+"""Check that the servers that a command names answer, before anything is imported that takes long.
 
 Dask, SQLAlchemy and the clients of object stores take seconds to import, and each waits in its own way for a server
-that takes a connection and is silent. The three kinds of server speak within one exchange of bytes, which the standard
-library can read: so a wrong address is told first, in one way, and the clients keep time-outs that suit busy servers.
-What else may be wrong (rights, versions, a server of another kind) is the clients' to find.
+that accepts a connection and stays silent. The three kinds of server answer within one exchange of bytes, which the
+standard library can read. So a wrong address is reported first and in one way, and the clients keep time-outs that suit
+busy servers. The clients find whatever else is wrong (rights, versions, a server of another kind).
 """
 
 import os
@@ -15,20 +15,20 @@ from urllib.parse import SplitResult, urlsplit
 from acquisition.models.errors import ErrorCode, RigError
 
 ANSWER_S = 4.0
-"""Time, s, within which a server answers: with the start of the program (0.5 s) below five seconds.
+"""Time limit, s, for a server's answer; with the start of the program (0.5 s) a failure shows within five seconds.
 
-An idle server in the same building needs a hundredth of it; a scheduler to which workers and a graph of tasks have just
-returned, more than 2.5 s on a machine of two cores that they share.
+An idle server in the same building needs a hundredth of it. A scheduler to which workers and a graph of tasks have just
+returned needs more than 2.5 s on a machine of two cores that they share.
 """
 DASK_PROTOCOLS = ("tcp", "tls", "ws", "wss")
 _POSTGRES_SSL_REQUEST = struct.pack("!ii", 8, 80877103)
-"""PostgreSQL, Frontend/Backend Protocol, “SSLRequest”: answered with one byte, whatever the server thinks of it."""
+"""PostgreSQL, Frontend/Backend Protocol, “SSLRequest”: answered with one byte, whether the server accepts it or not."""
 
 
 def require_store(address: str) -> None:
-    """Asks the object store of `s3://…` at AWS_ENDPOINT_URL; RigError archive.unreachable.
+    """Raises RigError archive.unreachable unless the object store of `s3://…` at AWS_ENDPOINT_URL answers.
 
-    Other addresses are not asked: folders need no server, and Amazon's own stores are found by their client.
+    Other addresses are not checked: folders need no server, and the client finds Amazon's own stores.
     """
     endpoint = os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL")
     if not address.startswith(("s3://", "s3a://")) or not endpoint:
@@ -42,7 +42,7 @@ def require_store(address: str) -> None:
 
 
 def require_catalogue(address: str | None) -> None:
-    """Asks the server of `postgresql://HOST…`; RigError archive.unreachable."""
+    """Raises RigError archive.unreachable unless the server of `postgresql://HOST…` answers."""
     if address is None or not address.startswith("postgresql"):
         return
     url = urlsplit(address)
@@ -55,7 +55,7 @@ def require_catalogue(address: str | None) -> None:
 
 
 def require_scheduler(address: str | None) -> None:
-    """Asks a Dask scheduler, which speaks first; RigError archive.no_scheduler."""
+    """Raises RigError archive.no_scheduler unless a Dask scheduler answers; it is the one that speaks first."""
     if address is None:
         return
     url = urlsplit(address)
@@ -70,20 +70,20 @@ def require_scheduler(address: str | None) -> None:
 
 
 def _exchange(url: SplitResult, port: int, question: bytes) -> None:
-    """Sends the question and waits for the first byte; of an encrypted connection, only for the handshake."""
+    """Sends the question and waits for the first byte; on an encrypted connection, waits only for the handshake."""
     try:
         address = (url.hostname or "", url.port or port)
     except ValueError as error:
         raise OSError(str(error)) from error
     with socket.create_connection(address, ANSWER_S) as connection:
         if url.scheme in ("https", "tls", "wss"):
-            # Who the server is, its client asks; here counts that it speaks.
+            # The client will check who the server is; here it only has to answer.
             context = ssl.create_default_context()
             context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
             try:
                 context.wrap_socket(connection).close()
             except ssl.SSLError:
-                return  # it answered, and its client will say what it does not like
+                return  # it answered, and the client will report what is wrong
             return
         connection.sendall(question)
         if not connection.recv(1):

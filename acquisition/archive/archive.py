@@ -1,8 +1,8 @@
 """An archive: push a session's folder to it, fetch it back, and check every file.
 
-The order of writing is what makes a push safe to interrupt at any point: files first, each read back and hashed, then
-the entry that names them, then the catalogue's row. An archive never names a file that it does not have, and a push
-that is repeated writes only what is missing.
+The order of writing makes a push safe to interrupt at any point: files first, each read back and hashed, then the entry
+that names them, then the catalogue's row. An archive never names a file that it does not have, and a repeated push
+writes only what is missing.
 """
 
 import itertools
@@ -25,14 +25,14 @@ EntryT = TypeVar("EntryT", bound=Value)
 
 
 class _Mark(Value):
-    """What `archive.json` says: that this is an archive, and of which format."""
+    """Content of `archive.json`, which marks an archive and states its format."""
 
     format: int = 1
 
 
 @dataclass(frozen=True)
 class Pushed:
-    """What a push did: the session's key, whether it was new, and how many of its files were."""
+    """What a push did: the session's key, whether it was new, and numbers and size of its files."""
 
     key: str
     new: bool
@@ -56,10 +56,10 @@ class Archive:
     def __init__(
         self, address: str, catalogue: str | None = None, *, create: bool = False, patience_s: float = 0
     ) -> None:
-        """Opens an archive; with `create` a new one is begun where there is none.
+        """Opens an archive; with `create` begins a new one if there is none.
 
-        `catalogue` is the address of its database, none: SQLite in the archive's folder. Raises RigError
-        archive.address_invalid, archive.unreachable, archive.catalogue_newer.
+        `catalogue` is the address of its database (None: SQLite in the archive's folder), `patience_s` as of
+        `Catalogue`. Raises RigError archive.address_invalid, archive.unreachable, archive.catalogue_newer.
         """
         self.address = address
         self.contents = ContentStore(address)
@@ -92,10 +92,10 @@ class Archive:
     # ------------------------------------------------------------------------------------------------------------ in
 
     def push(self, folder: Path, label: str | None = None, notes: str | None = None) -> Pushed:
-        """Stores an ended session's folder with its results, hashed here and read back there.
+        """Stores an ended session's folder with its results; files are hashed here and read back from the archive.
 
-        `label` and `notes` are what a person calls it now; none: as its recipe says. Raises RigError folder.invalid
-        naming the file that is damaged, archive.unreachable.
+        `label` and `notes` are a person's present ones (None: the recipe's). Raises RigError folder.invalid naming the
+        file that is damaged, and archive.unreachable.
         """
         from acquisition.archive import reading  # noqa: PLC0415 - imports the solver, which takes seconds
 
@@ -110,7 +110,7 @@ class Archive:
         return Pushed(entry.key, new, files, new_files, entry.bytes)
 
     def put_result(self, result: ResultEntry) -> None:
-        """Stores a result's entry, whose files are there; an earlier one of the same solve stays."""
+        """Stores the entry of a result whose files are stored; an earlier entry of the same solve stays."""
         if self.contents.size(result.name) is None:
             self.contents.write(result.name, result.model_dump_json(indent=2).encode())
 
@@ -121,7 +121,7 @@ class Archive:
     # ----------------------------------------------------------------------------------------------------------- out
 
     def find(self, name: str) -> str:
-        """The key of the one session whose key or id begins with `name`. Raises RigError archive.not_found."""
+        """Returns the key of the one session whose key or id begins with `name`. Raises RigError archive.not_found."""
         keys = self.catalogue.session_keys(name)
         if len(keys) != 1:
             what = f"several sessions begin with it: {', '.join(key[:12] for key in keys)}, …" if keys else "is unknown"
@@ -129,15 +129,15 @@ class Archive:
         return keys[0]
 
     def session(self, key: str) -> SessionEntry:
-        """The entry of a session. Raises RigError archive.not_found, archive.damaged."""
+        """Returns the entry of a session. Raises RigError archive.not_found, archive.damaged."""
         return self._entry(session_name(key), SessionEntry)
 
     def result(self, name: str) -> ResultEntry:
-        """The entry of a result by its name. Raises RigError archive.not_found, archive.damaged."""
+        """Returns the entry of a result by its name. Raises RigError archive.not_found, archive.damaged."""
         return self._entry(name, ResultEntry)
 
     def results(self, key: str) -> list[ResultEntry]:
-        """The entries of all results of a session, oldest first."""
+        """Returns the entries of all results of a session, oldest first."""
         names = self.contents.names(f"{SESSIONS}/{key}/results")
         return sorted((self.result(name) for name in names), key=lambda result: result.age)
 
@@ -154,7 +154,7 @@ class Archive:
     # -------------------------------------------------------------------------------------------------------- checks
 
     def entries(self) -> Iterator[tuple[str, SessionEntry | ResultEntry | Fault]]:
-        """Names and entries of all sessions and results as the archive itself holds them; Fault: not readable."""
+        """Yields names and entries of all sessions and results in the archive; a Fault if one is not readable."""
         for name in self.contents.names(SESSIONS):
             kind = SessionEntry if name.endswith("/session.json") else ResultEntry
             try:
@@ -165,10 +165,10 @@ class Archive:
                 yield name, Fault(name, "damaged", (name,))
 
     def verify(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Fault]:
-        """Hashes every file that an entry names; enters in the catalogue what it lacks. Faults by name, none: sound.
+        """Enters in the catalogue what it lacks, then hashes every file that an entry names; returns the faults.
 
-        The catalogue comes first, because hashing an archive takes days. Entries are read twice for that, and of a file
-        that is sound only its hash is remembered: what an archive of millions of sessions has does not fit in memory.
+        The catalogue comes first, because hashing an archive takes days. The entries of millions of sessions do not fit
+        in memory, so they are read twice, and of a sound file only its hash is remembered.
         """
         faults: list[Fault] = []
         total = 0
@@ -198,7 +198,7 @@ class Archive:
         return faults + [Fault(path, what, tuple(names)) for _, (path, what, names) in sorted(unsound.items())]
 
     def _entries_by_session(self) -> Iterator[list[tuple[str, SessionEntry | ResultEntry | Fault]]]:
-        """Entries with their names, session by session; Fault: not readable, or not the entry that its name says."""
+        """Yields entries with their names by session; a Fault if one is not readable or does not match its name."""
         for _, group in itertools.groupby(self.entries(), key=lambda found: found[0].split("/")[1]):
             yield [
                 (name, entry if isinstance(entry, Fault) or name == entry.name else Fault(name, "damaged", (name,)))

@@ -1,8 +1,8 @@
-"""The catalogue: one row a session and one a result, in SQLite beside the archive or in PostgreSQL for several cells.
+"""The catalogue: one row per session and per result, in SQLite beside the archive or in PostgreSQL for several cells.
 
-Everything but the claims of running solves can be read from the archive's entries again. Tables and queries are
-SQLAlchemy's, so that both databases see the same statements; a connection that was lost is replaced, and a statement
-that failed with it is repeated, because each is one transaction that may be repeated without harm.
+Everything except the claims of running solves can be read from the archive's entries again. Tables and queries are
+SQLAlchemy's, so that both databases see the same statements. A lost connection is replaced, and a statement that failed
+with it is repeated; each is one transaction that may be repeated without harm.
 """
 
 import sqlite3
@@ -24,7 +24,7 @@ from acquisition.models.errors import ErrorCode, RigError
 FORMAT = 1
 FILE = "catalogue.db"
 PATIENCE_S = 60.0
-"""Time, s, for which a statement is repeated when the database restarts, during a solve of the archive."""
+"""Time, s, for which a statement is repeated while the database restarts, during a solve of the archive."""
 CONNECT_S = 3
 """Time-out, s, of one connection and of the server's greeting."""
 _ALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4, "tcp_user_timeout": 30_000}
@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 _tables = sa.MetaData()
 _by_bytes = sa.String().with_variant(sa.String(collation="C"), "postgresql")
-"""Texts compared by their bytes: PostgreSQL finds the beginning of a text by an index in no other order."""
+"""Texts compared by their bytes; only in this order does PostgreSQL find the beginning of a text by an index."""
 meta = sa.Table("meta", _tables, sa.Column("format", sa.Integer, primary_key=True))
 session = sa.Table(
     "session",
@@ -53,13 +53,13 @@ session = sa.Table(
     sa.Column("pushed_at", sa.Double, nullable=False),
     sa.Column("calibration", sa.String, nullable=False, index=True),
     sa.Column("software", sa.String, nullable=False),
-    # Of the result of the newest solver: what is searched for most.
+    # Figures of the newest solver's result, which are searched for most.
     sa.Column("solver", sa.String),
     sa.Column("solver_order", _by_bytes, index=True),
     sa.Column("sigma_deg", sa.Double, index=True),
 )
 NEWEST_FIRST = (session.c.captured_at.desc().nulls_last(), session.c.key)
-"""Order of lists. SQLite takes no place of nulls in an index: descending, they are last there anyway."""
+"""Order of lists. SQLite accepts no position of nulls in an index; in descending order they are last anyway."""
 sa.Index("ix_session_newest_first", *NEWEST_FIRST).ddl_if(dialect="postgresql")
 sa.Index("ix_session_newest", session.c.captured_at.desc(), session.c.key).ddl_if(dialect="sqlite")
 result = sa.Table(
@@ -158,7 +158,7 @@ class Catalogue:
         self._engine.dispose()
 
     def repeatedly(self, work: Callable[[sa.Connection], T]) -> T:
-        """Runs one transaction, again when the database was away, for as long as `patience_s`."""
+        """Runs one transaction, and repeats it while the database does not answer, for at most `patience_s`."""
         trials = Retrying(
             retry=retry_if_exception_type((OperationalError, InterfaceError)),
             stop=stop_after_delay(self._patience_s),
@@ -179,7 +179,7 @@ class Catalogue:
     # --------------------------------------------------------------------------------------------------- entries
 
     def add(self, entry: SessionEntry, results: list[ResultEntry]) -> bool:
-        """Enters a session and its results; returns whether it was new. Object and notes follow the entry's."""
+        """Enters a session and its results; returns whether it was new. Updates object and notes of a known one."""
 
         def work(connection: sa.Connection) -> bool:
             facts = entry.facts
@@ -197,7 +197,7 @@ class Catalogue:
     def sessions(
         self, where: sa.ColumnElement[bool] | None = None, limit: int | None = None, offset: int = 0
     ) -> list[SessionRow]:
-        """The sessions that a condition (`where.parse`) selects, newest capture first."""
+        """Returns the sessions that a condition (`where.parse`) selects, newest capture first."""
         columns = [session.c[name] for name in SessionRow.__dataclass_fields__]
         query = sa.select(*columns).order_by(*NEWEST_FIRST)
         query = query if where is None else query.where(where)
@@ -206,30 +206,30 @@ class Catalogue:
         return [SessionRow(**row) for row in rows]
 
     def selected_keys(self, where: sa.ColumnElement[bool]) -> list[str]:
-        """Keys of the sessions that a condition selects, newest capture first."""
+        """Returns the keys of the sessions that a condition selects, newest capture first."""
         query = sa.select(session.c.key).where(where).order_by(*NEWEST_FIRST)
         return list(self.repeatedly(lambda connection: connection.scalars(query).all()))
 
     def session_keys(self, prefix: str, limit: int = 3) -> list[str]:
-        """Keys of the sessions whose key or id begins with `prefix`."""
+        """Returns the keys of the sessions whose key or id begins with `prefix`."""
         condition = session.c.key.startswith(prefix, autoescape=True)
         condition |= session.c.session_id.startswith(prefix, autoescape=True)
         query = sa.select(session.c.key).where(condition).order_by(session.c.key).limit(limit)
         return list(self.repeatedly(lambda connection: connection.scalars(query).all()))
 
     def results(self, key: str) -> list[ResultRow]:
-        """Results of one session, the oldest solver's first."""
+        """Returns the results of one session, the oldest first."""
         columns = [result.c[name] for name in ResultRow.__dataclass_fields__]
         query = sa.select(*columns).where(result.c.session == key).order_by(result.c.solved_at)
         rows = self.repeatedly(lambda connection: connection.execute(query).mappings().all())
         return [ResultRow(**row) for row in rows]
 
     def insert(self, table: sa.Table) -> "sqlite.Insert | postgresql.Insert":
-        """An INSERT of this database's dialect, which knows ON CONFLICT."""
+        """Returns an INSERT in this database's dialect, which knows ON CONFLICT."""
         return (postgresql if self._engine.dialect.name == "postgresql" else sqlite).insert(table)
 
     def now(self) -> sa.ColumnElement[float]:
-        """The database's own clock, s since 1970: claims of several machines are compared by one clock."""
+        """Returns the database's own time, s since 1970: claims of several machines are compared by one clock."""
         if self._engine.dialect.name == "postgresql":
             return sa.cast(sa.extract("epoch", sa.func.clock_timestamp()), sa.Double)
         return (sa.func.julianday("now") - 2440587.5) * 86400.0
@@ -241,7 +241,7 @@ class Catalogue:
         return self._engine.url.render_as_string(hide_password=True)
 
     def _prepare(self, connection: sa.Connection) -> None:
-        """Creates the tables. Two callers may do so at once: the one that comes second finds them there."""
+        """Creates the tables unless they exist. Two callers may do so at once; the second one then finds them."""
         if self._engine.dialect.name == "postgresql":
             connection.execute(sa.text("SELECT pg_advisory_xact_lock(5031)"))
         if not sa.inspect(connection).has_table(meta.name):
@@ -257,7 +257,7 @@ class Catalogue:
 
 
 def _configure_sqlite(connection: sqlite3.Connection, _: object) -> None:
-    """SQLite's own lower() knows ASCII only, and objects are named in any language."""
+    """Replaces SQLite's own lower(), which knows ASCII only, because objects are named in any language."""
     connection.create_function("lower", 1, _lower, deterministic=True)
     connection.execute("PRAGMA foreign_keys = ON")
 
@@ -267,12 +267,12 @@ def _lower(text: str | None) -> str | None:
 
 
 def in_folder(folder: Path) -> str:
-    """Address of the SQLite catalogue of an archive that is a folder."""
+    """Returns the address of the SQLite catalogue of an archive that is a folder."""
     return f"sqlite:///{folder.absolute() / FILE}"
 
 
 def _record(connection: sa.Connection, insert: "sqlite.Insert | postgresql.Insert", entry: ResultEntry) -> None:
-    """Enters a result unless it is there, and makes it the session's when no newer solver's is known."""
+    """Enters a result unless it is there, and shows it with its session unless a newer solver's is known."""
     row = {
         "session": entry.session,
         "solver": entry.solver,
@@ -294,10 +294,10 @@ def _record(connection: sa.Connection, insert: "sqlite.Insert | postgresql.Inser
 
 
 def make_newest(connection: sa.Connection, entry: ResultEntry) -> None:
-    """Shows a result's solver and σ with its session, unless a newer solver's stands there."""
+    """Shows a result's solver and σ with its session, unless those of a newer solver are shown."""
     order = version_order(entry.solver)
     older = sa.or_(session.c.solver_order.is_(None), session.c.solver_order <= order)
-    if entry.identity.last_pass is not None:  # the pilot's alone says less than nothing of the whole session
+    if entry.identity.last_pass is not None:  # a result of some passes does not stand for the whole session
         older = session.c.solver_order.is_(None)
     connection.execute(
         sa.update(session)

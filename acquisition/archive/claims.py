@@ -1,9 +1,9 @@
 """Claims of solves in the catalogue: who solves what, for how long, and whether it is done.
 
-A solve is one row, identified by session, solver and settings. Whoever wants it takes the row by one conditional
-statement; a claim ends by itself when its owner has not renewed it for `LEASE_S`, so that a killed worker or a lost
-machine holds nothing up. A result counts when its owner still holds the claim as it is entered: an owner that was
-suspended and comes back finds another's, and its own is dropped. So each solve is entered once, by whatever accident.
+A solve is one row, identified by session, solver and settings. A worker claims the row by one conditional statement.
+A claim ends by itself when its owner has not renewed it for `LEASE_S`, so that a killed worker or a lost machine blocks
+nothing. A result counts only if its owner still holds the claim when it is entered; the result of an owner that was
+suspended meanwhile is dropped if another has claimed the solve. So each solve is entered once, whatever fails.
 """
 
 import threading
@@ -19,14 +19,14 @@ from acquisition.archive.entries import ResultEntry, version_order
 from acquisition.models.errors import RigError
 
 LEASE_S = 15.0
-"""Time, s, after which a claim that was not renewed may be taken by another: five renewals, of which some may be late
-by a restart of the database."""
+"""Time, s, after which another may take a claim that was not renewed: five periods of renewal, because a restart of the
+database can delay some renewals."""
 RENEWAL_S = 3.0
 
 
 @dataclass(frozen=True)
 class SolveKey:
-    """One solve: session, solver version, hash of the settings; the last pass (none: all) is among these."""
+    """Identity of a solve: session, solver version, hash of the settings, which include the last pass (None: all)."""
 
     session: str
     solver: str
@@ -36,7 +36,7 @@ class SolveKey:
 
 @dataclass(frozen=True)
 class Claim:
-    """A claimed solve and who claimed it, in which call of `archive solve`."""
+    """A claimed solve, who claimed it, and in which call of `archive solve`."""
 
     key: SolveKey
     owner: str
@@ -44,7 +44,7 @@ class Claim:
 
 
 def claim(catalogue: Catalogue, wanted: Claim) -> str:
-    """Claims a solve. Returns `claimed`, or why not: `done`, `failed` (in the same call), `elsewhere`."""
+    """Claims a solve. Returns `claimed`, or why not: `done`, `failed` (in the same call), `elsewhere` (claimed)."""
 
     def work(connection: sa.Connection) -> str:
         now = catalogue.now()
@@ -86,9 +86,9 @@ def claim(catalogue: Catalogue, wanted: Claim) -> str:
 
 
 def finish(catalogue: Catalogue, held: Claim, entry: ResultEntry, moved: tuple[float, float] | None) -> bool:
-    """Enters the result of a claimed solve; False: the claim was lost, another's result counts.
+    """Enters the result of a claimed solve; returns False if the claim was lost, so that another's result counts.
 
-    `moved` is by how many degrees on average the normals differ from those of the result before, and over its σ.
+    `moved` is the mean angle, degrees, to the normals of the result before, and the rms of the angle over its σ.
     """
 
     def work(connection: sa.Connection) -> bool:
@@ -104,7 +104,7 @@ def finish(catalogue: Catalogue, held: Claim, entry: ResultEntry, moved: tuple[f
         }
         done = connection.execute(sa.update(result).where(*_held(held)).values(changed))
         if done.rowcount != 1:
-            # A repeated transaction whose first answer was lost with the connection: it is entered, and ours.
+            # If a repeated transaction's first answer was lost with the connection, the result is entered, and ours.
             owner = sa.select(result.c.owner).where(*_of(held.key), result.c.state == "done")
             return connection.scalar(owner) == held.owner
         make_newest(connection, entry)
@@ -119,13 +119,13 @@ def fail(catalogue: Catalogue, held: Claim, why: str) -> None:
 
 
 def release(catalogue: Catalogue, held: Claim) -> None:
-    """Gives a claim back, when the work could not be done for a reason that is not the session's."""
+    """Gives a claim back when the work could not be done for a reason outside the session."""
     _update(catalogue, held, {"claimed_until": 0.0})
 
 
 @contextmanager
 def renewed(catalogue: Catalogue, held: Claim) -> Generator[None]:
-    """Renews a claim in a thread of its own for the time of the block."""
+    """Renews a claim in a separate thread while the block runs."""
     ended = threading.Event()
 
     def renew() -> None:
@@ -133,7 +133,7 @@ def renewed(catalogue: Catalogue, held: Claim) -> Generator[None]:
             try:
                 _update(catalogue, held, {"claimed_until": catalogue.now() + LEASE_S})
             except RigError:
-                continue  # the database is away: the claim may run out, and `finish` will tell
+                continue  # the database does not answer: the claim may run out, which `finish` will find
 
     thread = threading.Thread(target=renew, name="claim", daemon=True)
     thread.start()
@@ -151,8 +151,7 @@ def _update(catalogue: Catalogue, held: Claim, changed: dict[str, Any]) -> None:
 
 
 def newest_before(catalogue: Catalogue, key: SolveKey) -> tuple[str, str] | None:
-    """Solver and settings of the newest other result of the same images whose solver is no newer; None: there is
-    none."""
+    """Returns solver and settings of the newest other result of the same images whose solver is no newer, or None."""
     same = result.c.last_pass.is_(None) if key.last_pass is None else result.c.last_pass == key.last_pass
     query = sa.select(result.c.solver, result.c.settings, result.c.solved_at).where(
         result.c.session == key.session, result.c.state == "done", same

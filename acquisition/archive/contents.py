@@ -1,8 +1,8 @@
 """Content-addressed files at an fsspec address: a file's name is the SHA-256 of its bytes.
 
-Calibrations, cell files and repeated frames stand once, however many sessions have them, and a file is never changed:
-so nothing has to be locked, a push that was interrupted is repeated without harm, and damage is seen by hashing. A file
-appears as a whole: object stores do so by themselves, elsewhere it is written under another name and renamed.
+Calibrations, cell files and repeated frames are stored once, however many sessions have them. A file is never changed,
+so nothing has to be locked, an interrupted push is repeated without harm, and hashing finds damage. A file appears as a
+whole: object stores ensure this by themselves; elsewhere it is written under another name and renamed.
 """
 
 import hashlib
@@ -26,8 +26,8 @@ BLOCK_BYTES = 4 << 20
 ATOMIC_PROTOCOLS = frozenset({"s3", "gcs", "abfs", "memory"})
 """File systems of fsspec in which a file that is being written cannot be read yet."""
 FIRST_ANSWER_S = 2.5
-"""Time, s, within which an object store answers the first question. Without it a silent store of which
-`answering` cannot know from the environment would be asked ten times, by s3fs and botocore, `READ_TIMEOUT_S` each."""
+"""Time limit, s, for an object store's answer to the first request. Without it, s3fs and botocore would ask a silent
+store ten times, for `READ_TIMEOUT_S` each, if `answering` does not know its address from the environment."""
 CONNECT_TIMEOUT_S, READ_TIMEOUT_S, ATTEMPTS = 1.5, 60, 2
 """Time-outs, s, of a connection to an object store and of each block that it sends, and how often botocore tries."""
 
@@ -41,7 +41,7 @@ class ContentStore:
         options: dict[str, Any] = {}
         if address.startswith(("s3://", "s3a://")):
             timeouts = {"connect_timeout": CONNECT_TIMEOUT_S, "read_timeout": READ_TIMEOUT_S}
-            # Files appear and vanish by other processes, so nothing is remembered of the listing.
+            # Other processes add and remove files, so listings are not cached.
             options = {
                 "config_kwargs": timeouts | {"retries": {"total_max_attempts": ATTEMPTS}},
                 "use_listings_cache": False,
@@ -56,7 +56,7 @@ class ContentStore:
 
     @property
     def folder(self) -> Path | None:
-        """The archive as a folder of this machine; None: it is elsewhere."""
+        """The archive as a folder of this machine; None if it is elsewhere."""
         return Path(self._root) if isinstance(self._files, LocalFileSystem) else None
 
     def put(self, file: Path, digest: str) -> bool:
@@ -98,14 +98,14 @@ class ContentStore:
             raise
 
     def check(self, digest: str) -> str | None:
-        """What is wrong with the stored file: `missing`, `damaged`, or None."""
+        """Returns what is wrong with the stored file: `missing`, `damaged`, or None."""
         found = self.hash_of(_object(digest))
         return "missing" if found is None else None if found == digest else "damaged"
 
     # -------------------------------------------------------------------------------------------------- named files
 
     def read(self, name: str) -> bytes | None:
-        """A small named file; None: there is none."""
+        """Returns the content of a small named file, or None if there is none."""
         with _explained(self.address):
             try:
                 return bytes(self._files.cat_file(self._path(name)))
@@ -113,7 +113,7 @@ class ContentStore:
                 return None
 
     def read_first(self, name: str) -> bytes | None:
-        """As `read`, as the first question to a store that may not be there: it has `FIRST_ANSWER_S` to answer."""
+        """As `read`, for the first request to a store that may not exist: it has to answer within `FIRST_ANSWER_S`."""
         files = self._files
         if not isinstance(files, AsyncFileSystem):
             return self.read(name)
@@ -132,7 +132,7 @@ class ContentStore:
                 ) from error
 
     def write(self, name: str, content: bytes) -> None:
-        """Writes a small named file as a whole; what stood there is replaced."""
+        """Writes a small named file as a whole; an existing one is replaced."""
         with _explained(self.address, writing=True):
             if not isinstance(self._files, LocalFileSystem):
                 self._files.pipe_file(self._path(name), content)
@@ -142,7 +142,7 @@ class ContentStore:
                 partial.write_bytes(content)
 
     def names(self, folder: str) -> list[str]:
-        """Names of the files below a folder, relative to the archive, sorted."""
+        """Returns the sorted names, relative to the archive, of the files below a folder; hidden files are left out."""
         with _explained(self.address):
             try:
                 found = self._files.find(self._path(folder))
@@ -152,7 +152,7 @@ class ContentStore:
         return sorted(name[start:] for name in found if not name.rpartition("/")[2].startswith("."))
 
     def size(self, name: str) -> int | None:
-        """Bytes of a named file; None: there is none."""
+        """Returns the size of a named file, bytes, or None if there is none."""
         with _explained(self.address):
             try:
                 return int(self._files.info(self._path(name))["size"])
@@ -160,7 +160,7 @@ class ContentStore:
                 return None
 
     def hash_of(self, name: str) -> str | None:
-        """SHA-256 of a named file as it is stored; None: there is none."""
+        """Returns the SHA-256 of a named file as stored, or None if there is none."""
         found = hashlib.sha256()
         try:
             for block in self._blocks(name):
@@ -202,7 +202,7 @@ class ContentStore:
 
 @contextmanager
 def _renamed(target: Path) -> Generator[Path]:
-    """A hidden file beside `target`, flushed and renamed to it when the block ends."""
+    """Yields a hidden file beside `target`, which is flushed and renamed to it when the block ends."""
     target.parent.mkdir(parents=True, exist_ok=True)
     partial = target.with_name(f".{target.name}.{uuid.uuid4().hex}.part")
     try:

@@ -1,7 +1,7 @@
-"""A session's folder as entries of the archive: its files hashed, checked against the folder's own manifests.
+"""A session's folder as entries of the archive: its files are hashed and checked against the folder's own manifests.
 
-A folder is refused where a file differs from what its manifest says: what was damaged at home must not be handed on as
-sound. Results whose folder is not complete (a solve that was killed) are left out.
+A folder is refused if a file differs from its manifest, because a damaged file must not be handed on as sound. Results
+whose folder is not complete (a solve that was killed) are left out.
 """
 
 import json
@@ -24,7 +24,7 @@ RESULTS = "results"
 
 
 def read(folder: Path, label: str | None = None, notes: str | None = None) -> tuple[SessionEntry, list[ResultEntry]]:
-    """The entries of an ended session's folder; `label` and `notes` are a person's later ones (none: the recipe's).
+    """Reads an ended session's folder as entries; `label` and `notes` are a person's later ones (None: the recipe's).
 
     Raises RigError folder.invalid naming the file that is missing, damaged or unreadable.
     """
@@ -33,7 +33,7 @@ def read(folder: Path, label: str | None = None, notes: str | None = None) -> tu
     results: dict[str, ResultEntry] = {}
     for path in sorted((folder / RESULTS).glob("*/manifest.json"), key=lambda path: int(path.parent.name)):
         result = _result(path.parent, entry, stated)
-        results[result.name] = result  # of two with the same settings the newer one
+        results[result.name] = result  # of two with the same settings, the newer one
     return entry, list(results.values())
 
 
@@ -62,7 +62,7 @@ def _facts(folder: Path, stated: dict[str, Any], label: str | None, notes: str |
 
 
 def _files(folder: Path, stated: dict[str, Any]) -> dict[str, FileEntry]:
-    """Every file of a session but its results, hashed."""
+    """Hashes every file of a session except its results."""
     found: dict[str, FileEntry] = {}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
@@ -103,7 +103,7 @@ def _result(folder: Path, session: SessionEntry, capture: dict[str, Any]) -> Res
 
 
 def _checked(path: Path, stated: dict[str, Any] | None) -> FileEntry:
-    """A file with its hash. Raises RigError folder.invalid when it is missing or not as its manifest states it."""
+    """Hashes a file. Raises RigError folder.invalid if it is missing or differs from its manifest."""
     try:
         found = FileEntry(sha256=sha256_of(path), bytes=path.stat().st_size)
     except OSError as error:
@@ -114,7 +114,7 @@ def _checked(path: Path, stated: dict[str, Any] | None) -> FileEntry:
 
 
 def _manifest(folder: Path) -> dict[str, Any]:
-    """A manifest as it was written. Raises RigError folder.invalid."""
+    """Reads the manifest of a folder. Raises RigError folder.invalid."""
     path = folder / session_folder.MANIFEST
     try:
         stated: dict[str, Any] = json.loads(text(path))

@@ -1,7 +1,7 @@
-"""Conditions on sessions (`--where`): a small grammar, parsed by lark, to an SQLAlchemy condition.
+"""Conditions on sessions (`--where`): a small grammar, parsed by lark into an SQLAlchemy condition.
 
-Nobody's text reaches the database as SQL: names are columns of a table here, values are bound parameters. Versions
-compare as versions (0.9 < 0.10), times are dates of ISO 8601, and `~` finds a part of a text, whatever its case.
+No user's text reaches the database as SQL: names are looked up in a table here, values are bound parameters. Versions
+compare as versions (0.9 < 0.10), times are ISO 8601 dates, and `~` finds a part of a text, ignoring case.
 
     solver < '0.2' and object ~ 'vase' and not (sigma > 1.5 or captured >= '2026-03-01')
 """
@@ -36,7 +36,7 @@ COLUMNS: dict[str, sa.Column[Any]] = {
     "captured": session.c.captured_at,
     "pushed": session.c.pushed_at,
 }
-"""What a condition may name."""
+"""Columns by the names that a condition may use."""
 
 _TIMES, _VERSIONS = ("captured", "pushed"), ("solver",)
 _GRAMMAR = r"""
@@ -63,7 +63,7 @@ _PARSER = Lark(_GRAMMAR, parser="earley")
 
 
 class _ToSql(Transformer[Token, sa.ColumnElement[bool]]):
-    """The parsed condition as SQLAlchemy's."""
+    """Transforms a parsed condition into SQLAlchemy's."""
 
     def any(self, parts: list[sa.ColumnElement[bool]]) -> sa.ColumnElement[bool]:
         return sa.or_(*parts)
@@ -92,7 +92,7 @@ class _ToSql(Transformer[Token, sa.ColumnElement[bool]]):
 
 
 def parse(condition: str) -> sa.ColumnElement[bool]:
-    """A condition on the table of sessions. Raises RigError archive.query_invalid with what is wrong and where."""
+    """Parses a condition on the table of sessions. Raises RigError archive.query_invalid: what is wrong, and where."""
     try:
         return _ToSql().transform(_PARSER.parse(condition))
     except VisitError as error:
