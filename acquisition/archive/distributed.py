@@ -1,8 +1,8 @@
-"""Solves of a whole archive on Dask workers: submit what is missing, until the catalogue says that all is done.
+"""Solves of a whole archive on Dask workers: submit what is missing until the catalogue has all results.
 
-Dask's scheduler forgets its queue when it restarts, and its workers die. Neither matters here, because nothing is known
-from a future alone: what was solved stands in the catalogue, and a job whose future was lost is submitted again, where
-it finds its solve done, claimed by another, or free. Two callers divide the work between them in the same way.
+Dask's scheduler forgets its queue when it restarts, and workers may die. Neither matters here, because no result is
+known from a future alone: the catalogue records what is solved. A job whose future was lost is submitted again, and
+finds its solve done, claimed by another, or free. Two callers divide the work between them in the same way.
 """
 
 import asyncio
@@ -32,15 +32,15 @@ CONNECT_S = 20.0
 """Time-out, s, of one attempt to connect: a scheduler that restarts on a busy machine answers late."""
 RETRY_CONNECT_S = 1.0
 PATIENCE_S = 900.0
-"""Time, s, for which a scheduler that restarts is waited for in mid-work."""
+"""Time, s, for which the caller waits for a scheduler that restarts during the work."""
 WINDOW = 500
-"""Jobs that are submitted ahead: enough for hundreds of workers, little to submit again."""
+"""Number of jobs submitted ahead: enough for hundreds of workers, and few to submit again."""
 POLL_S = 0.05
-"""Time, s, between looks at what has ended: short against a solve, since the last one's end is seen so much later."""
+"""Period, s, of checking which jobs have ended; short compared with a solve, because it delays the last one's end."""
 RETRY_S = claims.LEASE_S / 3
-"""Time, s, after which a solve that another has claimed is asked for again."""
+"""Time, s, after which a solve that another has claimed is submitted again."""
 MOST_KILLS = 4
-"""Times that a job may take its worker with it (Dask itself tries each three times) before it counts as failed."""
+"""Number of submissions of a job that kill its workers (Dask itself tries each three times) before it has failed."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Moved:
 
 @dataclass(frozen=True)
 class SolveReport:
-    """What one call did: numbers of sessions, the failures with their reasons, what moved (most over σ first)."""
+    """What one call did: numbers of sessions, failures with reasons, and changed normals, largest over σ first."""
 
     solved: int
     kept: int
@@ -74,11 +74,11 @@ def solve(
     tiling: Tiling = DEFAULT_TILING,
     progress: Callable[[int], None] = lambda done: None,
 ) -> SolveReport:
-    """Solves sessions (keys) with the settings of `identity`, by the workers of a scheduler or by as many of its own.
+    """Solves sessions (keys) with the settings of `identity`, on a scheduler's workers or on `workers` local ones.
 
-    Captures as large as `tiling` says are divided between the workers. `progress` is told the number of sessions that
-    are through. Raises RigError archive.no_scheduler when none answers within `CONNECT_S`, or one that restarts does
-    not come back within `PATIENCE_S`.
+    Captures as large as `tiling` states are divided between the workers. `progress` gets the number of sessions that
+    have ended. Raises RigError archive.no_scheduler when none answers within `CONNECT_S`, or one that restarts does not
+    come back within `PATIENCE_S`.
     """
     call = uuid.uuid4().hex
     solver = version("lightpose")
@@ -95,10 +95,10 @@ def solve(
 
 
 def worker_environment(threads: int) -> dict[str, str]:
-    """The environment of a worker's process: threads of the kernels, and Dask's own samplers at 5 Hz.
+    """Returns the environment of a worker's process: threads of the kernels, and Dask's own samplers at 5 Hz.
 
-    By default Dask looks at the running call 100 times and at its event loop 50 times a second, which takes 4 % of a
-    core from each worker; a solve lasts a second and more, so that its profile needs no more than 5 Hz.
+    By default Dask samples the running call 100 times and its event loop 50 times a second, which takes 4 % of a core
+    from each worker. A solve takes a second or more, so 5 Hz suffice for its profile.
     """
     return dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), str(threads)) | {
         "DASK_DISTRIBUTED__WORKER__PROFILE__INTERVAL": "200ms",
@@ -108,7 +108,7 @@ def worker_environment(threads: int) -> dict[str, str]:
 
 @contextmanager
 def _address(scheduler: str | None, workers: int) -> Generator[str]:
-    """The scheduler's address: the one given, or that of workers started here, one thread each."""
+    """Yields the scheduler's address: the given one, or that of workers started here with one thread each."""
     if scheduler is not None:
         yield scheduler
         return
@@ -120,7 +120,7 @@ def _address(scheduler: str | None, workers: int) -> Generator[str]:
 
 
 class _Dispatch:
-    """Submits jobs through one scheduler until each is through; used in one thread."""
+    """Submits jobs through one scheduler until each has ended; used in one thread."""
 
     def __init__(self, address: str, jobs: Sequence[SolveJob], progress: Callable[[int], None]) -> None:
         self._address = address
@@ -155,7 +155,7 @@ class _Dispatch:
         jobs = [self._waiting.popleft() for _ in range(min(len(self._waiting), WINDOW - len(self._pending)))]
         if not jobs:
             return
-        # A name of its own each time: a lost future must not be joined to what the scheduler forgot.
+        # A new name each time: a job that is submitted again must not be joined to a lost future.
         names = [f"solve-{job.session[:12]}-{uuid.uuid4().hex[:8]}" for job in jobs]
         self._pending |= zip(client.map(solving.solve, jobs, key=names, pure=False), jobs, strict=True)
 
@@ -170,7 +170,7 @@ class _Dispatch:
             future.release()
 
     def _outcome(self, future: Future[SolveOutcome], job: SolveJob) -> SolveOutcome | None:
-        """What became of a job whose future ended; None: it has to be submitted again."""
+        """Returns the outcome of a job whose future ended; None if it has to be submitted again."""
         if future.status not in ("finished", "error"):
             return None  # cancelled or lost with the scheduler
         try:
@@ -181,12 +181,12 @@ class _Dispatch:
                 return None
             return _give_up(job)
         except (TimeoutError, FutureCancelledError, OSError):
-            return None  # the worker that held the answer is gone; the catalogue knows
+            return None  # the worker that held the answer is gone; the catalogue has the outcome
         return outcome
 
 
 def _give_up(job: SolveJob) -> SolveOutcome:
-    """Records that a job takes its workers with it."""
+    """Records as failed a job that kills its workers."""
     why = "its worker was killed each time (most often memory ran out): give workers more memory"
     archive = Archive(job.address, job.catalogue)
     held = claims.Claim(job.key, uuid.uuid4().hex, job.call)
@@ -213,14 +213,14 @@ def _connect(address: str, patience_s: float) -> Client:
 
 
 async def _shake_hands(address: str, timeout_s: float) -> None:
-    """Tries the connection: Dask's own time-outs leave its handshake out, in which a server that is none is silent."""
+    """Tries to connect. Dask's own time-outs do not cover the handshake, in which another kind of server is silent."""
     async with asyncio.timeout(timeout_s):
         comm = await connect(address, timeout_s)
         await comm.close()
 
 
 def _done(archive: Archive, solver: str, settings: str) -> set[str]:
-    """The sessions that are solved already."""
+    """Returns the sessions that are solved already."""
     query = sa.select(result.c.session).where(
         result.c.solver == solver, result.c.settings == settings, result.c.state == "done"
     )
@@ -228,7 +228,7 @@ def _done(archive: Archive, solver: str, settings: str) -> set[str]:
 
 
 def report(archive: Archive, sessions: Sequence[str], solver: str, settings: str, call: str) -> SolveReport:
-    """The report of one call, as the catalogue has it."""
+    """Makes the report of one call from the catalogue."""
     columns = ("session", "state", "call", "moved_mean_deg", "moved_over_sigma", "error")
     query = (
         sa.select(session.c.object, *(result.c[name] for name in columns))

@@ -1,8 +1,8 @@
 """Manifests of the archive: what a session and a result consist of, by path and SHA-256.
 
-A session's key is the hash of its id and files. Two cells that gave one id to different captures have two keys; the
-same session pushed twice has one. Results are entries of their own, because they are added for as long as the archive
-lives: `results/` and what a person may still change (label, notes) are no part of the key.
+A session's key is the hash of its id and files: captures of two cells with the same id have two keys, and a session
+that is pushed twice has one. Results are entries of their own, because they are added as long as the archive lives.
+`results/` and what a person may still change (label, notes) are no part of the key.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ class FileEntry(Value):
 
 
 class SessionFacts(Value):
-    """What the catalogue says of a session; all of it is read from the session's own files."""
+    """What the catalogue states of a session, from its own files; a person may have changed object and notes."""
 
     session_id: str
     object: str = Field(description="The session's label")
@@ -70,7 +70,7 @@ class SessionEntry(Value):
 
 
 class SolveIdentity(Value):
-    """What makes one solve of a session differ from another, apart from the solver's version."""
+    """What distinguishes the solves of a session by the same version of the solver."""
 
     settings: SolveSettings = SolveSettings()
     last_pass: int | None = Field(default=None, description="Last pass whose images are used; none: all passes")
@@ -83,7 +83,7 @@ class SolveIdentity(Value):
 
 
 class ResultEntry(Value):
-    """One result: of which session, solver and settings, its files and figures."""
+    """One result: its session, solver, settings, files and figures."""
 
     format: Literal[1] = 1
     session: str
@@ -101,9 +101,9 @@ class ResultEntry(Value):
 
     @property
     def age(self) -> tuple[float, float, str]:
-        """What results of one session are sorted by.
+        """Sort key of the results of one session.
 
-        Copied folders can have equal times: of these, the one of fewer passes comes first.
+        Results in copied folders can have equal times; of these, the one of fewer passes comes first.
         """
         last = self.identity.last_pass
         return self.solved_at, math.inf if last is None else last, self.name
@@ -120,14 +120,14 @@ def result_name(key: str, solver: str, settings: str) -> str:
 
 
 def hash_of(value: Any) -> str:
-    """SHA-256 of a value's canonical JSON (keys sorted, no white space)."""
+    """Returns the SHA-256 of a value's canonical JSON (keys sorted, no white space)."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def version_order(version: str) -> str:
-    """A version as text that sorts as versions do (PEP 440): 0.9 before 0.10, a pre-release before its release.
+    """Returns a version as text that sorts as versions do (PEP 440): 0.9 before 0.10, pre-release before release.
 
-    Raises ValueError for what is no version.
+    Raises ValueError if `version` is no version.
     """
     try:
         parsed = Version(version)
@@ -135,7 +135,7 @@ def version_order(version: str) -> str:
         raise ValueError(f"{version!r} is no version, such as 0.2 or 1.0.3") from error
     release = [*parsed.release, 0, 0, 0, 0][: max(4, len(parsed.release))]
     numbers = ".".join(f"{number:0{_DIGITS}d}" for number in release)
-    # A development release without a phase comes before all others of its number; without `dev` after those with it.
+    # A development release without a phase sorts before all others of its number; one without `dev` after those with.
     development_only = parsed.dev is not None and parsed.pre is None and parsed.post is None
     phase = "0" if development_only else f"1{parsed.pre[0]}{parsed.pre[1]:0{_DIGITS}d}" if parsed.pre else "2"
     post = 0 if parsed.post is None else parsed.post + 1

@@ -1,6 +1,7 @@
 """Exports of archived sessions: the session's own folder, a BagIt bag with RO-Crate metadata, a folder for Relight.
 
-Libraries of those who keep the formats write them: `bagit` (RFC 8493, Library of Congress), `rocrate` (RO-Crate 1.1).
+The formats are written by their maintainers' libraries: `bagit` (RFC 8493, Library of Congress), `rocrate` (RO-Crate
+1.1).
 """
 
 from datetime import UTC, datetime
@@ -27,9 +28,9 @@ _TYPES = {".tiff": "image/tiff", ".png": "image/png", ".json": "application/json
 def write(archive: Archive, key: str, form: Form, out: Path) -> None:
     """Writes one session with all its results into a new folder; it appears as a whole or not at all.
 
-    `folder` is as `lightpose solve` reads it, `bagit` the same as a bag's payload with RO-Crate metadata, `relight` the
-    images with 8 bits and their lights. Raises RigError folder.invalid when `out` exists, archive.damaged,
-    archive.not_found.
+    `folder` is a folder as `lightpose solve` reads it, `bagit` the same as a bag's payload with RO-Crate metadata, and
+    `relight` the images with 8 bits and their lights. Raises RigError folder.invalid when `out` exists,
+    archive.damaged, archive.not_found.
     """
     if out.exists():
         raise RigError(ErrorCode.FOLDER_INVALID, f"{out}: exists; name a new folder", file=str(out))
@@ -93,7 +94,7 @@ def _bag_info(entry: SessionEntry) -> dict[str, str]:
 
 
 def _relight(archive: Archive, entry: SessionEntry, results: list[ResultEntry], out: Path) -> None:
-    """Images as PNG with 8 bits, less their lamp-off frames, with `lights.lp` and `lights.dome`."""
+    """Writes images as PNG with 8 bits, less their lamp-off frames, with `lights.lp` and `lights.dome`."""
     if entry.facts.kind != "capture":
         raise RigError(ErrorCode.FOLDER_INVALID, f"{entry.facts.session_id}: is a session of kind {entry.facts.kind}")
     if not results:

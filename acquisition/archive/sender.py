@@ -1,8 +1,8 @@
-"""The process that hands ended sessions on to the archive: one after another, again and again until it has them.
+"""The sender: a process that pushes ended sessions to the archive, one after another, until the archive has them.
 
-A process of its own with low priority: hashing and the network touch neither the service's event loop nor the arm's
-thread, and an archive that is away for days only makes the outbox longer. It ends when its standard input does, so with
-the service, and is never needed for anything that the service answers.
+It is a separate process of low priority, so that hashing and network traffic affect neither the service's event loop
+nor the arm's thread. An archive that does not answer for days only makes the outbox longer. The process ends when its
+standard input does, and so with the service. No answer of the service depends on it.
 """
 
 import logging
@@ -17,21 +17,21 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.journal import Journal
 
 POLL_S = 2.0
-"""Period, s, of looking for sessions that have ended."""
+"""Period, s, of checking for sessions that have ended."""
 FIRST_WAIT_S, LONGEST_WAIT_S = 10.0, 3600.0
-"""Time, s, after which a push that failed is tried again: doubled each time, up to an hour."""
+"""Time, s, after which a failed push is tried again: doubled each time, up to an hour."""
 NICENESS = 15
 
 _log = logging.getLogger(__name__)
 
 
 def wait_s(tries: int) -> float:
-    """Time, s, until the next try after `tries` failed ones."""
+    """Returns the time, s, until the next try after `tries` failed ones."""
     return min(FIRST_WAIT_S * 2.0**tries, LONGEST_WAIT_S)
 
 
 def send_next(journal: Journal, data: Path, address: str, catalogue: str | None) -> bool:
-    """Pushes the session that has waited longest; False: none is due, or the archive is away."""
+    """Pushes the session that has waited longest; returns False if none is due or the archive does not answer."""
     due = journal.due(time.time())
     if due is None:
         return False
@@ -47,7 +47,7 @@ def send_next(journal: Journal, data: Path, address: str, catalogue: str | None)
         _log.warning("session %s is not archived yet: %s", due.session.id, error)
         return (
             error.code is ErrorCode.FOLDER_INVALID
-        )  # the next session may be sound; an archive that is away is so for all
+        )  # the next session may be sound; an archive that does not answer fails for all
     except OSError as error:  # the session was deleted meanwhile, or its disk fails
         journal.not_archived(due, f"{type(error).__name__}: {error}", time.time() + wait_s(due.tries))
         return False

@@ -1,6 +1,6 @@
-"""Starts the sender beside a service and ends it; imports nothing of what an archive needs.
+"""Starts the sender beside a service and ends it; imports none of the libraries that an archive needs.
 
-It is started again when it ends by itself, after a minute: whatever ended it is in the log, and sessions wait.
+A sender that ends by itself is started again after a minute; the log states what ended it, and sessions wait meanwhile.
 """
 
 import importlib.util

@@ -1,8 +1,8 @@
-"""One solve of an archived session, on whatever machine: claim, fetch, solve, store, enter.
+"""One solve of an archived session, on any machine: claim, fetch, solve, store, enter.
 
-The same near-light solve as the service's (`runner.session_solve`), on files whose hashes were checked, into a folder
-that is gone afterwards; what stays is content-addressed. The result stands beside the older ones, and is compared with
-the one before: by how much the normals moved, and whether σ had covered that.
+It is the same near-light solve as the service's (`runner.session_solve`), on files whose hashes are checked, in a
+temporary folder; what stays is content-addressed. The result is stored beside the older ones and compared with the one
+before: by how much the normals moved, and whether σ covered that.
 """
 
 import functools
@@ -35,14 +35,15 @@ from acquisition.store.folder import sha256_of
 PATIENCE_S = 60.0
 """Time, s, for which a worker waits for a database that restarts; beyond it the solve is given back."""
 TRANSIENT = (ErrorCode.ARCHIVE_UNREACHABLE, ErrorCode.STORE_DISK_FULL)
-"""Problems of the machine and not of the session: the solve is given back and tried again elsewhere."""
+"""Problems of the machine, not of the session: the solve is given back and tried again elsewhere."""
 
 
 @dataclass(frozen=True)
 class Tiling:
-    """From how many values (pixels × lights) on a capture is solved in tiles, and about how many pixels each has.
+    """Number of values (pixels × lights) from which a capture is solved in tiles, and approximate pixels of a tile.
 
-    The result does not depend on it. Below, sessions side by side keep workers as busy, without maps on the network.
+    The result does not depend on it. Smaller captures, solved side by side, keep workers as busy without sending maps
+    over the network.
     """
 
     from_values: int = 1 << 30
@@ -54,7 +55,7 @@ DEFAULT_TILING = Tiling()
 
 @dataclass(frozen=True)
 class SolveJob:
-    """A solve that is wanted: where the archive is, of which session, how, by which version and in which call."""
+    """A wanted solve: addresses of archive and catalogue, session, settings, solver version, call, and tiling."""
 
     address: str
     catalogue: str
@@ -72,7 +73,7 @@ class SolveJob:
 
 @dataclass(frozen=True)
 class SolveOutcome:
-    """What became of a job: `done` (now or before), `failed`, `elsewhere` (another has the claim), `returned`."""
+    """Outcome of a job: `done` (now or before), `failed`, `elsewhere` (another has the claim), `returned` (undone)."""
 
     session: str
     state: Literal["done", "failed", "elsewhere", "returned"]
@@ -94,11 +95,11 @@ def solve(job: SolveJob) -> SolveOutcome:
     except RigError as error:
         if error.code not in TRANSIENT:
             raise
-        return SolveOutcome(job.session, "returned", str(error))  # a claim that was made runs out by itself
+        return SolveOutcome(job.session, "returned", str(error))  # its claim, if it was made, runs out by itself
 
 
 def _claim_and_solve(job: SolveJob) -> SolveOutcome:
-    """Raises RigError archive.unreachable when archive or catalogue cannot be asked."""
+    """Claims and solves one session. Raises RigError archive.unreachable when archive or catalogue do not answer."""
     archive = _opened(job.address, job.catalogue)
     held = Claim(job.key, uuid.uuid4().hex, job.call)
     state = claims.claim(archive.catalogue, held)
@@ -128,7 +129,7 @@ def _claim_and_solve(job: SolveJob) -> SolveOutcome:
 
 @functools.cache
 def _opened(address: str, catalogue: str) -> Archive:
-    """The archive, opened once in each process."""
+    """Returns the archive, opened once in each process."""
     return Archive(address, catalogue, patience_s=PATIENCE_S)
 
 
@@ -138,7 +139,7 @@ def _solve(archive: Archive, job: SolveJob, scratch: Path) -> tuple[ResultEntry,
     folder = scratch / "session"
     facts = session.facts
     tiled = facts.lights * facts.width * facts.height >= job.tiling.from_values
-    # Where tiles are solved elsewhere, frames are fetched there, when they are read.
+    # Frames of a capture in tiles are fetched by the process that solves a tile, when it reads them.
     frames = {name: file for name, file in session.files.items() if tiled and fnmatch(name, "passes/*.tiff")}
     archive.fetch({name: file for name, file in session.files.items() if name not in frames}, folder)
     capture = session_folder.read(folder)
@@ -174,10 +175,10 @@ def _solve(archive: Archive, job: SolveJob, scratch: Path) -> tuple[ResultEntry,
 
 
 def _moved(archive: Archive, before: ResultEntry, after: NormalMap, scratch: Path) -> tuple[float, float] | None:
-    """Mean angle, degrees, between two results' normals, and rms of the angle over the earlier σ.
+    """Returns the mean angle, degrees, between two results' normals, and the rms of the angle over the earlier σ.
 
-    Both rest on the same images, so a sound change stays well below σ, of which the images' noise is a part. None: they
-    have no pixel in common.
+    Both use the same images, so a sound change stays well below σ, of which the images' noise is a part. None if maps
+    are missing, differ in size, or have no pixel in common.
     """
     wanted = {name.rpartition("/")[2]: file for name, file in before.files.items()}
     maps = {name: wanted[name] for name in ("normals.tiff", "sigma_deg.tiff", "mask.png") if name in wanted}

@@ -1,13 +1,13 @@
-"""One large capture on many workers: the blocks of its final solve in tiles, each a task of Dask.
+"""One large capture on many workers: the blocks of its final solve are grouped in tiles, each a task of Dask.
 
-What pixels share with distant ones (lamp intensities and positions, reflectance, noise, the coarse depth, light from
-other surfaces) is estimated once, by the task that holds the session, on the coarse grid and the pixel sample of any
-solve. The final solve then goes from pixel to pixel, coupled to neighbours over a few rows only (`block_solve`): a tile
-is a run of its blocks with that margin, read and solved anywhere. The joined maps are made integrable and integrated as
-a whole by the task that holds the session. So the blocks, and with them the result, are those of one machine.
+What distant pixels share (lamp intensities and positions, reflectance, noise, the coarse depth, light from other
+surfaces) is estimated once by the session's task, on the same coarse grid and pixel sample as in any solve. In the
+final solve a pixel is coupled only to neighbours within a few rows (`block_solve`). So a tile is a run of blocks with
+that margin, which can be read and solved anywhere. The session's task makes the joined maps integrable and integrates
+them as a whole. So the blocks, and with them the result, are the same as on one machine.
 
-Tiles are full rows, because frames are stored by rows. A tile that is lost with its worker is computed again by Dask;
-when the task of the session is lost, its claim runs out and all is done again.
+Tiles are full rows, because frames are stored by rows. Dask computes a tile again that is lost with its worker. If the
+session's task is lost, its claim runs out and the whole solve is repeated.
 """
 
 import tempfile
@@ -30,11 +30,11 @@ from acquisition.models.shot import FrameRef
 from acquisition.normals.block_solve import Block, BlockMap, BlockResult, BlockSolver
 
 AHEAD = 2
-"""Tiles submitted for each thread of the workers: one at work and one waiting, so that results do not pile up."""
+"""Number of tiles submitted per worker thread: one at work and one waiting, so that results do not pile up."""
 
 
 def tiles(blocks: Sequence[Block], rows: int) -> list[tuple[Block, ...]]:
-    """Runs of consecutive blocks, each closed by the block with which it reaches `rows` rows."""
+    """Groups consecutive blocks into runs; the block with which a run reaches `rows` rows is its last."""
     found: list[tuple[Block, ...]] = []
     run: list[Block] = []
     for block in blocks:
@@ -46,13 +46,15 @@ def tiles(blocks: Sequence[Block], rows: int) -> list[tuple[Block, ...]]:
 
 
 def solve_tile(solver: BlockSolver, blocks: tuple[Block, ...]) -> list[BlockResult]:
-    """One task: the blocks of a tile, by a solver of its rows."""
+    """Solves the blocks of a tile with a solver of its rows; this is one Dask task."""
     return [solver(block) for block in blocks]
 
 
 def by_tiles(pixels: int) -> BlockMap:
-    """Solves blocks by the workers of this task's scheduler, in tiles of about so many pixels; outside of a worker, or
-    of a thread of its own in one, blocks are solved here."""
+    """Returns a map that solves blocks on the workers of this task's scheduler, in tiles of about `pixels` pixels.
+
+    Outside of a worker, or in another thread than its task's, this is `map`, which solves the blocks here.
+    """
     try:
         get_worker()
     except ValueError:
@@ -79,15 +81,17 @@ def _submit(client: Client, solver: BlockSolver, tile: tuple[Block, ...]) -> Fut
 
 @dataclass(frozen=True)
 class ArchivedFrames:
-    """The frames of an archived session as a FrameSource, on whatever machine: each process fetches a file when it is
-    first read, checked by its hash, and keeps the frames of one session."""
+    """The frames of an archived session as a FrameSource, on any machine.
+
+    Each process fetches a file when it is first read, checks its hash, and keeps the frames of one session.
+    """
 
     address: str
     session: str
     files: dict[str, FileEntry]
 
     def rows(self, frame: FrameRef, start: int, stop: int) -> npt.NDArray[np.uint16]:
-        """Rows [start, stop) of a frame. Raises RigError archive.damaged naming the file, archive.unreachable."""
+        """Reads rows [start, stop) of a frame. Raises RigError archive.damaged naming the file, archive.unreachable."""
         with _LOCK:
             folder = _folder(self.session)
             if not (folder / frame.path).exists():
@@ -108,7 +112,7 @@ _KEPT: dict[str, tempfile.TemporaryDirectory[str]] = {}
 
 
 def _folder(session: str) -> Path:
-    """This process's folder of a session's frames; another session's is removed for it."""
+    """Returns this process's folder of a session's frames; removes that of another session."""
     if session not in _KEPT:
         while _KEPT:
             _KEPT.popitem()[1].cleanup()

@@ -156,7 +156,7 @@ def _stated_share(solution: PixelSolution, scene: Scene) -> Float32Array:
 
 
 def _stratified_sample(count: int) -> np.ndarray:
-    """Draws a stratified sample of at most INFORMATION_PIXELS of `count` pixels: a random one of each run along rows."""
+    """Draws a stratified sample of at most INFORMATION_PIXELS of `count` pixels: a random one of each run."""
     if count <= INFORMATION_PIXELS:
         return np.arange(count)
     edges = np.linspace(0, count, INFORMATION_PIXELS + 1)
