@@ -1,7 +1,6 @@
 """Exports of archived sessions: the session's own folder, a BagIt bag with RO-Crate metadata, a folder for Relight.
 
-The formats are written by their maintainers' libraries: `bagit` (RFC 8493, Library of Congress), `rocrate` (RO-Crate
-1.1).
+Their maintainers' libraries write the formats: `bagit` (RFC 8493, Library of Congress) and `rocrate` (RO-Crate 1.1).
 """
 
 from datetime import UTC, datetime

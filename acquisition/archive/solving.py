@@ -42,8 +42,7 @@ TRANSIENT = (ErrorCode.ARCHIVE_UNREACHABLE, ErrorCode.STORE_DISK_FULL)
 class Tiling:
     """Number of values (pixels × lights) from which a capture is solved in tiles, and approximate pixels of a tile.
 
-    The result does not depend on it. Smaller captures, solved side by side, keep workers as busy without sending maps
-    over the network.
+    The result does not depend on it. Smaller captures, side by side, keep workers as busy without maps on the network.
     """
 
     from_values: int = 1 << 30

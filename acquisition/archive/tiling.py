@@ -51,10 +51,8 @@ def solve_tile(solver: BlockSolver, blocks: tuple[Block, ...]) -> list[BlockResu
 
 
 def by_tiles(pixels: int) -> BlockMap:
-    """Returns a map that solves blocks on the workers of this task's scheduler, in tiles of about `pixels` pixels.
-
-    Outside of a worker, or in another thread than its task's, this is `map`, which solves the blocks here.
-    """
+    """Returns a map that solves blocks on the workers of this task's scheduler, in tiles of about `pixels` pixels;
+    outside of a worker, or in another thread than its task's, this is `map`, which solves the blocks here."""
     try:
         get_worker()
     except ValueError:
@@ -81,10 +79,8 @@ def _submit(client: Client, solver: BlockSolver, tile: tuple[Block, ...]) -> Fut
 
 @dataclass(frozen=True)
 class ArchivedFrames:
-    """The frames of an archived session as a FrameSource, on any machine.
-
-    Each process fetches a file when it is first read, checks its hash, and keeps the frames of one session.
-    """
+    """The frames of an archived session as a FrameSource, on any machine. Each process fetches a file when it is first
+    read, checks its hash, and keeps the frames of one session."""
 
     address: str
     session: str

@@ -6,16 +6,16 @@ from acquisition.models.camera_config import CameraConfig
 from acquisition.models.errors import ErrorCode, RigError
 
 FEW_BITS = 8
-"""Bits of a value at which the quantisation of shaded pixels is coarser than any sensor's noise."""
+"""Bits per value up to which the quantisation of shaded pixels is coarser than any sensor's noise."""
 
 SHADED = 0.05
-"""Level, fraction of full scale, of the shaded pixel by which the loss of few bits is named."""
+"""Level, fraction of full scale, of the shaded pixel for which the warning states the loss by few bits."""
 
 
 def require_fit(camera: CameraCapabilities, calibration: Calibration, config: CameraConfig) -> list[str]:
-    """Warnings about what is allowed and costs accuracy.
+    """Returns warnings about what is allowed but costs accuracy.
 
-    Raises RigError config.invalid naming each thing in which the camera differs from the calibration or the cell file.
+    Raises RigError config.invalid naming each difference of the camera from the calibration or the cell file.
     """
     bits = calibration.sensor.bits
     wrong = [
@@ -43,7 +43,7 @@ def require_fit(camera: CameraCapabilities, calibration: Calibration, config: Ca
 
 
 def warnings(camera: CameraCapabilities) -> list[str]:
-    """What costs accuracy although it is allowed, for people."""
+    """Returns for people what is allowed but costs accuracy."""
     if camera.bits > FEW_BITS:
         return []
     step = 1 / (2**camera.bits - 1)

@@ -1,4 +1,4 @@
-"""Quality checks of a frame: exposure, saturation, light at all, sharpness, and displacement of the object.
+"""Quality checks of a frame: exposure, saturation, presence of light, sharpness, and displacement of the object.
 
 A wrong exposure is corrected by another exposure time. A frame without light is a fault that no exposure time corrects;
 it is recognised by its level relative to the read noise, not relative to the target.
@@ -33,19 +33,19 @@ MIN_SHARPNESS_RATIO = 0.35
 FINE_NOISE_GAIN, COARSE_NOISE_GAIN = 0.761, 0.0358
 """Variance gain for white noise of the detail bands of one and of two pixels (differences of Gaussians, σ 1 and 2)."""
 LOW_QUANTILE, OF_NORMAL_SQUARED = 0.1, 0.0158
-"""A quantile, low because it sees the pixels that show noise and no detail, and that of a squared normal variable."""
+"""Quantile, low enough for pixels that show noise but no detail, and its value for a squared normal variable."""
 MIN_LEVEL_OVER_NOISE = 6.0
 """Level, in multiples of the read noise above black, below which the lamp counts as off or out of view."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A frame's quality, the exposure time to retake it with (none: no other would be better), and its use."""
+    """A frame's quality, the exposure time, s, to retake it with (None: no other would be better), and its use."""
 
     quality: FrameQuality
     retake_s: float | None
     usable: bool = True  # a badly exposed frame with light is better than none
-    moved: bool = False  # object or camera: rejected, and a person has to look
+    moved: bool = False  # object or camera has moved: the frame is rejected, and a person has to look
 
 
 def lit_frame(
@@ -86,7 +86,7 @@ def planned_frame(
 ) -> Verdict:
     """Judges a frame (H, W) at an exposure time from the plan, which lets some pixels saturate on purpose.
 
-    Only one without light, or with half of the region saturated, is taken again, the latter at a shorter time.
+    A frame without light, or with half of the region saturated, is not usable; the latter is retaken at a shorter time.
     """
     verdict = lit_frame(pixels, region, sensor, exposure_s, Exposure(seconds=exposure_s), camera)
     if verdict.usable or verdict.quality.saturated < UNUSABLE_SATURATED_SHARE:
@@ -96,8 +96,8 @@ def planned_frame(
 
 
 def further_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel) -> FrameQuality:
-    """The quality of a further frame (H, W) of a light; rejected without light. Saturated pixels do not count when
-    frames are merged."""
+    """Measures the quality of a further frame (H, W) of a light, and rejects one without light. Saturated pixels are
+    accepted, because they do not count when frames are merged."""
     quality = _measure(pixels, region, sensor)
     if quality.bright_level < MIN_LEVEL_OVER_NOISE * _read_noise(sensor):
         reason = f"no light: the brightest pixels are at {quality.bright_level:.1%} of full scale; is the lamp on?"
@@ -106,7 +106,7 @@ def further_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: Sen
 
 
 def _read_noise(sensor: SensorModel) -> float:
-    """1 σ of a dark pixel, or half a value where that is more, as a fraction of full scale."""
+    """Returns 1 σ of a dark pixel, but at least half a value, as a fraction of full scale."""
     return max(sensor.read_noise_e / sensor.gain_e_per_dn, 0.5) / sensor.full_scale_dn
 
 
@@ -119,9 +119,8 @@ def compare_with_earlier(
     earlier: Sequence[float],
     predicted: FloatArray | None,
 ) -> Verdict:
-    """Checks a well exposed frame (H, W) against earlier ones: sharpness relative to the median of `earlier`, and
-    displacement from the predicted image (none: no prediction exists).
-    """
+    """Checks a well exposed frame (H, W) by its sharpness relative to the median of `earlier`, and by its displacement
+    from the predicted image (None: no prediction exists)."""
     sharp = sharpness(pixels, region, sensor)
     even = pixels if sensor.mosaic is None else mosaic.balanced_mean(pixels.astype(np.float32))
     shift = None if predicted is None else displacement(predicted, even, sensor.black_level_dn, 2**sensor.bits - 1)
@@ -139,15 +138,15 @@ def compare_with_earlier(
 
 
 def sharpness(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel) -> float | None:
-    """Ratio of the variances of detail of one and of two pixels' size (difference of Gaussians), less sensor noise.
+    """Returns the ratio of the variances of one- and two-pixel detail (differences of Gaussians), less sensor noise.
 
-    Blur takes the finest detail away first, whatever the light: for simulated frames of an object under all its lights
-    it lies within a factor of 3.7 (a sphere; 2.6 otherwise), and a blur of 1.5 pixels divides it by four or five. None
-    where there is no detail.
+    Blur removes the finest detail first, whatever the light. In simulated frames of an object under all its lights the
+    ratio lies within a factor of 3.7 (a sphere; 2.6 otherwise), and a blur of 1.5 pixels divides it by four or five.
+    None if there is no detail.
 
-    The noise to be subtracted is the sensor model's, but at most what the pixels without detail show: where a frame has
-    less noise than its model says (a simulated sensor without any), the difference would be taken from the detail, and
-    a smooth object under a light without edges would seem blurred.
+    The subtracted noise is the sensor model's, but at most what pixels without detail show. If a frame has less noise
+    than its model (a simulated sensor without any), the difference would be taken from the detail, and a smooth object
+    under a light without edges would seem blurred.
     """
     signal, averaged = pixels.astype(np.float64), 1
     if sensor.mosaic is not None:  # its pattern would be the finest detail
@@ -166,14 +165,14 @@ def sharpness(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorM
 
 
 def _cells_of(region: BoolArray) -> BoolArray:
-    """Which cells (h/2, w/2) of a mosaic lie in a region (H, W) with all their sites."""
+    """Returns the mask of the cells (h/2, w/2) of a mosaic that lie in a region (H, W) with all their sites."""
     height, width = (side // mosaic.CELL for side in region.shape)
     inside = region[: mosaic.CELL * height, : mosaic.CELL * width]
     return np.asarray(inside.reshape(height, mosaic.CELL, width, mosaic.CELL).all(axis=(1, 3)), np.bool_)
 
 
 def dark_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel) -> FrameQuality:
-    """The quality of a lamp-off frame; rejected when ambient light leaves too little range for the lamp's."""
+    """Measures the quality of a lamp-off frame; rejects it if ambient light leaves too little range for the lamp's."""
     quality = _measure(pixels, region, sensor)
     if quality.bright_level > 0.5:
         reason = (

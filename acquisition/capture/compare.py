@@ -1,9 +1,9 @@
 """Comparison of a repeated image with the first one: whether object, camera and lamp are where they were.
 
 After an interruption, and at the end of a pass without predicted images, an image is captured again and compared with
-the first; both have the same light, so any difference beyond noise is a change of the scene. A lamp that stands 1 mm
-elsewhere each time shifts shadows by up to 0.46 of 1024 pixels (six simulated objects, three slants) and brightness by
-4 %.
+the first. Both have the same light, so any difference beyond noise is a change of the scene. A lamp that stands 1 mm
+elsewhere each time shifts shadows by up to 0.46 pixels in 1024 (six simulated objects, three slants), and changes the
+brightness by 4 %.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from acquisition.models.calibration import SensorModel
 LOW_PASS_CYCLES_PER_PIXEL = 0.12
 """Width of the Gaussian low-pass of the cross-power spectrum, cycles per pixel: finer detail is mostly noise."""
 MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH = 0.5, 1 / 1024
-"""Shift of a repeated image, px and as a fraction of the width; above both the object or the camera has moved."""
+"""Largest shift of a repeated image, px and as a fraction of the width; above both, object or camera has moved."""
 MAX_CHANGED_SHARE = 0.02
 """Largest fraction of the region's pixels that may have changed in a repeated image."""
 MAX_BRIGHTNESS_CHANGE = 0.1
@@ -29,7 +29,7 @@ CHANGE_THRESHOLD = 0.05
 
 @dataclass(frozen=True)
 class Comparison:
-    """A repeated image against the first one."""
+    """A repeated image compared with the first one."""
 
     shift_px: float
     brightness: float  # of the second to the first
@@ -39,7 +39,7 @@ class Comparison:
 
 
 def has_shifted(shift_px: float, width: int) -> bool:
-    """Whether so large a shift of a repeated image that is `width` pixels wide tells that something has moved."""
+    """Whether a shift of a repeated image, which is `width` pixels wide, shows that something has moved."""
     return shift_px > max(MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH * width)
 
 
@@ -65,10 +65,10 @@ def same_scene(
 
 
 def shift(first: FloatArray, second: FloatArray, region: BoolArray) -> float:
-    """Shift in pixels of the second image (H, W) by phase correlation (Kuglin and Hines 1975), windowed to the region.
+    """Estimates the shift, px, of the second image (H, W) by phase correlation (Kuglin and Hines 1975).
 
-    The cross-power spectrum is low-pass filtered against noise; the peak is refined by a parabola through its
-    neighbours.
+    The images are windowed to the region. The cross-power spectrum is low-pass filtered against noise; the peak is
+    refined by a parabola through its neighbours.
     """
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
     box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
@@ -87,7 +87,7 @@ def shift(first: FloatArray, second: FloatArray, region: BoolArray) -> float:
 
 
 def _subpixel_peak(values: FloatArray, peak: int) -> float:
-    """Sub-sample position of a peak of a periodic line (parabolic interpolation), from −half to half of its length."""
+    """Returns the sub-sample position of a periodic line's peak (parabolic interpolation), −half to half its length."""
     count = len(values)
     before, here, after = values[peak - 1], values[peak], values[(peak + 1) % count]
     bend = before - 2 * here + after

@@ -19,11 +19,11 @@ COMPARISON_WIDTH_PX = 256
 MAX_SHIFT_PX = 1.0
 """Largest accepted shift, px of the small image (at 256: 0.8 mm of a field of 200 mm)."""
 MIN_EXPLAINED_SHARE = 0.25
-"""Least fraction of the misfit that a true shift explains; below, a shift is not significant. Simulated frames
-of all six objects: at most 0.1 at rest, 0.3 or more when shifted by 2.5 such pixels, except where shadows cover half
-of the object."""
+"""Least fraction of the misfit that a true shift explains; below it, a shift is not significant. In simulated frames of
+all six objects it is at most 0.1 at rest, and 0.3 or more when they are shifted by 2.5 pixels of the small image,
+except where shadows cover half of the object."""
 LIT_THRESHOLD = 0.15
-"""Fraction of the brightest pixels' level; darker pixels may lie in cast shadows, which the prediction leaves out."""
+"""Fraction of the brightest pixels' level; darker pixels may lie in cast shadows, which are not predicted."""
 MIN_PIXELS = 60
 ITERATIONS = 6
 TUKEY_HALF_WIDTH = 2.5
@@ -58,8 +58,8 @@ def displacement(
 ) -> Displacement | None:
     """Registers a frame (H, W) to its prediction (h, w), at most as large, by gradients (Lucas and Kanade 1981).
 
-    Robust least squares with Tukey's biweight, so that cast shadows and highlights are rejected; brightness and a
-    uniform ambient light are estimated too. None where no shift can be estimated, or a large one is not significant.
+    Robust least squares with Tukey's biweight rejects cast shadows and highlights; brightness and a uniform ambient
+    light are estimated, too. Returns None if no shift can be estimated, or if a large one is not significant.
     """
     size = (predicted.shape[1], predicted.shape[0])
     observed = cv2.resize(pixels.astype(np.float64) - black, size, interpolation=cv2.INTER_AREA)
@@ -92,7 +92,7 @@ def displacement(
 
 
 def _basis(picture: FloatArray, inside: BoolArray) -> FloatArray:
-    """Design matrix (K, 4): the image, a constant, and its derivatives by shifts of one pixel across and down."""
+    """Returns the design matrix (K, 4): the image, a constant, and derivatives by shifts of one px across and down."""
     slopes = [np.asarray(cv2.Sobel(picture, cv2.CV_64F, *o, ksize=3, scale=1 / 8)) for o in ((1, 0), (0, 1))]
     columns = [picture[inside], np.ones(np.count_nonzero(inside)), *(-slope[inside] for slope in slopes)]
     return np.stack(columns, axis=1).astype(np.float64)
@@ -105,7 +105,7 @@ class _Fit:
 
 
 def _robust(basis: FloatArray, values: FloatArray) -> _Fit | None:
-    """Iteratively reweighted least squares with Tukey's biweight; None where the gradients are degenerate."""
+    """Solves by iteratively reweighted least squares with Tukey's biweight; None if the gradients are degenerate."""
     weights = np.ones(len(values))
     fit: _Fit | None = None
     for _ in range(4):

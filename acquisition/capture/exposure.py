@@ -18,10 +18,10 @@ ASSUMED_ALBEDO = 0.6
 """Albedo assumed for the brightest parts of an object before its first frame; later frames correct it."""
 
 MIN_FURTHER_FACTOR = 2.0
-"""What limits have to leave of `UNPLANNED_FACTOR` for a second frame to be taken."""
+"""Least ratio of a second exposure time to the first; if limits allow only less, no second frame is taken."""
 
 MAX_PREDICTED_LEVEL = 0.9
-"""Fraction of full scale: predicted levels are right within a few per cent, and must not saturate."""
+"""Largest predicted level, fraction of full scale: predictions are right within a few per cent; none may saturate."""
 
 
 def require_in_range(wanted: Exposure, camera: CameraConfig) -> None:
@@ -42,30 +42,30 @@ def require_in_range(wanted: Exposure, camera: CameraConfig) -> None:
 
 
 def assumed_level(cell: CellConfig, calibration: Calibration) -> float:
-    """The level assumed before the first frame (inverse-square law), fraction of full scale per second."""
+    """Returns the level assumed before the first frame (inverse-square law), fraction of full scale per second."""
     return ASSUMED_ALBEDO * calibration.lamp_intensity * (calibration.reference_m / cell.dome.radius_m) ** 2
 
 
 def for_level(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> float:
-    """The exposure time (s) of the series that brings a level, in full scales per second, just to the target."""
+    """Returns the longest exposure time, s, of the series that does not bring a level, in full scales per second, above
+    the target; or the recipe's own time."""
     if wanted.seconds is not None:
         return in_range(wanted.seconds, camera)
     return series_value(wanted.target / max(level_per_s, 1e-9), camera)
 
 
 def for_predicted_level(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> float:
-    """The exposure time (s) of the series that brings a level, in full scales per second, nearest to the target.
+    """Returns the exposure time, s, of the series that brings a level, full scales per second, nearest to the target.
 
-    For lights whose level a normal map predicts: half a step above the target is a tenth, and does not saturate.
+    For lights whose level a normal map predicts: half a step above the target, about a tenth, does not saturate.
     """
     most = max(wanted.target, min(wanted.target * STEP**0.5, MAX_PREDICTED_LEVEL))
     return for_level(level_per_s, wanted.model_copy(update={"target": most}), camera)
 
 
 def further_times(exposure_s: float, wanted: Exposure, camera: CameraConfig) -> list[float]:
-    """Exposure times (s) of the further frames of a light that no plan has an exposure for, its first having taken
-    `exposure_s`: with planned exposures one that is UNPLANNED_FACTOR times as long, or as the recipe's limits allow.
-    """
+    """Returns exposure times, s, of a light's further frames if no plan gives them; the first frame took `exposure_s`.
+    With planned exposures this is one time, UNPLANNED_FACTOR times as long or as long as the recipe's limits allow."""
     if wanted.plan == "fixed" or wanted.max_frames_per_light < 2:
         return []
     longest = min(UNPLANNED_FACTOR * exposure_s, wanted.seconds_per_light - exposure_s)
@@ -74,11 +74,11 @@ def further_times(exposure_s: float, wanted: Exposure, camera: CameraConfig) -> 
 
 
 def series_value(exposure_s: float, camera: CameraConfig) -> float:
-    """The largest time of the series not above `exposure_s`, within the camera's range."""
+    """Returns the longest time of the series not above `exposure_s`, within the camera's range."""
     number = math.floor(math.log(exposure_s, STEP) + 1e-9)
     return in_range(round(STEP**number, 6), camera)
 
 
 def in_range(exposure_s: float, camera: CameraConfig) -> float:
-    """The time clipped to what the camera can do."""
+    """Clips an exposure time, s, to the camera's range."""
     return min(max(exposure_s, camera.min_exposure_s), camera.max_exposure_s)

@@ -1,13 +1,13 @@
 """Exposures while the arm arrives at a light and leaves it: when to begin one, and where the lamp was meanwhile.
 
-The arm slows down evenly onto each light and speeds up evenly from it. So for some tens of milliseconds about the
-moment at which it arrives the lamp stays within a fraction of a millimetre, and an exposure that begins there needs no
-waiting for rest. What counts is measured afterwards: the controller's own poses over the exposure say where the lamp
-was in the middle of it and how far it moved; a frame during which it moved by its calibrated 1 σ or more is rejected.
+The arm decelerates uniformly onto each light and accelerates uniformly from it. So for some tens of milliseconds around
+its arrival the lamp stays within a fraction of a millimetre, and an exposure that begins there need not wait for rest.
+The motion is measured afterwards: the controller's poses during the exposure give the lamp's position in the middle of
+it and how far the lamp moved. A frame during which it moved by more than its calibrated 1 σ is rejected.
 
-Clocks: the controller stamps its poses with its own clock, the camera's driver states the middle of the exposure in
-this machine's. A pose cannot arrive before it was measured, so that the least delay seen over a second relates the two;
-what is left (the link's shortest delay, the driver's turn, the trigger's) is below `CLOCK_S`.
+The controller stamps its poses with its own clock; the camera's driver states the middle of the exposure in this
+machine's. A pose cannot arrive before it was measured, so the least delay over a second relates the two clocks. What is
+left (the link's shortest delay, the driver's cycle, the trigger's delay) is below `CLOCK_S`.
 """
 
 from collections.abc import Sequence
@@ -20,20 +20,20 @@ from acquisition.models.base import FloatArray
 from acquisition.models.shot import ShotMotion
 
 AIMED_SHARE = 0.5
-"""Share of the lamp's position σ by which the lamp may still have to move when an exposure begins."""
+"""Distance that the lamp may still have to move when an exposure begins, as a share of its position σ."""
 
 MAX_SHARE = 1.0
-"""Share of the lamp's position σ: a frame during which the lamp moved further is rejected."""
+"""Largest motion of the lamp during a frame, as a share of its position σ; a frame with more is rejected."""
 
 CLOCK_S = 0.004
 """1 σ, s, of the time of an exposure in the controller's clock: half of a period of its data at 125 Hz."""
 
 GAP_S = 0.04
-"""Longest time, s, between two poses between which one is interpolated: five periods of data. In it an arm that speeds
-up at 1.4 rad/s² moves a lamp by half a millimetre."""
+"""Longest time, s, between two poses that are interpolated: five periods of data. In it an arm that accelerates at
+1.4 rad/s² moves a lamp by half a millimetre."""
 
 ARRIVED_RAD = 1.2e-3
-"""A joint's distance, rad, from the light at which the arm has arrived: a move ends within 1 mrad."""
+"""Largest distance, rad, of a joint from the light at which the arm has arrived: a move ends within 1 mrad."""
 
 WINDOW_S = 1.0
 """Time, s, over which the two clocks are related."""
@@ -62,7 +62,7 @@ class Middle:
 
 
 def lamp_track(points: Sequence[TrackPoint], tool_from_lamp: FloatArray) -> LampTrack:
-    """The track of a lamp (4, 4 in the tool frame); needs one point at least."""
+    """Returns the track of a lamp whose pose in the tool frame is `tool_from_lamp` (4, 4); needs at least one point."""
     stamps = np.array([point.timestamp for point in points])
     arrivals = np.array([point.received_at for point in points])
     poses = np.array([point.base_from_tool for point in points])
@@ -75,7 +75,7 @@ def lamp_track(points: Sequence[TrackPoint], tool_from_lamp: FloatArray) -> Lamp
 def is_near(track: LampTrack, goal: Sequence[float], allowed_m: float, lead_s: float) -> bool:
     """Whether the lamp, `lead_s` after the newest pose, has at most `allowed_m` to go to joints `goal` (6,), rad.
 
-    The arm is taken to slow down evenly, as it does at the end of a move; before that it has far more to go.
+    Assumes uniform deceleration, as at the end of a move; before that the arm has far more to go.
     """
     distance = float(np.max(np.abs(track.joints[-1] - np.array(goal))))
     if distance < ARRIVED_RAD:
@@ -93,9 +93,9 @@ def is_near(track: LampTrack, goal: Sequence[float], allowed_m: float, lead_s: f
 
 
 def during(track: LampTrack, begin: float, end: float) -> Middle | None:
-    """Linear interpolation of the track over an exposure from `begin` to `end`, s of this machine's monotonic clock.
+    """Interpolates the track linearly over an exposure from `begin` to `end`, s of this machine's monotonic clock.
 
-    None where the track does not cover the exposure and the clocks' uncertainty on both sides of it, or has a gap.
+    Returns None if the track does not cover the exposure and the clocks' uncertainty on both sides of it, or has a gap.
     """
     first, last = begin - CLOCK_S, end + CLOCK_S
     times = track.times
@@ -127,7 +127,7 @@ def during(track: LampTrack, begin: float, end: float) -> Middle | None:
 
 
 def _between(first: FloatArray, second: FloatArray, share: float) -> FloatArray:
-    """The pose (4, 4) at `share` of the way between two near ones: linear, its rotation made orthogonal by the SVD."""
+    """Interpolates linearly between two near poses (4, 4) at `share`, with the rotation made orthogonal by the SVD."""
     mixed = (1 - share) * first + share * second
     left, _, right = np.linalg.svd(mixed[:3, :3])
     mixed[:3, :3] = left @ right

@@ -1,6 +1,6 @@
 """Image regions: projection of the keep-out cylinder, and the mask of the region of interest.
 
-Lives below the stages because several ask: capture checks a frame's exposure in the keep-out cylinder, normals look for
+The runner passes them to several stages: capture checks a frame's exposure in the keep-out cylinder, normals look for
 the object's silhouette there and start from the depth of its middle, and the plan serves the region of interest.
 """
 
@@ -17,13 +17,13 @@ from acquisition.models.errors import ErrorCode, RigError
 
 _CIRCLE_POINTS = 96
 TILE_EDGE_PX, MIN_TILE_PIXELS = 2, 25
-"""Pixels at the grey tile's edge that do not count, and how many have to be left."""
+"""Width, px, of the grey tile's edge that does not count, and the least number of pixels that have to be left."""
 
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
 def keep_out(cell: CellConfig, calibration: Calibration) -> BoolArray:
-    """Mask (H, W) of the pixels whose rays meet the keep-out cylinder, by projection with lens distortion."""
+    """Returns the mask (H, W) of pixels whose rays meet the keep-out cylinder, by projection with lens distortion."""
     cylinder = cell.object.keep_out
     around = np.linspace(0, 2 * np.pi, _CIRCLE_POINTS, endpoint=False)
     circle = np.stack([cylinder.radius_m * np.cos(around), cylinder.radius_m * np.sin(around)], axis=-1)
@@ -39,7 +39,7 @@ def keep_out(cell: CellConfig, calibration: Calibration) -> BoolArray:
         np.array(calibration.camera_matrix),
         np.array(calibration.distortion),
     )
-    # The outline of a convex body is convex but for the distortion, which the eighth of a pixel of `shift` outlives.
+    # The outline of a convex body is convex except for the distortion; coordinates are eighths of a pixel (`shift`).
     outline = cv2.convexHull(np.round(pixels[:, 0] * 8).astype(np.int32))
     image = np.zeros((calibration.height, calibration.width), np.uint8)
     cv2.fillConvexPoly(image, outline, 1, shift=3)
@@ -52,7 +52,7 @@ def decode_mask(content: bytes, calibration: Calibration) -> BoolArray:
     Raises RigError request.invalid when it is no PNG, of another size, or all black.
     """
     wanted = (calibration.width, calibration.height)
-    # The header's size is looked at before anything is unpacked: a small file can hold a huge image.
+    # The size in the header is checked before anything is unpacked: a small file can hold a huge image.
     size = struct.unpack(">II", content[16:24]) if content.startswith(_PNG_START) and len(content) > 24 else None
     if size is not None and size != wanted:
         raise RigError(
@@ -75,16 +75,16 @@ def encode_mask(mask: BoolArray) -> bytes:
 
 
 def middle_depth_m(cell: CellConfig, calibration: Calibration) -> float:
-    """Depth (m, along the camera's z) of the keep-out cylinder's centre: the initial depth of the solver."""
+    """Returns the depth (m, along the camera's z) of the keep-out cylinder's centre: the solver's initial depth."""
     cylinder = cell.object.keep_out
     center = geometry.transform(cylinder.base_from_object.matrix, [0.0, 0.0, cylinder.height_m / 2])
     return float(geometry.transform(geometry.inverse(np.array(calibration.base_from_camera)), center)[2])
 
 
 def grey_tile(cell: CellConfig, calibration: Calibration) -> BoolArray | None:
-    """Mask (H, W) of the grey tile's pixels without those at its edge, which the lens blurs; none: the cell has none.
+    """Returns the mask (H, W) of the grey tile without its edge, which the lens blurs; None if the cell has no tile.
 
-    Raises RigError config.invalid where fewer than MIN_TILE_PIXELS of them are in the image.
+    Raises RigError config.invalid if fewer than MIN_TILE_PIXELS of its pixels are in the image.
     """
     if cell.grey_tile is None:
         return None
@@ -101,8 +101,8 @@ def grey_tile(cell: CellConfig, calibration: Calibration) -> BoolArray | None:
 
 
 def table_depth_m(cell: CellConfig, calibration: Calibration, above_m: float = 0.0) -> Float32Array:
-    """Depth (H, W), m, of the table plane, or of one `above_m` it, along the camera's z by ray–plane intersection;
-    infinite where missed."""
+    """Returns the depth (H, W), m, along the camera's z of the plane `above_m` over the table, by ray–plane
+    intersection; infinite where a ray misses it."""
     camera_from_base = geometry.inverse(np.array(calibration.base_from_camera))
     normal = geometry.rotate(camera_from_base, np.array(cell.table.normal) / np.linalg.norm(cell.table.normal))
     point = geometry.transform(camera_from_base, cell.table.point_m) + above_m * normal

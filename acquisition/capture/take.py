@@ -1,7 +1,7 @@
 """Moving to a waypoint and exposing there: the order of arm, lamp and camera, in one place.
 
-The lamp is put out in every case, also when the exposure fails, and the light that goes with a frame is where the arm
-was measured to be while the frame was exposed.
+The lamp is switched off in every case, also when the exposure fails. The light of a frame follows from the arm's
+measured pose while the frame was exposed.
 """
 
 from collections.abc import Sequence
@@ -16,16 +16,16 @@ MAX_EXPOSURE_MOTION_RAD = 5e-4
 """Largest movement, rad, of a joint during an exposure (0.5 mm at 1 m); a larger one rejects the frame."""
 
 FRAMES_APART = 100
-"""Distance of the attempt numbers of a light's successive frames, by which a simulated cell draws their noise anew and
-keeps the lamp's errors, as the arm does not move between them."""
+"""Difference of the attempt numbers of a light's successive frames. By it a simulated cell draws new noise for each but
+keeps the lamp's errors, because the arm does not move between them."""
 
 MOST_RETURNS = 5
-"""How often the camera may go away and come back during one image; then its link is what has to be mended."""
+"""How often the camera may disappear and return during one image; beyond that its link has to be repaired."""
 
 
 @dataclass(frozen=True)
 class Exposed:
-    """A frame and the arm's reading in the middle of it; `motion` where it was taken while the arm moved."""
+    """A frame and the arm's reading for it; `motion` is given if it was taken while the arm moved."""
 
     frame: Frame
     reading: ArmReading
@@ -35,14 +35,14 @@ class Exposed:
 def follow_path(rig: Rig, path: Sequence[Sequence[float]], speeds: Sequence[float], stop: StopToken) -> None:
     """Follows a checked joint path (rad; leading-joint speeds in rad/s) and waits the settling time.
 
-    Raises Halted, RigError arm.move_failed and what else the arm reports.
+    Raises Halted, RigError arm.move_failed, and what else the arm reports.
     """
     rig.arm.move(path, motion_limits(rig.cell, speeds), stop)
     rig.clock.wait(rig.cell.arm.settle_s, stop)
 
 
 def motion_limits(cell: CellConfig, speeds: Sequence[float]) -> list[MotionLimits]:
-    """Speed and acceleration limits of each segment, clipped to the cell's."""
+    """Returns the limits of speed and acceleration of each segment, with speeds clipped to the cell's."""
     return [
         MotionLimits(min(speed, cell.arm.max_joint_speed_rad_s), cell.arm.max_joint_acceleration_rad_s2)
         for speed in speeds
@@ -50,8 +50,8 @@ def motion_limits(cell: CellConfig, speeds: Sequence[float]) -> list[MotionLimit
 
 
 def expose(rig: Rig, exposure_s: float, attempt: int, *, lit: bool, stop: StopToken) -> Exposed:
-    """Takes one frame with the lamp confirmed on (or off), the arm at rest; a camera that goes away is waited for with
-    the lamp off.
+    """Takes one frame with the lamp confirmed on (or off) and the arm at rest. If the camera disappears, waits for it
+    with the lamp off, and exposes again.
 
     Raises Halted, RigError lamp.not_confirmed, camera.timeout, camera.unreachable, device.disconnected, and
     arm.move_failed when the arm moved meanwhile.

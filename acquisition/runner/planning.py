@@ -53,11 +53,8 @@ UNPLANNED: Mapping[str, Any] = {"label": "", "notes": "", "retakes": 0, "review_
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a recipe's first pass would do, and the accuracy that its session may reach.
-
-    `seconds` is the time from the first move to the arm's return, without the path back to the first image's light,
-    which is repeated.
-    """
+    """What a recipe's first pass would do, and what its session may reach. `seconds` is the time from the first move to
+    the arm's return, without the path back to the light of the first image, which is repeated."""
 
     plan: LightPlan
     route: Route

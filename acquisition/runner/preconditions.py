@@ -36,8 +36,7 @@ RESULT_BYTES_PER_PIXEL = 80
 
 def require_same_rig(row: SessionRow, cell: CellConfig, choices: RigChoices, folder: Path) -> None:
     """Raises RigError rig.changed unless cell file and calibration are those that the session was created with, and
-    rig.other_tool unless the tool that it needs is on the flange.
-    """
+    rig.other_tool unless the tool that it needs is on the flange."""
     choices.require_tool(row.recipe)
     if row.fingerprint != cell.fingerprint:
         raise RigError(ErrorCode.RIG_CHANGED, "The cell file is not the one that the session was created with")

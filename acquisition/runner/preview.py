@@ -17,8 +17,7 @@ class Preview:
 
     def __init__(self, rig: Rig, refuse_held: Callable[[], None], in_thread: InThread) -> None:
         """`refuse_held` raises RigError rig.busy while a session holds the rig; `in_thread` runs work in the runner's
-        thread.
-        """
+        thread."""
         self._rig = rig
         self._refuse_held = refuse_held
         self._in_thread = in_thread

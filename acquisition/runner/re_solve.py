@@ -152,8 +152,8 @@ class ReSolveService:
         self, session_id: str, settings: SolveSettings, last_pass: int | None, actor: str,
         idempotency_key: str | None = None, calibration: str | None = None,
     ) -> tuple[SolveRequest, bool]:  # fmt: skip
-        """Accepts a solve of a session that has ended, with the images up to `last_pass` (None: all) and the
-        calibration set `calibration` (None: the calibration of the capture).
+        """Accepts a solve of an ended session, with images up to `last_pass` (None: all) and the set `calibration`
+        (None: the calibration of the capture).
 
         The flag is False for a repeated request: one with an earlier key, or with equal settings, images and software,
         unless that solve failed or was cancelled.

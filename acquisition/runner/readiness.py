@@ -100,8 +100,7 @@ class Readiness:
         return mounted_tool.payload(self._rig.cell, self._choices.tool)
 
     def _connect_camera(self) -> None:
-        """Connects the camera and logs warnings. Raises RigError camera.unreachable, and config.invalid for a camera
-        that does not fit the calibration."""
+        """Connects the camera. Raises RigError camera.unreachable, or config.invalid if it does not fit."""
         camera, calibration = self._rig.camera, self._choices.calibration
         camera.connect()
         if camera.capabilities is not None:

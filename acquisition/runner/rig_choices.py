@@ -119,8 +119,7 @@ class RigChoices:
             self._id, self._calibration = identity, values
 
     def state_tool(self, tool: Tool, actor: str) -> None:
-        """Records the tool that a person states to be on the flange. Raises RigError config.invalid for a board that
-        the cell file does not have, and rig.busy."""
+        """Records which tool a person states to be on the flange. Raises RigError config.invalid, rig.busy."""
         with self.changing:
             self._refuse_used()
             mounted_tool.with_tool(self._cell, tool)

@@ -139,8 +139,7 @@ class SessionQueue:
             self._stop(problem(error.code, error.detail, **error.context))
 
     def _begin(self, entry: QueueEntry, row: SessionRow | None) -> None:
-        """Creates and starts the entry's session. The entry is written before the start, so that a crash repeats
-        nothing."""
+        """Creates and starts the entry's session. It is written before the start, so that a crash repeats nothing."""
         if row is None:
             row, _ = self._runner.create(_labelled(entry), f"lightpose-queue-{entry.id}")
         self._store.journal.set_queue_entry(entry, EntryState.RUNNING, row.id)

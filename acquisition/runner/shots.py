@@ -204,8 +204,7 @@ class ShotCapture:
         stop: StopToken,
         attempts_before: int = 0,
     ) -> tuple[Exposed, int]:
-        """Takes a frame and returns it with the number of its attempt. A frame that the camera loses is retaken as
-        often as the recipe allows."""
+        """Takes a frame; returns it with its attempt. A frame that the camera loses is retaken as the recipe allows."""
         lit, lost = self.lit(record, key), 0
         while True:
             try:

@@ -1,7 +1,6 @@
 """Calibration with which a session's images are solved again: that of the capture, or a set that was made since.
 
-Lights are stored as the capture's calibration gives them; with another one they are computed from the measured tool
-poses again.
+Lights are stored as the capture's calibration gives them; for another one they follow from the measured tool poses.
 """
 
 from acquisition.models import cell_config

@@ -35,8 +35,7 @@ class Entries(Protocol):
 
 
 class StopRecord:
-    """Writes stops of the cell. `add`, `fault` and `acknowledge` may be called from any thread, the others from the
-    runner's."""
+    """Writes stops of the cell; `add`, `fault` and `acknowledge` from any thread, the others from the runner's."""
 
     def __init__(self, store: Store, monitor: SafetyMonitor, entries: Entries) -> None:
         self._store, self._monitor, self._entries = store, monitor, entries

@@ -109,10 +109,8 @@ class Store:
 
 
 def _keep_others_out(folder: Path) -> None:
-    """Removes the permissions of others from a folder that this user owns, such as one that was made by hand.
-
-    A group's permissions stay, because a unit or an administrator gives them on purpose.
-    """
+    """Removes the permissions of others from a folder that this user owns, such as one that was made by hand. A group's
+    permissions stay, because a unit or an administrator gives them on purpose."""
     status = folder.stat()
     others = stat.S_IMODE(status.st_mode) & stat.S_IRWXO
     if others and status.st_uid == os.geteuid():
