@@ -1,4 +1,4 @@
-"""Check that the servers that a command names answer, before anything is imported that takes long.
+"""Checks that the servers that a command names answer, before anything is imported that takes long.
 
 Dask, SQLAlchemy and the clients of object stores take seconds to import, and each waits in its own way for a server
 that accepts a connection and stays silent. The three kinds of server answer within one exchange of bytes, which the

@@ -165,7 +165,7 @@ class Archive:
                 yield name, Fault(name, "damaged", (name,))
 
     def verify(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Fault]:
-        """Enters in the catalogue what it lacks, then hashes every file that an entry names; returns the faults.
+        """Enters in the catalogue what it lacks, then hashes every file that an entry names; returns any faults.
 
         The catalogue comes first, because hashing an archive takes days. The entries of millions of sessions do not fit
         in memory, so they are read twice, and of a sound file only its hash is remembered.

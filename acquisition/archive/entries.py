@@ -1,7 +1,7 @@
 """Manifests of the archive: what a session and a result consist of, by path and SHA-256.
 
 A session's key is the hash of its id and files: captures of two cells with the same id have two keys, and a session
-that is pushed twice has one. Results are entries of their own, because they are added as long as the archive lives.
+that is pushed twice has one. Results are entries of their own, because they are added as long as the archive exists.
 `results/` and what a person may still change (label, notes) are no part of the key.
 """
 

@@ -1,7 +1,7 @@
 """Capture of views of the calibration board, like images of an object but judged by the board's corners.
 
 A view in which the board is not seen is kept and named, because a single pose may be unlucky (glare, a corner outside
-the image). Two such views in a row, or a first one, pause the session: something is wrong that a person has to look at.
+the image). Two in a row, or the first view, pause the session: then something is wrong that a person has to look at.
 """
 
 from collections.abc import Sequence

@@ -28,7 +28,7 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 
 _log = logging.getLogger(__name__)
 _POLL_S = 0.02
-"""Period, s, of checking the stop token and waiting urgent jobs while a job runs."""
+"""Period, s, of checking for the stop token and for urgent jobs while a job runs."""
 _TRIES = 2
 """Number of processes that may end during a job before it is given up."""
 

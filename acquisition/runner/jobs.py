@@ -154,7 +154,7 @@ def _capture_times(cell: CellConfig, routes: Sequence[Route]) -> plan.CaptureTim
 
 
 def require_within_keep_out(normal_map: NormalMap, cell: CellConfig, calibration: Calibration) -> None:
-    """Raises RigError config.invalid if the measured object exceeds its keep-out by more than half the clearance.
+    """Raises RigError config.invalid if the measured object is higher than its keep-out by over half the clearance.
 
     The session then ends, and no path is planned round the measured surface: the same keep-out holds for parking, for
     the path home and for the next session, and only a person who corrects the cell file makes all of them safe.

@@ -2,7 +2,7 @@
 
 The exposure follows the part of the image that counts: the sphere's highlight covers some pixels of a dark image and
 must not clip. As with the board, an image in which the target is not seen is kept and named, because a single pose may
-be unlucky. Two such images in a row, or a first one of a pass, pause the session.
+be unlucky. Two in a row, or the first image of a pass, pause the session.
 """
 
 import numpy as np

@@ -166,13 +166,13 @@ class MovingShotCapture(ShotCapture):
             passing.over.set()
         begun_at = _monotonic(frame.taken_at) - passing.exposure_s / 2
         hardware = frame.settings is not None and frame.settings.trigger == "hardware"
-        # A hardware trigger waits in the arm's driver for the end of the move, so its lead time tells nothing here.
+        # A hardware trigger waits in the arm's driver for the end of the move: only the frame gives the time.
         if not hardware:
             self._leads_s.append(begun_at - called_at)
         return frame
 
     def _keep(self, record: SessionRecord, passing: _Passing, frame: Frame, stop: StopToken) -> None:
-        """Judges a frame and stores it with the arm's pose in the middle of its exposure; announces a rejected one."""
+        """Judges a frame and stores it with the arm's pose in the middle of its exposure, or announces a retake."""
         shot, middle = passing.shot, self._middle(frame, passing.exposure_s, stop)
         most_m = moving.MAX_SHARE * self._calibration.lamp_position_sigma_m
         if middle is None:

@@ -17,9 +17,9 @@ def create(
 ) -> tuple[SessionRow, bool]:
     """Creates a session with its folder; the flag is False when the idempotency key names an existing session.
 
-    The folder has recipe, cell file and calibration, and is complete without the database.
-    Raises RigError request.invalid for exposures that the camera cannot make and for a key that was used for another
-    recipe; store.disk_full and store.unwritable, which leave nothing behind.
+    The folder has recipe, cell file and calibration, and is complete without the database. Raises RigError
+    request.invalid for exposures that the camera cannot make and for a key that was used for another recipe;
+    store.disk_full and store.unwritable, which leave nothing behind.
     """
     preconditions.require_exposures(recipe, cell)
     known = store.journal.session_of_key(idempotency_key, recipe)

@@ -29,7 +29,7 @@ from acquisition.store.queue_table import QueueState
 _log = logging.getLogger(__name__)
 
 HOLD_S = 0.3
-"""Time, s, for which a jog goes on after the last request; at the highest jogging speed the tool moves 3 cm."""
+"""Time, s, for which a jog goes on after the last request; at the highest jogging speed the tool moves 3 cm then."""
 
 ENDED_WITHIN_S = 2.0
 """Time limit, s, for the arm to come to rest when a jog is ended; a step takes less."""
@@ -206,8 +206,8 @@ class OperatorMoves:
         return not made.ended.is_set()
 
     def release(self, hold: str | None = None) -> None:
-        """Ends a jog at once, and returns when it has ended. The press `hold` starts no motion afterwards, even if its
-        request is still on the way. Raises RigError rig.busy if the jog does not end within ENDED_WITHIN_S."""
+        """Ends a jog at once, and returns when the arm is at rest. The press `hold` begins no motion any more, even if
+        its request is still on the way. Raises RigError rig.busy if the jog does not end within ENDED_WITHIN_S."""
         with self._lock:
             if hold is not None and hold not in self._holds:
                 self._holds.append(hold)

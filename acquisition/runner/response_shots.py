@@ -60,7 +60,7 @@ class ResponseShots(ShotCapture):
         return key.number >= FIRST_REFERENCE_NUMBER or _setting(record).lit
 
     def _exposure(self, record: SessionRecord, key: ShotKey, setting: FrameSetting, stop: StopToken) -> float:
-        """Returns the exposure time, s, that brings the brightest parts to the setting's share, if the camera can."""
+        """Returns the exposure time, s, for the setting's share of full scale in the brightest parts, within limits."""
         captured = _captured(record)
         if captured:
             full_s = captured[0].exposure_s / _recipe(record).frames[0].share

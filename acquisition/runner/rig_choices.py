@@ -119,7 +119,7 @@ class RigChoices:
             self._id, self._calibration = identity, values
 
     def state_tool(self, tool: Tool, actor: str) -> None:
-        """Records which tool a person states to be on the flange. Raises RigError config.invalid, rig.busy."""
+        """Records the tool that a person states. Raises RigError rig.busy; config.invalid for a board without one."""
         with self.changing:
             self._refuse_used()
             mounted_tool.with_tool(self._cell, tool)

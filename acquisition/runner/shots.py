@@ -204,7 +204,7 @@ class ShotCapture:
         stop: StopToken,
         attempts_before: int = 0,
     ) -> tuple[Exposed, int]:
-        """Takes a frame; returns it with its attempt. A frame that the camera loses is retaken as the recipe allows."""
+        """Takes a frame; returns it and its attempt's number. Frames that the camera loses are retaken if allowed."""
         lit, lost = self.lit(record, key), 0
         while True:
             try:
