@@ -40,7 +40,7 @@ POLL_S = 0.05
 RETRY_S = claims.LEASE_S / 3
 """Time, s, after which a solve that another has claimed is submitted again."""
 MOST_KILLS = 4
-"""Times that a job may kill its worker (Dask itself tries each time thrice) before it counts as failed."""
+"""Failures of a job by killed workers until it counts as failed; for each, Dask itself tries the job three times."""
 
 
 @dataclass(frozen=True)

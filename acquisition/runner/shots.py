@@ -204,7 +204,7 @@ class ShotCapture:
         stop: StopToken,
         attempts_before: int = 0,
     ) -> tuple[Exposed, int]:
-        """Takes a frame; returns it and its attempt's number. Frames that the camera loses are retaken if allowed."""
+        """Takes a frame; returns it and its attempt's number. Lost frames are retaken as often as the recipe allows."""
         lit, lost = self.lit(record, key), 0
         while True:
             try:
