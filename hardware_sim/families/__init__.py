@@ -1,8 +1,8 @@
 """Random objects by code: eight families of shapes, each with random parameters, textures and reflectances.
 
-They stand for what nobody tuned planner or solver to: a family and a seed make an object, the same on every call, and
-there are as many as there are seeds. Seeds below 1000 are design seeds, free to look at and to tune on; seeds from 1000
-on are report seeds, which are run once, for the closing note of a change (`CONTRIBUTING.md`).
+They stand for objects to which neither planner nor solver was tuned. A family and a seed determine an object, the same
+on every call. Seeds below 1000 are design seeds, free to look at and to tune on. Seeds from 1000 on are report seeds,
+which are run once, for the closing note of a change (`CONTRIBUTING.md`).
 """
 
 from dataclasses import dataclass
@@ -25,17 +25,17 @@ SHAPES = {
     "knot": knot.shape,
     "sheet": sheet.shape,
 }
-"""The families and what makes a mesh of any size from random numbers."""
+"""Each family's function that makes a mesh of any size from random numbers."""
 
 NAMES = tuple(SHAPES)
 
 EXTENT_M = (0.07, 0.13)
-"""Range of the largest extent along an axis, m: what the cell's table and keep-out take with room for the lamp."""
+"""Range of the largest extent along an axis, m, for which table and keep-out of the cell leave room for the lamp."""
 
 
 @dataclass(frozen=True)
 class RandomObject:
-    """An object of a family, object frame: its mesh stands on z = 0, centred in x and y; lights and camera are above.
+    """An object of a family; its mesh stands on z = 0 of the object frame, centred in x and y, below lights and camera.
 
     `dataclasses.replace` gives it another texture or reflectance.
     """
@@ -48,7 +48,7 @@ class RandomObject:
 
 
 def make(family: str, seed: int) -> RandomObject:
-    """Makes an object, bit for bit the same for the same family and seed. Raises ValueError naming the families."""
+    """Makes an object, bit-identical for the same family and seed. Raises ValueError that names the families."""
     if family not in SHAPES:
         raise ValueError(f"there is no family {family!r}: choose one of {', '.join(NAMES)}")
     if seed < 0:

@@ -1,8 +1,8 @@
-"""What a random object is made of: the texture of its albedo, and its reflectance, both simple functions of the seed.
+"""Material of a random object: its albedo texture and its reflectance, both simple functions of the seed.
 
-A bench can stratify by kind without making an object: `TEXTURE_KINDS` and `REFLECTANCE_KINDS` are walked through by the
-seed's number, so that any ten seeds in a row hold every reflectance in its share, the first six of a decade hold
-all of them, and forty in a row every pair of texture and reflectance.
+A bench can therefore stratify by kind without making an object. Consecutive seeds step through `TEXTURE_KINDS` and
+`REFLECTANCE_KINDS`: any ten in a row hold every reflectance in its share, the first six of a decade hold all of them,
+and forty in a row hold every pair of texture and reflectance.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ DARK, BRIGHT = 0.06, 0.8
 """Albedos of the two regions of `dark-and-bright`: soot and chalk."""
 
 REFLECTANCE_STREAM, TEXTURE_STREAM = 101, 102
-"""First words of the random streams, apart from those of the families' shapes (0–7)."""
+"""First words of the random streams, distinct from those of the families' shapes (0–7)."""
 
 
 def reflectance_kind_of(seed: int) -> ReflectanceKind:
@@ -49,7 +49,7 @@ def reflectance_kind_of(seed: int) -> ReflectanceKind:
 
 
 def texture_kind_of(seed: int) -> TextureKind:
-    """`TEXTURE_KINDS[(seed + ⌊seed / 20⌋) mod 4]`: the shift keeps it from going in step with the reflectance."""
+    """`TEXTURE_KINDS[(seed + ⌊seed / 20⌋) mod 4]`; the shift decouples it from the reflectance."""
     return TEXTURE_KINDS[(seed + seed // 20) % len(TEXTURE_KINDS)]
 
 
@@ -110,7 +110,7 @@ class Marble:
 
 @dataclass(frozen=True)
 class Checker:
-    """Cubes of two albedos by turns, askew to the object."""
+    """Cubes of two alternating albedos, oblique to the object."""
 
     low: float
     high: float
@@ -125,7 +125,7 @@ class Checker:
 
 @dataclass(frozen=True)
 class TwoRegions:
-    """Soot and chalk, parted where a coarse random field crosses a threshold."""
+    """Soot and chalk, separated where a coarse random field crosses a threshold."""
 
     field: Waves
     threshold: float

@@ -1,4 +1,4 @@
-"""Blobs: a sphere moved by noise until it is wrinkled, wax-like or smooth."""
+"""Blobs: a sphere displaced by noise, so that it is wrinkled, wax-like, pitted or smooth."""
 
 import numpy as np
 
@@ -33,7 +33,7 @@ def shape(random: np.random.Generator) -> Mesh:
     else:
         radius += 0.02 * amplitude * fine(unit)
     points = unit * np.maximum(radius, 0.35)[:, None] * random.uniform(0.65, 1.0, 3)
-    # A bend of all space by a slow field gives overhangs, which no radius over directions has.
+    # Displacing all space by a slow field gives overhangs, which a radius per direction cannot have.
     bend = [waves(random, 2.5, 6.0, 12) for _ in range(3)]
     points = points + random.uniform(0.05, 0.25) * np.stack([wave(points) for wave in bend], axis=1)
     return creased(points, faces)

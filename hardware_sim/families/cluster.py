@@ -1,4 +1,4 @@
-"""Clusters: five to twelve plain solids, turned any way, sunk into a plate, heaped on one another or apart."""
+"""Clusters: five to twelve plain solids in any orientation, sunk into a plate, heaped on one another or apart."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ SPACING = 1 / 150
 
 @dataclass(frozen=True)
 class _Solid:
-    """A turned and shifted solid with the radii of spheres round its centre that hold it and that it holds."""
+    """A rotated and shifted solid, with radii of an enclosing and of an enclosed sphere round its centre."""
 
     field: Field
     centre: FloatArray  # (3,)
@@ -48,7 +48,7 @@ def shape(random: np.random.Generator) -> Mesh:
 
 
 def _solid(random: np.random.Generator, floor: float, crowd: float, others: list[_Solid]) -> _Solid:
-    """One more solid: a third of them on another, the rest in the plate."""
+    """Makes one more solid: three in ten stand on another one, the rest in the plate."""
     size = random.uniform(0.07, 0.17)
     kind = random.choice(["sphere", "box", "cylinder", "cone", "ring", "hexagon", "capsule"])
     stretch = random.uniform(0.5, 1.0, 3)

@@ -1,8 +1,8 @@
 """Polygonisation of implicit solids with sharp edges by dual contouring (Ju et al., SIGGRAPH 2002).
 
-Machined edges and the seams of joined solids come out sharp, which surface nets (`hardware_sim.implicit`) round off:
-each cell's vertex minimises the squared distance to the tangent planes where the cell's edges cross the surface. Where
-the planes hardly differ there is no edge, and the vertex is moved onto the smooth surface instead.
+Machined edges and the seams of joined solids stay sharp, whereas surface nets (`hardware_sim.implicit`) round them off.
+Each cell's vertex minimises the squared distance to the tangent planes where the cell's edges cross the surface. If the
+planes differ little there is no edge, and the vertex is moved onto the smooth surface instead.
 """
 
 import numpy as np
@@ -14,8 +14,8 @@ from hardware_sim.implicit import Field
 from hardware_sim.sheets import Mesh
 
 EDGE_FROM = 0.04
-"""Second eigenvalue of a cell's scatter of normals over its first from which there is an edge: two planes that differ
-by 23°."""
+"""Least ratio of the second to the first eigenvalue of a cell's scatter of normals at an edge: planes that differ by
+23°."""
 STEP = 2e-5
 """Half-width of the central difference of a field of about unit size."""
 
@@ -23,7 +23,7 @@ STEP = 2e-5
 def contour(field: Field, half_size: FloatArray, spacing: float) -> Mesh:
     """The closed surface field = 0 within ± `half_size` (3,), which it must not touch.
 
-    The field must nowhere be steeper than 1, as distances are, and need be exact only at the surface.
+    The field's slope must nowhere exceed 1, that of a distance; it need be exact only at the surface.
     """
     inside = implicit.inside_lattice(field, -half_size, half_size, spacing)
     corners = [inside[i : i - 1 or None, j : j - 1 or None, k : k - 1 or None] for i, j, k in np.ndindex(2, 2, 2)]
@@ -46,16 +46,17 @@ def contour(field: Field, half_size: FloatArray, spacing: float) -> Mesh:
     ahead = field(vertices[smooth]) / np.maximum(np.einsum("vi,vi->v", slope, slope), 1e-3)
     vertices[smooth] -= np.clip(ahead, -spacing / 4, spacing / 4)[:, None] * slope
     vertices = np.clip(vertices, centres - spacing / 2, centres + spacing / 2)
-    # An edge of the solid must be an edge of the mesh: the diagonal goes between the sharper pair.
+    # An edge of the solid must be an edge of the mesh, so the diagonal joins the sharper pair.
     along = sharpness[quads[:, 0]] + sharpness[quads[:, 2]] >= sharpness[quads[:, 1]] + sharpness[quads[:, 3]]
     a, b, c, d = np.where(along[:, None], quads, np.roll(quads, -1, axis=1)).T
     return creased(vertices, np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]))
 
 
 def _quads(inside: BoolArray, number: Faces, axis: int) -> tuple[Faces, FloatArray, BoolArray]:
-    """The lattice edges (E) along an axis that cross the surface.
+    """Lattice edges (E) along an axis that cross the surface.
 
-    The four cells round each, counter-clockwise from outside; its first lattice point; whether it starts inside.
+    Returns the four cells round each edge, counter-clockwise from outside, its first lattice point, and whether that
+    point is inside.
     """
     first, cells = np.moveaxis(inside, axis, 0), np.moveaxis(number, axis, 0)
     i, j, k = np.nonzero(first[:-1, 1:-1, 1:-1] != first[1:, 1:-1, 1:-1])
@@ -70,7 +71,7 @@ def _quads(inside: BoolArray, number: Faces, axis: int) -> tuple[Faces, FloatArr
 
 
 def _crossings(field: Field, starts: FloatArray, ends: FloatArray, rising: BoolArray) -> FloatArray:
-    """Where the field is 0 (E, 3) between points inside and outside, by bisection and one secant."""
+    """Zeros (E, 3) of the field between points inside and outside, by bisection and one secant step."""
     near, far = np.where(rising[:, None], starts, ends), np.where(rising[:, None], ends, starts)
     for _ in range(3):
         middle = (near + far) / 2
@@ -84,7 +85,7 @@ def _crossings(field: Field, starts: FloatArray, ends: FloatArray, rising: BoolA
 def _features(
     quads: Faces, points: FloatArray, normals: FloatArray, centres: FloatArray, spacing: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Each cell's vertex (V, 3) of least squared distance to its tangent planes, and its sharpness (V,)."""
+    """Each cell's vertex (V, 3) with the least squared distance to its tangent planes, and its sharpness (V,)."""
     count = len(centres)
     cell = quads.T.ravel()
 
@@ -104,7 +105,7 @@ def _features(
     kept = values > EDGE_FROM * values[:, 2:]
     inverse = np.where(kept, 1 / np.where(kept, values, 1.0), 0.0)
     move = np.einsum("vik,vk,vjk,vj->vi", vectors, inverse, vectors, right)
-    # Planes that meet outside of the cell say nothing about it.
+    # An intersection of the planes outside of the cell is not used.
     wild = np.abs(mean + move - centres).max(axis=1) > spacing
     move[wild] = 0.0
     return mean + move, np.where(wild, 0.0, values[:, 1] / np.maximum(values[:, 2], 1e-9))

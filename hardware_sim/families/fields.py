@@ -1,4 +1,4 @@
-"""Signed distances of plain solids, of outlines in the plane, and their unions, for `contour`; negative inside.
+"""Signed distances of plain solids and plane outlines, and their unions, for `contour`; negative inside.
 
 Exact formulas after Hart (The Visual Computer 1996) and Quilez; points (..., 3), or (..., 2) in the plane.
 """
@@ -32,14 +32,14 @@ def disc(radius: float) -> Field:
 
 
 def polygon(sides: int, radius: float) -> Field:
-    """A regular polygon of the plane by its incircle's radius; a bound near its corners."""
+    """A regular polygon in the plane, by its incircle's radius; only a bound of the distance near its corners."""
     angle = 2 * np.pi * np.arange(sides) / sides
     outward = np.stack([np.cos(angle), np.sin(angle)])
     return lambda points: (points @ outward).max(axis=-1) - radius
 
 
 def capsule(start: Sequence[float], end: Sequence[float], radius: float) -> Field:
-    """A segment's neighbourhood, in space or in the plane (a slot)."""
+    """All points within `radius` of a segment, in space or in the plane (a slot)."""
     origin, bone = np.asarray(start), np.asarray(end) - np.asarray(start)
 
     def field(points: FloatArray) -> FloatArray:
@@ -50,7 +50,7 @@ def capsule(start: Sequence[float], end: Sequence[float], radius: float) -> Fiel
 
 
 def cone(radius: float, height: float, top_radius: float) -> Field:
-    """A frustum round z between ± `height` / 2; a bound beyond its edges."""
+    """A frustum round z between ± `height` / 2; only a bound of the distance beyond its edges."""
     slope = (radius - top_radius) / height
     tilt = np.hypot(1.0, slope)
 
@@ -88,6 +88,6 @@ def moved(field: Field, place: FloatArray, rotation: FloatArray) -> Field:
 
 
 def smooth_minimum(first: FloatArray, second: FloatArray, width: float) -> FloatArray:
-    """The lesser, rounded where they differ by less than `width`: a fillet; −smooth_minimum(−a, −b) rounds edges."""
+    """Minimum with a fillet where the fields differ by less than `width`; −smooth_minimum(−a, −b) rounds edges."""
     blend = np.maximum(width - np.abs(first - second), 0) / width
     return np.minimum(first, second) - blend**2 * width / 4

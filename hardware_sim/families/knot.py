@@ -9,7 +9,7 @@ from hardware_sim.sheets import Mesh
 ALONG, AROUND = 1000, 80
 """Points along and round the tube: 0.5–1 mm and 0.3–0.6 mm apart."""
 TIGHTEST = 0.8
-"""Greatest radius of the tube over the radius of its bend: at 1 the inside of the bend would fold over itself."""
+"""Largest ratio of the tube's radius to its bend's radius: at 1 the inside of the bend would fold over itself."""
 
 
 def shape(random: np.random.Generator) -> Mesh:
@@ -25,7 +25,7 @@ def shape(random: np.random.Generator) -> Mesh:
     phase = 2 * np.pi * np.arange(ALONG) / ALONG
     thick = random.uniform(0.05, 0.11) * (1 + swell * np.sin(beads * phase + random.uniform(0, 2 * np.pi)))
     thick = np.minimum(thick, TIGHTEST / (1 + (depth if ribs else 0)) / np.maximum(bend, 1e-6))
-    # The cap above has corners; a running mean along the tube takes them out.
+    # The minimum above has corners; a running mean along the tube removes them.
     window = np.ones(41) / 41
     thick = np.convolve(np.concatenate([thick[-20:], thick, thick[:20]]), window, mode="valid")
 
@@ -44,7 +44,7 @@ def shape(random: np.random.Generator) -> Mesh:
 
 
 def _torus_knot(random: np.random.Generator) -> FloatArray:
-    """The (p, q) torus knot, p turns round the axis, pressed flat by a random factor."""
+    """The (p, q) torus knot with p turns round the axis, flattened by a random factor."""
     p, q = [(2, 3), (3, 2), (2, 5), (3, 4), (1, 4), (3, 5), (1, 0), (2, 7)][int(random.integers(8))]
     t = np.linspace(0, 2 * np.pi, 4 * ALONG, endpoint=False)
     inner = random.uniform(0.12, 0.19)
@@ -54,7 +54,7 @@ def _torus_knot(random: np.random.Generator) -> FloatArray:
 
 
 def _closed_curve(random: np.random.Generator) -> FloatArray:
-    """A random closed curve of a few harmonics, the least bent of six."""
+    """A random closed curve of a few harmonics: the one of six with the least curvature."""
     t = np.linspace(0, 2 * np.pi, 4 * ALONG, endpoint=False)
     best, least = np.empty((0, 3)), np.inf
     for _ in range(6):
@@ -81,7 +81,7 @@ def _even(line: FloatArray) -> FloatArray:
 
 
 def _frame(tangent: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors (N, 3) square to the tangents that turn about them as little as closing allows."""
+    """Two unit vectors (N, 3) perpendicular to the tangents, with the least twist that closes on itself."""
     first = np.empty_like(tangent)
     across = np.cross(tangent[0], np.eye(3)[int(np.abs(tangent[0]).argmin())])
     for number, direction in enumerate([*tangent, tangent[0]]):
@@ -89,7 +89,7 @@ def _frame(tangent: FloatArray) -> tuple[FloatArray, FloatArray]:
         across = across / np.linalg.norm(across)
         if number < len(tangent):
             first[number] = across
-    # The frame carried once round has turned by an angle: each point takes its share of it back.
+    # Carried once round, the frame has turned by an angle; the correction is spread evenly over the points.
     second = np.cross(tangent, first)
     gap = np.arctan2(across @ second[0], across @ first[0])
     angle = -gap * np.arange(len(tangent))[:, None] / len(tangent)

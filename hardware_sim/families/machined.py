@@ -42,7 +42,7 @@ def shape(random: np.random.Generator) -> Mesh:
 
 
 def _apart(random: np.random.Generator, reach: FloatArray, others: list[FloatArray]) -> FloatArray:
-    """Of four random places the one farthest from all others; they may overlap still."""
+    """The one of four random places that is farthest from all others; features may still overlap."""
     tries = random.uniform(-0.8, 0.8, (4, 2)) * reach
     if not others:
         return tries[0]
@@ -51,13 +51,13 @@ def _apart(random: np.random.Generator, reach: FloatArray, others: list[FloatArr
 
 
 def _turn(random: np.random.Generator) -> FloatArray:
-    """A rotation of the plane; every other one along the axes."""
+    """A random rotation of the plane; half of them keep to the axes."""
     angle = random.choice([0.0, np.pi / 2, random.uniform(0, np.pi), random.uniform(0, np.pi)])
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def _outline(random: np.random.Generator) -> tuple[Field, FloatArray]:
-    """The part seen from above, and the half-lengths of where features go."""
+    """The part's outline from above, and the half-lengths of the region for its features."""
     kind = random.choice(["plate", "rounded", "disc", "gear", "angle", "hexagon"])
     x, y = 0.5, random.uniform(0.28, 0.5)
     if kind == "disc":
@@ -78,7 +78,7 @@ def _outline(random: np.random.Generator) -> tuple[Field, FloatArray]:
 
 
 def _gear(random: np.random.Generator) -> Field:
-    """A disc with tapered teeth: one tooth, seen in the sector that each point falls into."""
+    """A disc with tapered teeth: one tooth is evaluated in the sector of each point."""
     count = int(random.integers(9, 30))
     depth = min(random.uniform(0.05, 0.1), 1.5 / count)
     root = 0.5 - depth
@@ -92,7 +92,7 @@ def _gear(random: np.random.Generator) -> Field:
         angle = np.mod(np.arctan2(points[..., 1], points[..., 0]), sector) - sector / 2
         along, across = radius * np.cos(angle), np.abs(radius * np.sin(angle))
         tooth = np.maximum((across - half + taper * (along - root)) / tilt, along - 0.5)
-        # Beyond a sector's middle the next tooth is as near: the distance is a bound, no steeper than 1.
+        # Beyond a sector's middle the next tooth is as near; the distance is a bound with a slope of at most 1.
         return np.minimum(radius - root, np.maximum(tooth, root / 2 - along))
 
     return field
@@ -134,7 +134,7 @@ def _ring(random: np.random.Generator, place: FloatArray, plate: float) -> Field
 
 
 def _fins(random: np.random.Generator, place: FloatArray, plate: float) -> Field:
-    """Parallel ribs: one rib, seen in the strip that each point falls into."""
+    """Parallel ribs: one rib is evaluated in the strip of each point."""
     count, pitch = int(random.integers(3, 9)), random.uniform(0.055, 0.11)
     thick, length = pitch * random.uniform(0.2, 0.35), random.uniform(0.12, 0.3)
 
@@ -164,7 +164,7 @@ def _ramp(random: np.random.Generator, place: FloatArray, plate: float) -> Field
 
 
 def _sunk(random: np.random.Generator, outline: Field, place: FloatArray, plate: float) -> Field:
-    """A blind cut from above down into the plate."""
+    """A blind cut from above into the plate."""
     return fields.prism(fields.moved(outline, place, _turn(random)), plate * random.uniform(0.15, 0.75), 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Random fields: band-limited sums of waves in space, spectral noise in a plane; the same for the same generator."""
+"""Random fields: band-limited sums of waves in space, and spectral noise in a plane."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from acquisition.models.base import FloatArray
 
 @dataclass(frozen=True)
 class Waves:
-    """A band-limited random field of space, a sum of K plane waves; its mean is 0 and its variance 1."""
+    """A band-limited random field in space, the sum of K plane waves, with mean 0 and variance 1."""
 
     vectors: FloatArray  # (K, 3) rad per unit
     phases: FloatArray  # (K,)
@@ -23,7 +23,7 @@ class Waves:
 
 
 def waves(random: np.random.Generator, shortest: float, longest: float, count: int = 24) -> Waves:
-    """Waves of random directions with lengths between two bounds, evenly in their logarithm."""
+    """Waves of random directions, with log-uniform wavelengths between two bounds."""
     direction = random.normal(size=(count, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     length = np.exp(random.uniform(np.log(shortest), np.log(longest), count))

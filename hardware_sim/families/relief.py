@@ -1,4 +1,4 @@
-"""Reliefs: a height field from noise of a random spectrum on a block with sides, with terraces or letters at times."""
+"""Reliefs: a height field of noise with a random spectrum on a block, some with terraces, letters or ridges."""
 
 import cv2
 import numpy as np
@@ -36,7 +36,7 @@ def shape(random: np.random.Generator) -> Mesh:
 
 
 def _letters(random: np.random.Generator) -> FloatArray:
-    """Characters and bars (SIZE, SIZE) in 0–1, raised or sunk, their edges one or two points wide."""
+    """Characters and frames (SIZE, SIZE), raised (0 to 1) or sunk (0 to −1), with edges one or two points wide."""
     image = np.zeros((SIZE, SIZE), dtype=np.uint8)
     alphabet = np.array(list("ABCDEFGHKLMNPRSTWXYZ0123456789&"))
     rows = int(random.integers(1, 4))
@@ -55,7 +55,7 @@ def _letters(random: np.random.Generator) -> FloatArray:
 
 
 def _block(top: FloatArray) -> Mesh:
-    """A closed block from its top (R, C, 3): walls down to z = 0 and a floor."""
+    """Closes a block below its top (R, C, 3), by walls down to z = 0 and a floor."""
     edge = np.concatenate([top[:-1, 0], top[-1, :-1], top[:0:-1, -1], top[0, :0:-1]])
     foot = edge * np.array([1.0, 1.0, 0.0])
     middle = np.broadcast_to(np.array([*top[..., :2].mean(axis=(0, 1)), 0.0]), edge.shape)

@@ -1,4 +1,4 @@
-"""Thin sheets with two sides and an edge: crumpled or folded paper, leaves, ribbons, rolls with loose corners."""
+"""Thin sheets with two sides and an edge: crumpled or folded paper, leaves, ribbons, and rolls with loose corners."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -24,7 +24,7 @@ def shape(random: np.random.Generator) -> Mesh:
 
 
 def _crumpled(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatArray:
-    """Straight creases across the sheet, each between two slopes, bent a little so that it hangs over in places."""
+    """Straight creases across the sheet, each between two slopes; a slight bend makes overhangs in places."""
     z = np.zeros_like(u)
     for _ in range(int(random.integers(8, 28))):
         azimuth, offset = random.uniform(0, 2 * np.pi), random.uniform(-0.5, 0.5)
@@ -41,7 +41,7 @@ def _crumpled(random: np.random.Generator, u: FloatArray, v: FloatArray) -> Floa
 
 
 def _folded(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatArray:
-    """Parallel folds, to and fro like an accordion or all one way."""
+    """Parallel folds, alternating like an accordion or all in one direction."""
     count = int(random.integers(1, 8))
     places = np.sort(random.uniform(-0.4, 0.4, count))
     angles = random.uniform(0.5, 1.4, count) * np.where(np.arange(count) % 2, -1, 1)
@@ -60,7 +60,7 @@ def _folded(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatA
 
 
 def _leaf(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatArray:
-    """A pointed outline, a midrib with veins, lengthwise and crosswise curl, at times a wavy margin."""
+    """A pointed outline, a midrib with veins, lengthwise and crosswise curl, and sometimes a wavy margin."""
     t = u + 0.5
     outline = random.uniform(0.35, 0.7) * (
         0.03 + np.sin(np.pi * t ** random.uniform(0.6, 1.2)) ** random.uniform(0.7, 1.2)
@@ -72,7 +72,7 @@ def _leaf(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatArr
     vein = np.abs(np.mod((t - np.abs(y) * random.uniform(0.5, 1.2)) / spacing, 1.0) - 0.5)
     relief = random.uniform(0.004, 0.012) * np.exp(-((vein / 0.15) ** 2)) + 0.02 * np.exp(-((y / 0.02) ** 2))
     margin = random.uniform(0.0, 0.1) * (2 * np.abs(v)) ** 3 * np.sin(random.integers(3, 9) * np.pi * t * 2)
-    # Neither veins nor waves where the leaf is hardly wider than thick.
+    # No veins or waves where the leaf is barely wider than it is thick.
     z = (relief + margin) * np.minimum(outline / 0.15, 1) ** 2
     z += random.uniform(-0.2, 1.2) * np.abs(y) + random.uniform(-1.5, 1.5) * y**2
     curl = random.uniform(-2.5, 2.5)
@@ -83,7 +83,7 @@ def _leaf(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatArr
 
 
 def _ribbon(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatArray:
-    """A strip along a winding line, turning about it by up to two turns."""
+    """A strip along a winding line, twisted about it by up to two turns."""
     t = (u[:, 0] + 0.5)[:, None]
     line = np.concatenate([1.2 * t, np.zeros_like(t), np.zeros_like(t)], axis=1)
     for harmonic in range(1, 4):
@@ -101,7 +101,7 @@ def _ribbon(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatA
 
 
 def _curled(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatArray:
-    """A sheet rolled up from one or both ends, its bend growing towards them, askew to its edges."""
+    """A sheet rolled up from one or both ends, oblique to its edges, with a curvature that grows towards the ends."""
     first, last = random.uniform(0, 7), random.choice([0.0, random.uniform(0, 7)])
     askew = random.uniform(-0.6, 0.6)
     wide = random.uniform(0.4, 0.9)
@@ -118,10 +118,10 @@ def _curled(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatA
 
 
 def _thick(surface: FloatArray, thickness: float) -> Mesh:
-    """A closed solid from a surface (R, C, 3): its two sides, half a thickness away along the normals, and its edge."""
+    """A closed solid from a surface (R, C, 3): two sides, half a thickness away along the normals, and an edge."""
     normal = np.cross(np.gradient(surface, axis=0), np.gradient(surface, axis=1))
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    # At a crease tighter than the sheet is thick the inner side would fold over itself.
+    # Smoothed, because at a crease tighter than the sheet's thickness the inner side would fold over itself.
     normal = np.stack([gaussian_filter(normal[..., k], 3, mode="nearest") for k in range(3)], axis=-1)
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
     above, below = surface + normal * thickness / 2, surface - normal * thickness / 2

@@ -1,4 +1,4 @@
-"""Meshes of the families: closed grids, normals that are smooth but for creases, a place on the table."""
+"""Meshes of the families: closed grids, normals that are smooth except at creases, and placement on the table."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,15 +9,15 @@ from hardware_sim.sheets import Mesh
 Faces = npt.NDArray[np.int64]
 
 CREASE_RAD = np.radians(32.0)
-"""Two faces of a vertex that differ by more share no normal: an edge, rad. At this fineness modelled surfaces bend by
-less than 15° from face to face, edges of solids by 45° or more."""
+"""Angle, rad, between two faces of a vertex beyond which they share no normal: an edge. At this fineness modelled
+surfaces bend by less than 15° from face to face, and edges of solids by 45° or more."""
 
 
 def creased(vertices: FloatArray, faces: Faces, crease_rad: float = CREASE_RAD) -> Mesh:
-    """A mesh from vertices (V, 3) and faces (F, 3), counter-clockwise from outside, its normals smooth but for creases.
+    """A mesh from vertices (V, 3) and faces (F, 3), counter-clockwise from outside, with normals smooth but at creases.
 
-    A corner's normal is the mean, by area, of the normals of its vertex's faces within `crease_rad` of its own face.
-    Triangles without area are left out.
+    A corner's normal is the area-weighted mean of the normals of its vertex's faces within `crease_rad` of its own
+    face. Triangles without area are left out.
     """
     triangles = vertices[faces]
     double = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
@@ -28,7 +28,7 @@ def creased(vertices: FloatArray, faces: Faces, crease_rad: float = CREASE_RAD) 
     owner, vertex = np.repeat(np.arange(len(faces)), 3), faces.ravel()
     mean = np.stack([np.bincount(vertex, component, len(vertices)) for component in double[owner].T], axis=1)
     total = mean[vertex]
-    # Faces that are all within half the angle of their mean are within the angle of one another.
+    # Faces that all lie within half the angle of their mean lie within the angle of one another.
     along = np.einsum("ci,ci->c", total, unit[owner])
     bent = np.zeros(len(vertices), dtype=bool)
     bent[vertex[along < np.cos(crease_rad / 2) * np.linalg.norm(total, axis=1)]] = True
@@ -47,11 +47,11 @@ def creased(vertices: FloatArray, faces: Faces, crease_rad: float = CREASE_RAD) 
 
 
 LEAST_DOUBLE_AREA_M2 = 1e-13
-"""Twice the area of a triangle that counts, m²: a sliver of 0.1 mm × 1 nm has no normal to speak of."""
+"""Twice the least area, m², of a triangle that is kept: a sliver of 0.1 mm × 1 nm has no reliable normal."""
 
 
 def grid(points: FloatArray, *, around: bool = False, closed: bool = False) -> tuple[FloatArray, Faces]:
-    """Vertices and faces of a grid of points (R, C, 3); rows × columns is the outside's direction.
+    """Vertices and faces of a grid of points (R, C, 3); the cross product rows × columns points outward.
 
     `around` joins the last column to the first, `closed` the last row to the first.
     """
@@ -64,7 +64,7 @@ def grid(points: FloatArray, *, around: bool = False, closed: bool = False) -> t
 
 
 def welded(vertices: FloatArray, faces: Faces) -> tuple[FloatArray, Faces]:
-    """The same surface with vertices that coincide to 0.1 µm made one."""
+    """Merges vertices that coincide to 0.1 µm."""
     _, kept, number = np.unique(
         np.rint(vertices * 1e7).astype(np.int64), axis=0, return_index=True, return_inverse=True
     )

@@ -1,4 +1,4 @@
-"""Turned work: profiles of beads, coves, fillets, flares and grooves; it lies, stands, or is a face plate."""
+"""Turned work that lies, stands, or is a face plate, with profiles of beads, coves, fillets, flares and grooves."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -10,12 +10,12 @@ from hardware_sim.families.surfaces import creased, grid, turned_by, welded
 from hardware_sim.sheets import Mesh
 
 SEGMENTS = 200
-"""Points round the axis: about 1.5 mm apart on the widest parts."""
+"""Number of points round the axis: about 1.5 mm apart on the widest parts."""
 STEP = 0.006
 """Greatest distance of points along a profile of unit length."""
 
 Piece = Callable[[FloatArray], FloatArray]
-"""A profile's rise over 0–1 of a piece's length."""
+"""Position along a piece, 0–1 → rise of the profile there."""
 
 
 def shape(random: np.random.Generator) -> Mesh:
@@ -25,7 +25,7 @@ def shape(random: np.random.Generator) -> Mesh:
     rows = _fine(profile)
     angle = np.linspace(0, 2 * np.pi, SEGMENTS, endpoint=False)
     flutes, twist = int(random.integers(5, 18)), random.uniform(-8, 8)
-    # Not on a face plate: where the profile runs inward on level ground, flutes would fold it over itself.
+    # Not on a face plate: flutes would fold its profile over itself where it runs inward at a constant height.
     depth = random.uniform(0.03, 0.12) if kind != "plate" and random.random() < 0.35 else 0.0
     low, high = np.sort(random.uniform(0.1, 0.9, 2))
     # Flutes run along a part of the work and fade at its ends.
@@ -36,7 +36,7 @@ def shape(random: np.random.Generator) -> Mesh:
     radius = rows[:, :1] * (1 - cut)
     height = np.broadcast_to(rows[:, 1:], radius.shape)
     points = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1)
-    # Rows go up the axis and columns round it: from outside that is clockwise.
+    # Rows go up the axis and columns round it, which is clockwise from outside.
     vertices, faces = welded(*grid(points, around=True))
     mesh = creased(vertices, faces[:, ::-1])
     if kind != "lying":
@@ -63,7 +63,7 @@ def _pieces(random: np.random.Generator) -> Piece:
 
 
 def _run(random: np.random.Generator, count: int, unit: float) -> FloatArray:
-    """Elements one after the other (N, 2): place along the run 0–1, offset in `unit`; steps stay vertical."""
+    """Elements in sequence (N, 2): position along the run, 0–1, and offset in `unit`; steps stay vertical."""
     lengths = random.uniform(0.5, 1.6, count)
     ends = np.cumsum(lengths) / lengths.sum()
     points: list[FloatArray] = []
@@ -78,16 +78,16 @@ def _run(random: np.random.Generator, count: int, unit: float) -> FloatArray:
 
 
 def _spindle(random: np.random.Generator, standing: bool) -> FloatArray:
-    """Radius and height (N, 2) of a closed profile of unit height, the axis at both ends."""
+    """Radius and height (N, 2) of a closed profile of unit height, which ends on the axis at both ends."""
     run = _run(random, int(random.integers(4, 9)), random.uniform(0.03, 0.09))
     thick, taper = random.uniform(0.12, 0.3), random.uniform(0.6, 0.9) if standing else random.uniform(-0.4, 0.4)
     radius = np.maximum(thick * (1 - taper * run[:, 0]) * (1.9 if standing else 1.0) + run[:, 1], 0.035)
     if standing:
-        # Seen along the axis: what is above must be narrower for the camera to see what is below.
+        # The camera looks along the axis and sees what is below only if what is above is narrower.
         run[:, 0] *= random.uniform(0.4, 0.8)
     height = run[:, 0]
     inside = np.stack([radius, height], axis=1)
-    # A hollow end would come back through the flutes, which go by height.
+    # No hollow end: its profile would pass the heights of the flutes again.
     dome = random.uniform(0.0, 0.8) * radius[-1] if random.random() < 0.6 else 0.0
     bend = np.linspace(0, np.pi / 2, 30)
     cap = np.stack([radius[-1] * np.cos(bend), height[-1] + dome * np.sin(bend)], axis=1)
@@ -113,7 +113,7 @@ def _fine(profile: FloatArray) -> FloatArray:
         if count > 0:
             rows.append(start + (end - start) * (np.arange(1, count + 1) / count)[:, None])
     fine = np.concatenate(rows)
-    # Points closer than a fraction of the step make slivers.
+    # Points much closer than the step would make slivers.
     keep = [0]
     for number in range(1, len(fine)):
         if np.linalg.norm(fine[number] - fine[keep[-1]]) > STEP / 5:

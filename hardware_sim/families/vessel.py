@@ -1,4 +1,4 @@
-"""Vessels: cups, bowls and jugs with an outer and an inner wall, a rim, handles and a foot; the camera looks inside."""
+"""Vessels into which the camera looks: cups, bowls and jugs with two walls, a rim, handles and a foot."""
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -38,7 +38,7 @@ def shape(random: np.random.Generator) -> Mesh:
         z = points[..., 2] + high / 2
         radius = np.hypot(points[..., 0], points[..., 1])
         wall = np.interp(z, table, outer)
-        if lip > 0:  # drawn out towards one azimuth, the more so near the rim
+        if lip > 0:  # drawn out towards one azimuth, more so near the rim
             towards = (points[..., 0] * np.cos(spout) + points[..., 1] * np.sin(spout)) / np.maximum(radius, 1e-6)
             wall = wall + lip * np.clip(towards, 0, 1) ** 8 * np.clip(2 * z / high - 1, 0, 1) ** 2
         side = wall
@@ -75,7 +75,7 @@ def _proportions(random: np.random.Generator, kind: str) -> tuple[float, FloatAr
 
 
 def _handle(random: np.random.Generator, table: FloatArray, outer: FloatArray, thick: float) -> Field:
-    """A bow of tube in an upright plane, its ends in the wall."""
+    """A bent tube in an upright plane, with its ends in the wall."""
     high = float(table[-1])
     low_end, high_end = random.uniform(0.12, 0.4) * high, random.uniform(0.65, 0.92) * high
     azimuth, reach = random.uniform(0, 2 * np.pi), random.uniform(0.12, 0.26)
