@@ -1,8 +1,8 @@
-"""ChArUco board as it is printed: which of its points are black, by its own layout, markers from OpenCV's dictionary.
+"""Printed ChArUco board: which of its points are black, by a layout of its own, with markers of OpenCV's dictionary.
 
 The layout is OpenCV's since 4.6: the upper left square is black, and the white squares carry the dictionary's markers
-row by row; before 4.6 that square was white where the number of rows is even. It is written out here rather than drawn
-by OpenCV, so that a fault in how a calibration describes a board shows in what it finds.
+row by row. Before 4.6 that square was white if the number of rows was even. The layout is written out here rather than
+drawn by OpenCV, so that a wrong description of the board shows in the calibration's results.
 """
 
 from dataclasses import dataclass
@@ -14,28 +14,27 @@ import numpy as np
 from acquisition.models.base import Float32Array, FloatArray
 
 MARKER_BITS = 7
-"""Bits along a marker's side, its black border included (5 × 5 dictionaries)."""
+"""Bits along a marker's side, including its black border (5 × 5 dictionaries)."""
 
 TEXELS, MARGIN_SQUARES = 224, 1
-"""Texels along a square (a bit of a marker of three quarters has 24), and squares of paper round the print."""
+"""Texels along a square (24 for each bit of a marker of three quarters), and squares of paper round the print."""
 
 REMAP_ROW = 1024
-"""Points in a row of OpenCV's `remap`, which takes at most 32,767."""
+"""Points in a row for OpenCV's `remap`, which takes at most 32,767."""
 
 INK_SPREAD_M = 5e-5
-"""1 σ of an edge: toner spreads, and paper scatters light sideways."""
+"""1 σ of an edge's blur, m: toner spreads, and paper scatters light sideways."""
 
 PAPER_ALBEDO, INK_ALBEDO = 0.85, 0.05
-"""Of matt office paper and of laser toner."""
+"""Albedo of matt office paper and of laser toner."""
 
 
 @dataclass(frozen=True)
 class CharucoPrint:
-    """A print of `columns` × `rows` squares of `square_m`, markers `marker_share` of these; the frame is the board's: x
-    along columns, y along rows, from its upper left corner.
+    """A print of `columns` × `rows` squares of `square_m`, with markers of `marker_share` of a square.
 
-    `border_squares`: 0 for squares all over, n for a frame of n squares round a blank middle. `legacy_pattern`: the
-    layout of OpenCV before 4.6.
+    The frame is the board's: x along columns, y along rows, origin in its upper left corner. `border_squares`: 0 for
+    squares all over, n for a frame of n squares round a blank middle. `legacy_pattern`: OpenCV's layout before 4.6.
     """
 
     columns: int
@@ -63,7 +62,7 @@ class CharucoPrint:
 
     @cached_property
     def _picture(self) -> Float32Array:
-        """Albedo of the print and some paper round it, `TEXELS` to a square, edges as soft as toner on paper."""
+        """Albedo of the print and some paper round it, `TEXELS` to a square, blurred like toner on paper."""
         picture = np.full(((self.rows + 2) * TEXELS, (self.columns + 2) * TEXELS), self.paper_albedo, np.float32)
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
         bit = round(TEXELS * self.marker_share / MARKER_BITS)

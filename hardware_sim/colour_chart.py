@@ -1,7 +1,7 @@
 """Images of a 24-patch colour chart in its printed frame, lit by the near lamp, as a mosaic sensor sees them.
 
-The patches are spectra (`spectra.chart_response`), so that no matrix takes the camera's values to the reference
-exactly, as on a bench. The frame's four markers stand one patch's distance outside of the corners.
+The patches are spectra (`spectra.chart_response`), so no matrix maps the camera's values to the reference exactly, as
+on a bench. The frame's four markers stand one patch's distance outside of the corners.
 """
 
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ PITCH_M = 0.012
 """Distance of the patches' centres: a chart of 72 × 48 mm."""
 
 PATCH_SHARE, MARKER_SHARE = 0.85, 0.7
-"""Sides of a patch and of a marker over that distance."""
+"""Sides of a patch and of a marker, as shares of that distance."""
 
 GAP_ALBEDO, PAPER_ALBEDO, INK_ALBEDO = 0.04, 0.85, 0.05
 BORDER_PATCHES = 1.75
-"""Paper round the patches' centres, in patches."""
+"""Width of the paper round the patches' centres, in patches."""
 
 MARKERS = ((-1.0, -1.0), (6.0, -1.0), (6.0, 4.0), (-1.0, 4.0))
 DICTIONARY, MARKER_BITS = cv2.aruco.DICT_4X4_50, 6
@@ -34,13 +34,13 @@ SUBDIVISION = 2
 
 @dataclass(frozen=True)
 class ColourChart:
-    """A chart at a pose (4, 4) in the object's frame: x along columns, y along rows, z into it, origin at the centre
-    of the first patch."""
+    """A chart at a pose (4, 4) in the object's frame: x along columns, y along rows, z into the chart, origin at the
+    centre of the first patch."""
 
     object_from_chart: FloatArray
 
     def signal(self, lens: Lens, lamp: Lamp, cell: npt.NDArray[np.uint8]) -> FloatArray:
-        """Image (H, W), 1 being a mean of white under the lamp at its reference; `cell` (2, 2) has the channels."""
+        """Image (H, W); 1 is the mean of white under the lamp at its reference. `cell` (2, 2) holds the channels."""
         total = np.zeros(lens.height * lens.width)
         rows, columns = np.divmod(np.arange(total.size, dtype=float), lens.width)
         channel = cell[rows.astype(int) % 2, columns.astype(int) % 2]

@@ -1,8 +1,8 @@
-"""Angular errors of estimated normals against the simulator's true ones: the only place that sees both.
+"""Angular errors of estimated normals against the simulator's true ones; only this module sees both.
 
-Graded by default are the pixels whose true normal lies within 78° of the viewing ray, in the object's mask eroded by
-one pixel. Beside them stand a narrower grading, of those whose footprint shows one surface, and a wider one, of every
-pixel of the object. Graded pixels without a normal lower the coverage and take no part in the errors.
+By default the graded pixels are those whose true normal lies within 78° of the viewing ray, in the object's mask eroded
+by one pixel. A narrower grading takes those of them whose footprint shows one surface, a wider one every pixel of the
+object. Graded pixels without a normal lower the coverage and do not enter the errors.
 """
 
 from dataclasses import asdict, dataclass
@@ -21,8 +21,8 @@ from hardware_sim.truth import Truth
 MAX_SLANT_DEG = 78.0
 
 Grading = Literal["one_surface", "within_78_deg", "object"]
-"""Which pixels errors are taken over: `within_78_deg` as above; of these `one_surface` those whose footprint shows one
-smooth surface; `object` all whose centre shows the object, grazing ones and the silhouette's own included."""
+"""Pixels over which errors are taken: `within_78_deg` as above; `one_surface` those of them whose footprint shows one
+smooth surface; `object` all whose centre shows the object, including grazing ones and the silhouette's own."""
 GRADINGS: tuple[Grading, ...] = ("one_surface", "within_78_deg", "object")
 
 
@@ -61,7 +61,7 @@ def viewing_rays(calibration: Calibration) -> FloatArray:
 
 
 def graded_pixels(truth: Truth, calibration: Calibration, grading: Grading = "within_78_deg") -> BoolArray:
-    """Pixels (H, W) over which errors are taken. Raises RigError request.invalid when the truth does not know them."""
+    """Mask (H, W) of the graded pixels. Raises RigError request.invalid if the truth lacks `one_surface`."""
     if grading == "object":
         return truth.mask
     inner = cv2.erode(truth.mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
@@ -91,9 +91,9 @@ def grade(
     calibration: Calibration,
     grading: Grading = "within_78_deg",
 ) -> Grade:
-    """Grades normals (H, W, 3) in the view frame where `mask` (H, W), with σ (H, W) as in NormalMap or None.
+    """Grades normals (H, W, 3) in the view frame within `mask` (H, W), with σ (H, W) as in NormalMap or None.
 
-    Raises RigError request.invalid when sizes differ or no pixel can be graded.
+    Raises RigError request.invalid if sizes differ or no pixel can be graded.
     """
     if normals.shape != truth.normals.shape or mask.shape != truth.mask.shape:
         raise RigError(
@@ -130,7 +130,7 @@ def grade(
 def grade_folder(results: Path, truth: Truth, calibration: Calibration, grading: Grading = "within_78_deg") -> Grade:
     """Grades a results folder: `normals.tiff`, `mask.png` and, if there, `sigma_deg.tiff`.
 
-    Raises RigError store.corrupt naming a file that is missing or damaged.
+    Raises RigError store.corrupt that names a missing or damaged file.
     """
     normals = _tiff(results / "normals.tiff")
     mask = cv2.imread(str(results / "mask.png"), cv2.IMREAD_UNCHANGED)

@@ -1,8 +1,9 @@
-"""Errors of a found calibration against what is true of the simulated cell, and the true values as a calibration.
+"""Errors of a found calibration against the truth of the simulated cell, and that truth as a calibration.
 
-Read from `calibration_truth.json`, which no calibration reads. Places are compared where they are stated: the camera's
-in the arm's base frame, the lamp's in the tool's. What they are for is the direction from the object to the lamp as the
-camera sees it; in that all of them count together, and the offsets of the arm's joints with them.
+The truth is read from `calibration_truth.json`, which no calibration reads. Positions are compared in the frame in
+which they are stated: the camera's in the arm's base frame, the lamp's in the tool's. Their purpose is the direction
+from the object to the lamp as the camera sees it (`direction_deg`); there all errors act together, with those of the
+arm's joint offsets.
 """
 
 import json
@@ -24,19 +25,19 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.waypoints import calibrated_kinematics
 
 LOBE_TO_DEG = 40
-"""Angle off the lamp's axis up to which its lobe is graded: what lights an object that the lamp aims at, and more."""
+"""Angle off the lamp's axis up to which its lobe is graded; this exceeds the part that lights an aimed-at object."""
 
 SIDES = 12
-"""Directions round the axis in which the lobe is graded."""
+"""Number of directions round the axis in which the lobe is graded."""
 
 KNOT_STEP_DEG, LAST_KNOT_DEG = 2, 76
-"""Knots of the true lobe as a calibration states it; beyond the last one it is 5 % of the axis's."""
+"""Knots of the true lobe as a calibration states it; beyond the last one the calibration keeps the last factor."""
 
 
 @dataclass(frozen=True)
 class CalibrationErrors:
-    """Deviations from the truth: of places, mm, and rotations, degrees; of intensity, lobe (greatest, up to
-    LOBE_TO_DEG to all sides), focal length and flat field (root mean square over the image), per cent."""
+    """Deviations from the truth: positions in mm; rotations in degrees; intensity, lobe (maximum up to LOBE_TO_DEG to
+    all sides), focal length and flat field (root mean square over the image) in per cent."""
 
     lamp_mm: float
     intensity_percent: float
@@ -48,7 +49,7 @@ class CalibrationErrors:
 
 
 def load(path: Path) -> dict[str, Any]:
-    """Reads `calibration_truth.json`. Raises RigError store.corrupt naming the file."""
+    """Reads `calibration_truth.json`. Raises RigError store.corrupt that names the file."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -74,9 +75,10 @@ def errors(found: Calibration, truth: dict[str, Any]) -> CalibrationErrors:
 
 
 def error_probabilities(found: Calibration, truth: dict[str, Any]) -> dict[str, float]:
-    """Probability, by the stated covariances, of errors no larger than these: uniform over 0–1 where they are honest.
+    """Probability, by the stated covariances, of errors no larger than the actual ones.
 
-    Of the lamp's position, of the camera's pose (six at once), of the flat field's terms; those that are stated.
+    It is uniform over 0–1 if the covariances are right. Computed for the lamp's position, the camera's pose (six
+    parameters at once) and the flat field's terms, for each of these whose covariance is stated.
     """
     camera = geometry.inverse(np.array(truth["base_from_camera"])) @ np.array(found.base_from_camera)
     motion = np.concatenate([camera[:3, 3], Rotation.from_matrix(camera[:3, :3]).as_rotvec()])
@@ -98,7 +100,7 @@ def error_probabilities(found: Calibration, truth: dict[str, Any]) -> dict[str, 
 def direction_deg(found: Calibration, true: Calibration, cell: CellConfig, joints: Sequence[Sequence[float]]) -> float:
     """Root mean square angle, degrees, between the directions from the object's middle to the lamp by two calibrations.
 
-    In either's own camera frame, as normals are; `joints` (N, 6), rad, are those of the lights.
+    Each direction is in its calibration's own camera frame, as normals are. `joints` (N, 6), rad, belong to the lights.
     """
     keep_out = cell.object.keep_out
     middle = geometry.transform(keep_out.base_from_object.matrix, np.array([0.0, 0.0, keep_out.height_m / 4]))
@@ -116,7 +118,7 @@ def direction_deg(found: Calibration, true: Calibration, cell: CellConfig, joint
 
 
 def true_calibration(nominal: Calibration, truth: dict[str, Any]) -> Calibration:
-    """The true values as far as a calibration can state them: its distortion is the nearest with five coefficients."""
+    """The true values as far as a calibration can state them; distortion is the nearest with five coefficients."""
     degrees = np.arange(0, LAST_KNOT_DEG + 1, KNOT_STEP_DEG)
     cosine = np.cos(np.radians(degrees))
     factors = np.array(truth["lobe_by_degree"])[degrees] / cosine**nominal.lobe_exponent
@@ -139,13 +141,13 @@ def true_calibration(nominal: Calibration, truth: dict[str, Any]) -> Calibration
 
 
 def in_view_of(normals: Float32Array, solved_with: Calibration, nominal: Calibration) -> Float32Array:
-    """Normals (H, W, 3) of one calibration's view frame in that of another, the truth's."""
+    """Rotates normals (H, W, 3) from the view frame of `solved_with` to that of `nominal`, the truth's."""
     own, other = (geometry.base_from_view(np.array(known.base_from_camera))[:3, :3] for known in (solved_with, nominal))
     return (normals @ (other.T @ own).T.astype(np.float32)).astype(np.float32)
 
 
 def _lobe(found: Calibration) -> FloatArray:
-    """Intensity relative to the axis at whole degrees to all sides (degrees, sides)."""
+    """Intensity (degrees + 1, SIDES) relative to the axis, at whole degrees to all sides."""
     angle, direction = _directions()
     table = photometry.lobe_table(found.lobe)
     cosine = np.cos(angle)
@@ -155,7 +157,7 @@ def _lobe(found: Calibration) -> FloatArray:
 
 
 def _sensitivity(found: Calibration) -> Float32Array:
-    """Sensitivity (H, W) over the image, 1 in its centre; even where a calibration states none."""
+    """Sensitivity (H, W) over the image, 1 in its centre; 1 everywhere if the calibration states none."""
     whole = slice(0, found.height), slice(0, found.width)
     sensitivity = image_values.sensitivity(found, *whole)
     return np.ones((found.height, found.width), np.float32) if sensitivity is None else sensitivity
@@ -196,7 +198,7 @@ def _five_coefficients(nominal: Calibration, truth: dict[str, Any]) -> FloatArra
     """k1, k2, p1, p2, k3 nearest to the true distortion over the image, by linear least squares."""
     matrix = np.array(truth["camera_matrix"])
     u, v = np.meshgrid(np.linspace(0, nominal.width - 1, 24), np.linspace(0, nominal.height - 1, 24))
-    # Directions over the image and somewhat beyond: that they are those of the pixels but for the distortion is enough.
+    # Directions over the image and somewhat beyond; those of the pixels without distortion are accurate enough.
     rays = (np.stack([u.ravel(), v.ravel()], axis=1) - matrix[:2, 2]) / np.diag(matrix)[:2]
     points, zero = np.column_stack([rays, np.ones(len(rays))]), np.zeros(3)
     distorted = cv2.projectPoints(points, zero, zero, np.eye(3), np.array(truth["distortion"]))[0].reshape(-1, 2)

@@ -1,16 +1,16 @@
 """Sphere covers of an arm's links, from convex meshes, for the collision check of `controller.contact`.
 
-Spheres, because the distance of two is one subtraction: some hundred thousand a second cost the controller almost
-nothing, and the same sets serve for table, camera, object and the arm itself. A link's spheres stand out of its convex
-mesh by at most `OUT_M` and leave no point of its surface (sampled every 2.5 mm) more than `GAP_M` outside; so a
-contact is seen at the latest when a body is `GAP_M` deep, and never while it is further off than `OUT_M`.
+Spheres are used because the distance of two is one subtraction: a few hundred thousand a second cost the controller
+almost nothing, and the same sets serve against table, camera, object and the arm itself. A link's spheres protrude from
+its convex mesh by at most `OUT_M` and leave no point of its surface (sampled every 2.5 mm) more than `GAP_M` outside.
+So a contact is detected at the latest when a body is `GAP_M` deep, and never while it is further off than `OUT_M`.
 
     python -m hardware_sim.link_spheres FOLDER
 
-FOLDER holds, for each model to be made anew, a folder of seven convex, watertight STL files in m, sorted from base to
-flange, each in its Denavit–Hartenberg frame: the collision meshes of UR's public robot description (BSD-3-Clause), or
-what `acquisition.waypoints.estimated_links` makes of them, which puts an empty file `estimated` beside them. A model
-that has another's links has its name for them.
+FOLDER holds a folder for each model to be made again, with seven convex, watertight STL files in m, sorted from base to
+flange, each in its Denavit–Hartenberg frame. They are the collision meshes of UR's public robot description
+(BSD-3-Clause), or those that `acquisition.waypoints.estimated_links` makes of them, which puts an empty file
+`estimated` beside them. In the table, a model with the links of another one holds that one's name.
 """
 
 import heapq
@@ -29,7 +29,7 @@ GAP_M = 0.002
 UNIT_M = 1e-4
 """Numbers are stored as whole tenths of a millimetre."""
 ESTIMATED = 3.0
-"""How many times coarser arms are whose shape is an estimate, wrong by centimetres itself."""
+"""Factor of the tolerances for arms whose shape is an estimate, which itself is wrong by centimetres."""
 
 _SAMPLE_M = 0.0025
 _LATTICE_M = 0.006
@@ -64,7 +64,7 @@ def packed(mesh: trimesh.Trimesh, coarse: float = 1.0) -> FloatArray:
 
 
 def _candidates(mesh: trimesh.Trimesh, coarse: float) -> FloatArray:
-    """Centres that may serve: a lattice, and points at some depths under the surface and under the vertices."""
+    """Candidate centres: a lattice, and points at several depths below the surface and below the vertices."""
     low, high = mesh.bounds
     step = coarse * _LATTICE_M
     axes = [np.arange(a + step / 2, b, step) for a, b in zip(low, high, strict=True)]

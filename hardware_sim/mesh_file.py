@@ -1,10 +1,10 @@
 """Meshes from STL, PLY and OBJ files, made ready for the simulated cell.
 
-A file has corners and triangles, seldom normals worth using, and STL none at all: so the normals are made here, smooth
-within each patch that no crease bounds. What a renderer of solids cannot use is refused, never mended: a mended hole is
-a surface that the user does not have, and the truth that normals are graded against would hold it too.
+Files seldom hold usable vertex normals, and STL holds none, so normals are computed here; they are smooth except across
+creases. A mesh that does not bound a solid is refused, never mended: a mended hole would be a surface that the user's
+object does not have, also in the truth against which normals are graded.
 
-Colours, materials and textures of a file are not read: its albedo and reflectance are the simulator's.
+Colours, materials and textures of a file are not read; albedo and reflectance are the simulator's.
 """
 
 from pathlib import Path
@@ -22,28 +22,28 @@ from hardware_sim.sheets import Mesh
 SUFFIXES = (".stl", ".ply", ".obj")
 
 CREASE_DEG = 35.0
-"""Two triangles whose normals differ by more than this, degrees, meet in a crease. The coarsest curved surface that is
-drawn smooth has 360 / 35 ≈ 10 facets round; edges of machined parts and chamfers of 45° stay edges."""
+"""Angle, degrees, between the normals of two triangles beyond which their edge is a crease. The coarsest curved surface
+that is drawn smooth has 360 / 35 ≈ 10 facets round; edges of machined parts and chamfers of 45° stay edges."""
 
 LARGEST_IN_MM = 1.0
-"""Without a size, a mesh whose largest extent exceeds this many units is in millimetres, else in metres: nothing that
-fits under the camera is larger than a metre, and nothing worth a picture is smaller than a millimetre."""
+"""Largest extent, in units of the file, beyond which a mesh without a size is in millimetres, else in metres. Nothing
+that fits under the camera is larger than a metre, and nothing worth an image is smaller than a millimetre."""
 
 SMALLEST_M = 0.005
 """Largest extent, m, below which an object is refused: it covers fewer than 30 pixels of the 1024 of the image."""
 
 LEAST_VOLUME = 1e-9
-"""Volume, as a share of its largest extent cubed, below which a closed mesh is flat: foil of 0.1 µm on 0.1 m."""
+"""Volume, as a share of its largest extent cubed, below which a closed mesh is flat: foil of 0.1 nm on 0.1 m."""
 
 LEAST_DOUBLE_AREA = 1e-14
-"""Triangles whose cross product is shorter, m² (a needle of 10 µm × 1 nm), have no direction and are left out."""
+"""Length, m², of the cross product of two sides below which a triangle (a needle of 10 µm × 1 nm) is left out."""
 
 
 def read(path: Path, size_mm: float | None = None) -> Mesh:
     """Reads a closed mesh and places it: scaled, centred in x and y, its lowest point on z = 0; frame of the object.
 
-    `size_mm` is its largest extent along an axis afterwards; None takes the file's unit as millimetres when the largest
-    extent exceeds `LARGEST_IN_MM`, else as metres. Raises RigError request.invalid that names the file and what to do.
+    `size_mm` is its largest extent along an axis afterwards. If it is None, the file's unit is millimetres if the
+    largest extent exceeds `LARGEST_IN_MM`, else metres. Raises RigError request.invalid with the file and a remedy.
     """
     if size_mm is not None and not 0 < size_mm < np.inf:
         raise _refused(path, f"cannot have a size of {size_mm:g} mm", "give --size-mm a length above 0")
@@ -59,7 +59,7 @@ def read(path: Path, size_mm: float | None = None) -> Mesh:
         )
     low, high = corners.min(axis=0), corners.max(axis=0)
     foot = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
-    # Placed before corners are merged, whose tolerance is a length: 10 nm of the object, whatever the file's unit.
+    # Placed before corners are merged, because the tolerance of merging is a length: 10 nm of the object.
     solid = trimesh.Trimesh((corners - foot) * scale, raw.faces, process=False)
     solid.merge_vertices()
     solid.update_faces(_three_corners(np.asarray(solid.faces)))
@@ -81,14 +81,14 @@ def smooth_normals(triangles: FloatArray, faces: npt.NDArray[np.int64], adjacenc
     """Normals (F, 3, 3) of the corners of triangles (F, 3, 3): angle-weighted means over smoothing groups.
 
     `faces` (F, 3) are vertex numbers, `adjacency` (E, 2) pairs of faces that share an edge. The corners at a vertex
-    belong to one group where edges without a crease join their faces, so that a crease may end within a surface.
+    belong to one group if edges without a crease join their faces, so that a crease may end within a surface.
     Weights: G. Thürmer and C. A. Wüthrich, Computing vertex normals from polygonal facets, J. Graphics Tools 1998.
     """
     double = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     flat = double / np.maximum(np.linalg.norm(double, axis=1, keepdims=True), 1e-300)
     cosine = np.einsum("ei,ei->e", flat[adjacency[:, 0]], flat[adjacency[:, 1]])
     first, second = adjacency[cosine > np.cos(np.radians(CREASE_DEG))].T
-    # Corner c of face f has number 3 f + c; those of two smooth neighbours at a vertex of theirs are joined.
+    # Corner c of face f has number 3 f + c; the corners of two smooth neighbours at a common vertex are joined.
     near, far = [], []
     for i in range(3):
         for j in range(3):
@@ -114,7 +114,7 @@ def _corner_angles(triangles: FloatArray) -> FloatArray:
 
 
 def _three_corners(faces: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """Faces (F,) that have three corners; what merging has made an edge closes nothing and opens nothing."""
+    """Mask (F,) of faces with three distinct corners; dropping a face that merging made an edge opens no hole."""
     return (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
 
 
@@ -144,7 +144,7 @@ def _triangles(path: Path) -> trimesh.Trimesh:
 
 
 def _check_closed(path: Path, mesh: trimesh.Trimesh) -> None:
-    """Raises RigError request.invalid where the triangles do not bound a solid."""
+    """Raises RigError request.invalid if the triangles do not bound a solid."""
     if not mesh.is_watertight:
         edges = np.asarray(mesh.edges_sorted)
         _, faces_at = np.unique(edges, axis=0, return_counts=True)

@@ -1,6 +1,6 @@
 """Nominal calibration and cell file of the simulated cell, as its operators would have measured them.
 
-The calibration holds nominal values; the deviations from them are known to `world` alone.
+The calibration holds nominal values; only `world` knows the deviations from them.
 """
 
 import json
@@ -14,11 +14,11 @@ from acquisition.models.cell_config import CellConfig
 
 FULL_PIXELS = 1024
 ROBOT_API_PORT = 30080
-"""Port of a simulated PolyScope X's Robot API: the real one, 80, may need a right that users of the simulator lack."""
+"""Port of a simulated PolyScope X's Robot API. The real one, 80, may need a right that users of the simulator lack."""
 
 
 def calibration(pixels: int, over_m: tuple[float, float] = (0.55, 0.0)) -> Calibration:
-    """The nominal calibration of a square image of `pixels` × `pixels` of the same field of view.
+    """The nominal calibration for an image of `pixels` × `pixels`; the field of view does not depend on `pixels`.
 
     The camera looks down from 0.9 m on the point `over_m` of the table, base frame.
     """
@@ -64,10 +64,10 @@ def default_cell_file() -> Path:
 def write(
     folder: Path, address: str, pixels: int, cell_file: Path, polyscope: Literal["5", "x"] | None = None
 ) -> CellConfig:
-    """Writes `cell.toml` (of `cell_file`, at `address`) and `calibration.json` into a folder, and reads them back.
+    """Writes `cell.toml` (from `cell_file`, at `address`) and `calibration.json` into a folder, and reads them back.
 
-    The camera is above the object, wherever the cell file puts that.
-    `polyscope`: the controller's software; default: what the cell file says. Raises RigError config.invalid.
+    The camera is above the object's place in the cell file. `polyscope` is the controller's software, by default that
+    of the cell file. Raises RigError config.invalid.
     """
     folder.mkdir(parents=True, exist_ok=True)
     given = cell_config.load(cell_file)

@@ -1,8 +1,8 @@
-"""Which object stands in the simulated cell: a built-in one, a mesh file, a random family or a calibration target.
+"""Description of the object in the simulated cell: built-in, mesh file, random family or calibration target.
 
-The command line, the cell and the world's process all hand on this one description; each that needs the object builds
-it, which gives the same object for the same seed. Everything that can be refused is refused by `check` in the
-process that was asked, before any other is started.
+The command line, the cell and the world's process all pass on this one description. Each that needs the object builds
+it; the same seed gives the same object. `check` refuses everything that can be refused in the calling process, before
+any other process is started.
 """
 
 import json
@@ -32,10 +32,10 @@ DEFAULT_NAME = "vase"
 
 @dataclass(frozen=True)
 class ObjectSpec:
-    """An object by where it comes from: the name of a built-in one, a mesh file's path, a family's or a target's name.
+    """An object by its source; `name` is that of a built-in object, a family or a target, or a mesh file's path.
 
-    `size_mm` is the largest extent of a mesh, None for that of its file; `reflectance` (as `Reflectance.parse` reads
-    it) replaces the object's own.
+    `size_mm` is the largest extent of a mesh, None for that of its file. `reflectance`, as `Reflectance.parse` reads
+    it, replaces the object's own.
     """
 
     name: str
@@ -45,7 +45,7 @@ class ObjectSpec:
 
     @property
     def label(self) -> str:
-        """A short name for people: without a mesh's folder."""
+        """A short name for people, without a mesh's folder."""
         names = {"mesh": Path(self.name).name, "family": f"family {self.name}"}
         plain = names.get(self.source, self.name)
         return plain if self.reflectance is None else f"{plain} ({self.reflectance})"
@@ -55,7 +55,7 @@ class ObjectSpec:
         return json.dumps(asdict(self))
 
     def arguments(self) -> list[str]:
-        """The options of a command that `choose` makes this description of."""
+        """The command's options from which `choose` makes this description."""
         option = {"mesh": "--mesh", "family": "--family"}.get(self.source, "--object")
         size = [] if self.size_mm is None else ["--size-mm", repr(self.size_mm)]
         reflectance = [] if self.reflectance is None else ["--reflectance", self.reflectance]
@@ -70,7 +70,7 @@ class ObjectSpec:
 def choose(
     object_name: str | None, mesh: Path | None, size_mm: float | None, family: str | None, reflectance: str | None
 ) -> ObjectSpec:
-    """The object that the options of a command describe. Raises RigError request.invalid for options that conflict."""
+    """The object that a command's options describe. Raises RigError request.invalid for conflicting options."""
     given = [
         option
         for option, value in (("--object", object_name), ("--mesh", mesh), ("--family", family))
@@ -90,14 +90,14 @@ def choose(
 
 
 def as_spec(spec: ObjectSpec | str) -> ObjectSpec:
-    """A description; of a text, that of the built-in object or calibration target of this name."""
+    """A description; a text gives that of the built-in object or calibration target of this name."""
     if not isinstance(spec, str):
         return spec
     return ObjectSpec(spec, "target" if targets.is_name(spec) else "built-in")
 
 
 def target(spec: ObjectSpec, seed: int, cell: CellConfig) -> Target | None:
-    """The cell's calibration target that is described; None for an object. Raises RigError request.invalid."""
+    """The described calibration target, or None for an object. Raises RigError request.invalid."""
     if spec.source != "target":
         return None
     if spec.reflectance is not None:
@@ -108,12 +108,12 @@ def target(spec: ObjectSpec, seed: int, cell: CellConfig) -> Target | None:
 
 
 def build(spec: ObjectSpec, seed: int, cell: CellConfig) -> SceneObject:
-    """Makes the object so that it fits the cell's keep-out: a family's is scaled down to it, others are refused.
+    """Makes the object; one of a family is scaled down to fit the cell's keep-out, others must fit.
 
-    Of a target on the flange nothing stands on the table: its mesh is empty.
+    A target on the flange leaves the table empty, so its mesh is empty.
 
-    Raises RigError request.invalid that names what cannot be made and what can, config.invalid with both sizes and what
-    to do where the object stands out of the keep-out.
+    Raises RigError request.invalid that names what cannot be made and what can, and config.invalid with both sizes and
+    a remedy if the object does not fit the keep-out.
     """
     keep_out = cell.object.keep_out
     made_target = target(spec, seed, cell)
@@ -131,7 +131,7 @@ def build(spec: ObjectSpec, seed: int, cell: CellConfig) -> SceneObject:
         scene = replace(_plain(spec, made.mesh, made.texture), reflectance=made.reflectance)
         share = _share_that_fits(scene, keep_out)
         if share < 1:
-            # A ten-thousandth smaller, so that rounding does not leave it too large.
+            # Smaller by 1e-4, so that rounding does not leave it too large.
             scene = replace(scene, mesh=made.mesh.scaled(0.9999 * share))
     else:
         scene = objects.build(spec.name, seed)
@@ -140,9 +140,10 @@ def build(spec: ObjectSpec, seed: int, cell: CellConfig) -> SceneObject:
 
 
 def check(spec: ObjectSpec, seed: int, cell_file: Path) -> None:
-    """Makes the object and drops it: raises what `build` and reading the cell file raise.
+    """Makes the object and discards it; raises what `build` and reading the cell file raise.
 
-    A built-in object's name alone is looked at, since all fit the simulated cell; `World` measures it in any other.
+    Of a built-in object only name and reflectance are checked, since all fit the simulated cell. `World` checks the fit
+    in any other cell.
     """
     cell = cell_config.load(cell_file)
     if spec.source != "built-in":
@@ -158,7 +159,7 @@ def _plain(spec: ObjectSpec, mesh: Mesh, texture: Callable[[FloatArray], FloatAr
 
 
 def _share_that_fits(scene: SceneObject, keep_out: KeepOut) -> float:
-    """The factor by which the object may grow before it leaves the keep-out; below 1 it is too large."""
+    """The largest factor by which the object, scaled, still fits the keep-out; below 1 it is too large."""
     return min(keep_out.radius_m / scene.radius_m, keep_out.height_m / scene.height_m)
 
 

@@ -1,4 +1,4 @@
-"""The objects that can stand in the simulated cell: a shape, a finish, and a seed that varies both.
+"""Built-in objects of the simulated cell: a shape, a finish, and a seed that varies both.
 
 A name is a shape (`sphere`, `vase`, `relief`, `part`, `bumps`, `figure`), or a shape and a finish joined by a dash:
 `-matt` (one albedo near 0.6), `-textured` (patches between 0.3 and 0.7 with clear edges), `-glossy` (the plain finish
@@ -24,8 +24,8 @@ LAMBERT = Reflectance()
 """The reflectance of every built-in object."""
 
 POLISHED = 200.0
-"""Exponent of the gloss of finish `-contrast`: highlights 5° wide, which saturate; the plain gloss, 12° wide, would
-cover the dark patches, which reflect less than it."""
+"""Exponent of the gloss of finish `-contrast`: its highlights are 5° wide and saturate. The gloss of `-glossy`, 12°
+wide, would cover the dark patches, which reflect less than it does."""
 
 Finish = Literal["soft", "matt", "textured", "glossy", "contrast"]
 
@@ -60,11 +60,11 @@ class Texture:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object of the cell, object frame: it stands on z = 0 round the z axis.
+    """An object of the cell in its own frame: it stands on z = 0 round the z axis.
 
-    `texture` gives the albedo (N,) at points (N, 3). Gloss (Blinn–Phong), for a Lambertian `reflectance` alone, adds
-    `gloss` · |E| · (n·h)^`gloss_exponent` to the light that a pixel sends to the camera, E the lamp's irradiance on a
-    surface facing it, h half-way between lamp and camera.
+    `texture` gives the albedo (N,) at points (N, 3). Gloss (Blinn–Phong) applies only to a Lambertian `reflectance`. It
+    adds `gloss` · |E| · (n·h)^`gloss_exponent` to a pixel's light, where E is the lamp's irradiance on a surface that
+    faces it and h points half-way between lamp and camera.
     """
 
     name: str
@@ -76,12 +76,12 @@ class SceneObject:
 
     @cached_property
     def radius_m(self) -> float:
-        """Of the least cylinder round the z axis that holds the object."""
+        """Radius, m, of the smallest cylinder round the z axis that holds the object."""
         return float(np.hypot(self.mesh.triangles[..., 0], self.mesh.triangles[..., 1]).max())
 
     @cached_property
     def height_m(self) -> float:
-        """Of its highest point over the table."""
+        """Height, m, of its highest point above the table."""
         return float(self.mesh.triangles[..., 2].max())
 
 
@@ -91,7 +91,7 @@ def names() -> list[str]:
 
 
 def check_name(name: str) -> None:
-    """Raises RigError request.invalid naming the objects there are, unless `name` is one."""
+    """Raises RigError request.invalid that lists the objects, unless `name` is one."""
     if name not in names():
         known = ", ".join(SHAPES)
         raise RigError(
@@ -120,7 +120,7 @@ def build(name: str, seed: int) -> SceneObject:
 
 
 def soft_texture(name: str, seed: int) -> Texture:
-    """The albedo of an object that brings none: it drifts softly between 0.3 and 0.7, as without a finish."""
+    """Albedo for an object without its own: it drifts softly between 0.3 and 0.7, as without a finish."""
     return _texture("soft", _generator(name, seed))
 
 

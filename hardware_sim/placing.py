@@ -1,4 +1,4 @@
-"""What an operator does between two sessions: puts another object or calibration target into the running cell."""
+"""Puts another object or calibration target into the running cell, as an operator does between two sessions."""
 
 import json
 import socket
@@ -6,15 +6,15 @@ import socket
 from acquisition.models.errors import ErrorCode, RigError
 
 ANSWER_WITHIN_S = 600.0
-"""The world builds the new scene and its truth before it answers: seconds, and over two minutes where twenty programs
-share two cores."""
+"""Time limit, s, for the answer. The world first builds the new scene and its truth, which takes seconds, and over two
+minutes if twenty programs share two cores."""
 
 
 def place(address: str, port: int, name: str) -> str:
     """Asks the simulated camera's world for a built-in object or target by name, and returns its label.
 
-    The next frame shows it, and the controller's collision check knows it. Raises RigError device.disconnected where no
-    simulated cell runs, request.invalid and config.invalid's reasons as request.invalid for what cannot be placed.
+    The next frame shows it, and the controller's collision check includes it. Raises RigError device.disconnected if no
+    simulated cell runs, and request.invalid with the world's reason if it cannot be placed.
     """
     try:
         with socket.create_connection((address, port), ANSWER_WITHIN_S) as connection:

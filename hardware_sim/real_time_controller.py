@@ -1,7 +1,7 @@
-"""The simulated controller as lightpose runs it: before what else the machine does, as on a machine of its own.
+"""Runs the simulated controller for lightpose: in real time, ahead of the machine's other work.
 
-`hardware_sim.controller` imports the standard library alone, so that it serves other projects' tests as a package of
-its own (`hardware_sim.ur_sim_project`); scheduling and the service's errors are added here.
+`hardware_sim.controller` imports only the standard library, so that it serves other projects' tests as a package of its
+own (`hardware_sim.ur_sim_project`). This module adds scheduling and the service's errors.
 
     python -m hardware_sim.real_time_controller      takes the options of `python -m hardware_sim.controller`
 """
@@ -18,12 +18,12 @@ from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 
 SHARE = 0.4
-"""Share of a core in real time; a real controller has a machine of its own. A moving arm at speed 20 takes 0.2."""
+"""Largest share of a core in real time. A moving arm at speed 20 takes 0.2; a real controller has its own machine."""
 
 
 @contextmanager
 def as_rig_errors() -> Generator[None]:
-    """Raises what a controller's process or client raises as RigError: device.disconnected, request.invalid."""
+    """Converts errors of a controller's process or client to RigError: device.disconnected, request.invalid."""
     try:
         yield
     except ConnectionError as error:
@@ -33,7 +33,7 @@ def as_rig_errors() -> Generator[None]:
 
 
 def start(address: str, options: ControllerOptions, *, log_level: str = "WARNING") -> ControllerProcess:
-    """Starts a controller in real time, where that is permitted. Raises RigError device.disconnected."""
+    """Starts a controller, in real time if that is permitted. Raises RigError device.disconnected."""
     with as_rig_errors():
         return ControllerProcess(address, options, log_level=log_level, module=__name__)
 

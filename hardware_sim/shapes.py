@@ -1,8 +1,8 @@
-"""The six shapes of the simulated cell, made by code, each from a random generator that varies its small details.
+"""The six built-in shapes of the simulated cell; a random generator varies the small details of each.
 
-Each is 0.10–0.15 m long, stands on z = 0 round the z axis, and differs from the others in what it asks of photometric
-stereo: `sphere` (every slant, an analytic truth), `vase` (a curved outline), `relief` (flat, fine, grazing light),
-`part` (steps, holes and edges), `bumps` (smooth valleys), `figure` (arms and legs that shadow and occlude one another).
+Each is 0.10–0.15 m long and stands on z = 0 round the z axis. Each tests photometric stereo in another way: `sphere`
+(every slant, an analytic truth), `vase` (a curved outline), `relief` (flat, fine, grazing light), `part` (steps, holes
+and edges), `bumps` (smooth valleys), `figure` (arms and legs that shadow and occlude one another).
 """
 
 from itertools import pairwise
@@ -70,7 +70,7 @@ def relief(random: np.random.Generator) -> Mesh:
 
 
 def _at(image: FloatArray, where: FloatArray) -> FloatArray:
-    """The image between its pixels, at rows and columns `where` (2, R, C)."""
+    """The image interpolated at rows and columns `where` (2, R, C)."""
     return np.asarray(map_coordinates(image, where, order=1), float)
 
 
@@ -109,7 +109,7 @@ def part(random: np.random.Generator) -> Mesh:
     wide, narrow = 0.0145 * random.uniform(0.9, 1.1), 0.0095 * random.uniform(0.9, 1.1)
     solids = [
         sheets.box((x0, y0, 0.0), (x4, y1, floor)),
-        # Side by side, not one on the other: `radiosity.exposed` needs to know inside from outside.
+        # Side by side, not one on the other: `radiosity.exposed` has to tell inside from outside.
         sheets.box((x1, y0, floor), (x2, y1, step)),
         sheets.box((x0, y0, floor), (x1, y1, top)),
     ]

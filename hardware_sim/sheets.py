@@ -1,8 +1,8 @@
 """Surfaces as smooth sheets: grids of points with a normal at each, joined into one triangle mesh.
 
-Every object of the cell is a union of sheets. Within a sheet normals are interpolated, so that a curved surface shades
-smoothly; two sheets that meet keep their own normals, so that a machined edge stays an edge. No boolean operations are
-needed: solids may overlap, since a ray stops at the outermost surface.
+Built-in objects, except `figure`, are unions of sheets. Normals are interpolated within a sheet, so that a curved
+surface shades smoothly. Two sheets that meet keep their own normals, so that a machined edge stays sharp. No boolean
+operations are needed: solids may overlap, since a ray stops at the outermost surface.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from acquisition.models.base import FloatArray
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles (F, 3, 3) in m and the normals (F, 3, 3) of their corners, object frame, outside in front."""
+    """Triangles (F, 3, 3) in m, with their front outside, and normals (F, 3, 3) of their corners; object frame."""
 
     triangles: FloatArray
     corner_normals: FloatArray
@@ -45,14 +45,14 @@ def _double_areas(triangles: FloatArray) -> FloatArray:
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh of several."""
+    """Concatenates meshes."""
     return Mesh(
         np.concatenate([mesh.triangles for mesh in meshes]), np.concatenate([mesh.corner_normals for mesh in meshes])
     )
 
 
 def indexed(vertices: FloatArray, normals: FloatArray, faces: np.ndarray) -> Mesh:
-    """A mesh from vertices (V, 3), their normals (V, 3) and faces (F, 3); faces turn to face along the normals.
+    """A mesh from vertices (V, 3), their normals (V, 3) and faces (F, 3), which are oriented along the normals.
 
     Triangles without area (the poles of a grid) are left out.
     """
@@ -105,7 +105,7 @@ def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
 def revolved(radius: FloatArray, height: FloatArray, normal: FloatArray, segments: int) -> Mesh:
     """A surface of revolution about z.
 
-    `radius` and `height` (R,) in m along the profile, `normal` (R, 2) its radial and axial normal.
+    `radius` and `height` (R,), m, are those along the profile, `normal` (R, 2) its radial and axial normal.
     """
     angle = np.linspace(0, 2 * np.pi, segments + 1)
     angle[-1] = 0.0  # the seam's two sides are the same points
@@ -119,7 +119,7 @@ def revolved(radius: FloatArray, height: FloatArray, normal: FloatArray, segment
 
 
 def cone(start: tuple[float, float], end: tuple[float, float], outward: tuple[float, float], segments: int) -> Mesh:
-    """A cone's, cylinder's or disc's surface of revolution between two (radius, height) in m with one normal."""
+    """A cone, cylinder or disc about z between two (radius, height) in m, with one normal."""
     profile = np.array([start, end])
     return revolved(profile[:, 0], profile[:, 1], np.array([outward, outward], dtype=float), segments)
 

@@ -1,8 +1,8 @@
 """Spectra of the simulated cell: a white LED's light, a camera's three channels, surfaces, and a 24-patch chart.
 
-What a camera sees is the integral over wavelengths of light, reflectance and sensitivity. A camera whose sensitivities
-are no mixture of the eye's, which are all, cannot tell all colours as the eye does; so a colour matrix has something
-left over, here as on a bench. Sources of the data are named in `spectra.json`.
+A camera's value is the integral over wavelengths of light, reflectance and sensitivity. No camera's sensitivities are
+linear combinations of the eye's, so no camera distinguishes all colours as the eye does, and a colour matrix leaves
+residuals, here as on a bench. Sources of the data are named in `spectra.json`.
 """
 
 import json
@@ -24,8 +24,7 @@ def _data() -> dict[str, FloatArray]:
 
 
 def _seen(reflectances: FloatArray) -> FloatArray:
-    """Values (N, 3) of R, G, B under the LED of surfaces of reflectances (N, L); a white one has a mean of 1 over a
-    mosaic's cell."""
+    """Values (N, 3) of R, G, B for reflectances (N, L) under the LED; white has mean 1 over a mosaic's cell."""
     data = _data()
     response = data["camera"] * data["led"]
     return reflectances @ response.T / float(CELL_SHARES @ response.sum(axis=1))

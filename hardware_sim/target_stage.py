@@ -1,9 +1,9 @@
 """Ray-traced images of a calibration target on the table, or on the flange of a moving arm.
 
-A target is small in the image and may stand elsewhere in every one, so only the pixels round it are traced, anew for
-each pose; the table behind needs one ray a pixel, once. A mirror sphere shows its surroundings instead of shading: the
-lamp as a bright disc, the lit table, and the room. What boards and planes send back to the table and to one another is
-left out; they are flat and face the sky.
+A target is small in the image and may stand elsewhere in each one, so only the pixels round it are traced, again for
+each pose. The table behind needs one ray a pixel, once. A mirror sphere shows its surroundings instead of shading: the
+lamp as a bright disc, the lit table, and the room. Light that boards and planes reflect to the table and to one another
+is left out; they are flat and face the sky.
 """
 
 from collections.abc import Callable
@@ -22,24 +22,23 @@ from hardware_sim.targets import Target
 from hardware_sim.tracing import START_M, Tracer
 
 EMITTER_RADIUS_M = 0.020
-"""The lamp's window, evenly bright: a chip-on-board LED behind a diffuser. Shading takes it for a point."""
+"""Radius, m, of the lamp's evenly bright window: a chip-on-board LED behind a diffuser. Shading takes it as a point."""
 
 BLUR_PX = 0.5
-"""1 σ of the lens's blur: corners and highlights have soft edges on a sensor."""
+"""1 σ of the lens's blur, px: corners and highlights have soft edges on a sensor."""
 
 MARGIN_PX = 6
-"""Pixels round the projected target that are traced with it: its edges are bent by the lens, by less than that."""
+"""Width, px, of the margin traced round the projected target: the lens bends the target's edges by less than that."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
 Radiance = Callable[[FloatArray, FloatArray], FloatArray]
-"""Points (N, 3) on the mirror and unit directions (N, 3) away from it → what comes from there (N,)."""
+"""Points (N, 3) on the mirror and unit directions (N, 3) away from it → radiance (N,) from there."""
 
 
 @dataclass(frozen=True)
 class _Posed:
-    """A target at a pose: its surface in the object's frame, tracer, samples, and the share of each pixel (H·W,) that
-    it leaves free."""
+    """A target at a pose: surface in the object's frame, tracer, samples, and uncovered share of each pixel (H·W,)."""
 
     scene: SceneObject
     tracer: Tracer
@@ -50,7 +49,7 @@ class _Posed:
 class _SubpixelRays:
     """Rays through points beside the pixels' centres, to first order about the centre.
 
-    Undistortion is the dearest part of an image, and over half a pixel a lens's is linear to 1e-5 pixels.
+    Undistortion is the most expensive part of an image, and over half a pixel it is linear to 1e-5 pixels.
     """
 
     def __init__(self, lens: Lens) -> None:
@@ -60,13 +59,13 @@ class _SubpixelRays:
         self._down = lens.directions(columns, rows + 0.5) - lens.directions(columns, rows - 0.5)
 
     def directions(self, pixels: npt.NDArray[np.int32], right: float, down: float) -> Float32Array:
-        """Directions (N, 3) as `Lens.directions`, of pixels (N,) by number, `right` and `down` of their centres."""
+        """Directions (N, 3), as `Lens.directions`, through points `right` and `down` of the centres of pixels (N,)."""
         aside = np.float32(right) * self._right[pixels] + np.float32(down) * self._down[pixels]
         return (self._centre[pixels] + aside).astype(np.float32, copy=False)
 
 
 class TargetStage:
-    """Images of one target by one lens."""
+    """Images of one target through one lens."""
 
     def __init__(self, target: Target, lens: Lens, subdivision: int) -> None:
         """`subdivision` × `subdivision` rays for each pixel of the target."""
@@ -91,7 +90,7 @@ class TargetStage:
         return self._finished(image)
 
     def ambient_image(self, object_from_mount: FloatArray) -> Float32Array:
-        """Image (H, W) under the room's light alone; a white surface under open sky sends 1."""
+        """Image (H, W) under the room's light alone; 1 is a white surface under open sky."""
         posed = self._at(object_from_mount)
         table = self._on_table(np.ones(len(self._table.points)))
         if posed is None:
@@ -106,7 +105,7 @@ class TargetStage:
         return self._finished(image)
 
     def _at(self, object_from_mount: FloatArray) -> _Posed | None:
-        """The target at a pose of its mount, kept until the next; none where there is nothing to be seen."""
+        """The target at a pose of its mount, cached until the pose changes; None for a target without a surface."""
         key = object_from_mount.tobytes()
         if self._last is None or self._last[0] != key:
             self._last = key, self._traced(self._target.posed(object_from_mount))
@@ -136,7 +135,7 @@ class TargetStage:
         return image
 
     def _mirrored(self, posed: _Posed, radiance: Radiance) -> Float32Array:
-        """Image (H·W,) of what the mirror reflects."""
+        """Image (H·W,) of the mirror's reflections."""
         samples = posed.view.surface
         points, normals = samples.points.astype(float), samples.normals.astype(float)
         seen = points - self._lens.eye
@@ -151,10 +150,10 @@ class TargetStage:
 
 
 def _lamp_radiance(lamp: Lamp, posed: _Posed, points: FloatArray, away: FloatArray) -> FloatArray:
-    """What rays (N, 3) from points (N, 3) find under the lamp alone: its window, the lit table, or a dark room.
+    """Radiance (N,) from directions (N, 3) at points (N, 3), lamp alone: its window, the lit table, or a dark room.
 
-    Radiance is relative to a white surface that faces the lamp on its axis at the reference distance: that of a window
-    of radius R is (reference / R)² times its emission over the cosine to its axis.
+    Radiance is relative to a white surface that faces the lamp on its axis at the reference distance. A window of
+    radius R has (reference / R)² times its emission divided by the cosine to its axis.
     """
     facing = -(away @ lamp.axis)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -175,7 +174,7 @@ def _lamp_radiance(lamp: Lamp, posed: _Posed, points: FloatArray, away: FloatArr
 
 
 def _table_samples(lens: Lens) -> Samples:
-    """Where the rays of the pixels' centres meet the table."""
+    """Samples of the table where the rays of the pixels' centres meet it."""
     rows, columns = np.divmod(np.arange(lens.width * lens.height, dtype=float), lens.width)
     directions = lens.directions(columns, rows).astype(float)
     pixels = np.flatnonzero(directions[:, 2] < 0).astype(np.int32)
@@ -187,8 +186,7 @@ def _table_samples(lens: Lens) -> Samples:
 
 
 def _outlined(lens: Lens, corners: FloatArray) -> npt.NDArray[np.int32]:
-    """Numbers of the pixels inside the convex outline of points (N, 3) and round it; all of them where one lies behind
-    the camera."""
+    """Numbers of the pixels inside and round the convex outline of points (N, 3); all if one lies behind the camera."""
     in_camera = geometry.transform(geometry.inverse(lens.object_from_camera), corners)
     if (in_camera[:, 2] <= 0.01).any():
         return np.arange(lens.width * lens.height, dtype=np.int32)
@@ -196,7 +194,7 @@ def _outlined(lens: Lens, corners: FloatArray) -> npt.NDArray[np.int32]:
     inside = np.zeros((lens.height, lens.width), np.uint8)
     outline = cv2.convexHull(np.clip(seen, -lens.width, 2 * lens.width).round().astype(np.int32))
     cv2.fillConvexPoly(inside, outline, (1,))
-    # The line widens the outline, whose edges distortion bends by less than that.
+    # The line widens the outline by more than distortion bends its edges.
     cv2.polylines(inside, [outline], isClosed=True, color=(1,), thickness=2 * MARGIN_PX)
     return np.flatnonzero(inside).astype(np.int32)
 

@@ -1,10 +1,10 @@
 """Calibration targets of the simulated cell: ChArUco board, mirror sphere, matt plane, grey tile, on table or flange.
 
-A target is chosen where an object is, by its name: `charuco`, `mirror-sphere`, `matt-plane`, `grey-tile`, or `empty`
-for the table alone; `@flange` after it screws it to the arm's flange, `#N` is the N-th way in which an operator lays it
-down (0: flat; others tilted, on a wedge). It is the one that the cell file describes, and where that describes none,
-this module's. What an operator knows of it is nominal: the print comes out larger or smaller, the board warps, the ball
-is not quite as large as is stamped on it, and where it lies nobody measured.
+A target is chosen by name, like an object: `charuco`, `mirror-sphere`, `matt-plane`, `grey-tile`, or `empty` for the
+table alone. The suffix `@flange` screws it to the arm's flange; `#N` is the N-th way in which an operator lays it down
+(0: flat; others tilted, on a wedge). Targets are as the cell file describes them, or else as this module does. The
+operator knows only nominal values: the print comes out larger or smaller, the board warps, the ball differs a little
+from its stamped size, and nobody has measured where it lies.
 """
 
 import re
@@ -27,7 +27,7 @@ Kind = Literal["charuco", "mirror-sphere", "matt-plane", "grey-tile", "empty"]
 Mount = Literal["table", "flange"]
 
 BOARD = CharucoPrint(columns=9, rows=7, square_m=0.010)
-"""The board, as ordered from the printer."""
+"""The board as ordered from the printer."""
 
 PLANE = CharucoPrint(columns=12, rows=10, square_m=0.009, border_squares=2)
 """The matt plane: two squares of ChArUco round a blank middle of 72 × 54 mm."""
@@ -39,31 +39,31 @@ TILE_SIDE_M, TILE_ALBEDO = 0.030, 0.18
 """A grey tile of 30 mm."""
 
 FLANGE_PLACE_M, FLANGE_TURN_RAD = (-0.058, 0.0, 0.155), float(np.radians(105))
-"""Where on the flange a target's middle is screwed to, m, and by how much it is turned about the flange's y: on the
-back of the default cell's lamp, so that it faces the camera while the lamp points down."""
+"""Position of a target's middle on the flange, m, and its turn about the flange's y, rad: on the back of the default
+cell's lamp, so that it faces the camera while the lamp points down."""
 
 SCALE_SIGMA, WARP_SIGMA_M, TWIST_SIGMA_M, RADIUS_SIGMA_M = 3e-4, 2e-4, 3e-5, 1e-5
-"""1 σ of the print's scale, of a board's sag along either side and of its twist, and of the ball's radius."""
+"""1 σ of the print's scale, of a board's sag along either side and its twist, and of the ball's radius."""
 
 MOUNT_SIGMA_M, MOUNT_SIGMA_RAD = 0.002, 0.02
-"""1 σ of a target's pose on the flange."""
+"""1 σ of the deviation of a target's pose on the flange."""
 
 LAID_OFF_M = 0.004
-"""Most by which an operator lays a target beside the middle of the object's place, along each axis."""
+"""Greatest distance, m, along each axis at which an operator lays a target from the middle of the object's place."""
 
 WEDGE_RAD = (float(np.radians(10)), float(np.radians(20)))
-"""Tilts of a target on a wedge."""
+"""Range of the tilt, rad, of a target on a wedge."""
 
 MARGIN_SQUARES, THICKNESS_M, ABOVE_TABLE_M, BACK_ALBEDO = 0.5, 0.002, 0.003, 0.05
-"""Paper round the squares, in squares; a board's thickness, how high it lies over the table, albedo of its back."""
+"""Paper round the squares, in squares; a board's thickness, its height above the table, and the albedo of its back."""
 
 GRID = 24
-"""Cells along a board's sides: its sag is within a micrometre of the facets."""
+"""Number of cells along a board's sides: the facets follow its sag to within a micrometre."""
 
 
 @dataclass(frozen=True)
 class Nominal:
-    """The targets as an operator knows them: prints, pose (4, 4) of the board on the flange, radius of the ball, m."""
+    """Targets as an operator knows them: prints, pose (4, 4) of the board on the flange, radius of the ball, m."""
 
     board: CharucoPrint
     flange_from_board: FloatArray
@@ -72,7 +72,7 @@ class Nominal:
 
 
 def nominal_of(cell: CellConfig) -> Nominal:
-    """The targets that a cell file describes, each that it does not by this module's values."""
+    """The targets of a cell file; those that it does not describe have this module's values."""
     board, flange_from_board, plane, radius_m = BOARD, _back_of_lamp(), PLANE, SPHERE_RADIUS_M
     if cell.board is not None:
         known = cell.board
@@ -95,7 +95,7 @@ _NAME = re.compile(r"(?P<kind>[a-z-]+)(@(?P<mount>[a-z]+))?(#(?P<placing>\d{1,6}
 
 @dataclass(frozen=True)
 class TargetSpec:
-    """A target by its kind, what carries it, and the number of its placing."""
+    """A target's kind, its mount, and the number of its placing."""
 
     kind: Kind
     mount: Mount = "table"
@@ -108,8 +108,8 @@ class TargetSpec:
 
 @dataclass(frozen=True)
 class Target:
-    """A target: its surface in its own frame, the pose (4, 4) of that in its mount's frame (the object's, or the
-    flange's), the reflectance of a mirror or 0, and facts for grading."""
+    """A target: surface in its own frame, pose (4, 4) in its mount's frame (the object's or the flange's), reflectance
+    of a mirror or 0, and facts for grading."""
 
     spec: TargetSpec
     surface: SceneObject
@@ -129,12 +129,12 @@ class Target:
 
 
 def is_name(name: str) -> bool:
-    """Whether a text names a target, good or bad in its details."""
+    """Whether a text names a kind of target; mount and placing may be invalid."""
     return re.split("[@#]", name)[0] in get_args(Kind)
 
 
 def parse(name: str) -> TargetSpec:
-    """Reads `charuco`, `matt-plane#2`, `charuco@flange`. Raises RigError request.invalid that says what there is."""
+    """Reads `charuco`, `matt-plane#2`, `charuco@flange`. Raises RigError request.invalid that lists the choices."""
     match = _NAME.fullmatch(name)
     kind, mount = (match["kind"], match["mount"] or "table") if match else ("", "")
     if match is None or kind not in get_args(Kind) or mount not in get_args(Mount):
@@ -148,7 +148,7 @@ def parse(name: str) -> TargetSpec:
 
 
 def build(spec: TargetSpec, seed: int, nominal: Nominal) -> Target:
-    """Makes a target: print and ball are those of the seed, whichever way they are laid down."""
+    """Makes a target; print and ball depend on the seed, but not on the placing."""
     random = np.random.default_rng([41, seed, sorted(get_args(Kind)).index(spec.kind)])
     surface, facts = _made(spec.kind, random, nominal)
     if spec.mount == "flange":
@@ -176,7 +176,7 @@ def _made(kind: Kind, random: np.random.Generator, nominal: Nominal) -> tuple[Sc
 
 
 def nothing() -> SceneObject:
-    """The table alone: an object without a surface."""
+    """The table alone, as an object without a surface."""
     return SceneObject("empty", Mesh(np.zeros((0, 3, 3)), np.zeros((0, 3, 3))), _even(0.0), 0.0, 30.0)
 
 
@@ -197,7 +197,7 @@ def _board(made: CharucoPrint, name: str, random: np.random.Generator) -> tuple[
 
 
 def _warped(made: CharucoPrint, scale: float, warp: FloatArray, twist: float) -> Mesh:
-    """A board's front, warped, and its flat back; z points into it, its front faces −z."""
+    """A board's warped front and flat back; z points into the board, and the front faces −z."""
     margin = MARGIN_SQUARES * made.square_m
     (width, height) = made.size_m
     x, y = np.meshgrid(
@@ -240,8 +240,8 @@ def _middle(facts: dict[str, Any]) -> FloatArray:
 
 
 def _back_of_lamp() -> FloatArray:
-    """Nominal pose (4, 4) of the board in the flange's frame where the cell file describes none: on the back of the
-    lamp, z into the board, x along the flange's y."""
+    """Nominal pose (4, 4) of the board in the flange's frame if the cell file describes none: on the back of the lamp,
+    z into the board, x along the flange's y."""
     across = geometry.pose((0.0, 0.0, 0.0), (0.0, 0.0, np.pi / 2))
     pose = geometry.pose((0.0, 0.0, 0.0), (0.0, FLANGE_TURN_RAD, 0.0)) @ across
     pose[:3, 3] = np.array(FLANGE_PLACE_M) - pose[:3, :3] @ np.array([*BOARD.size_m, 0.0]) / 2
@@ -251,7 +251,7 @@ def _back_of_lamp() -> FloatArray:
 def _on_flange(
     random: np.random.Generator, nominal: FloatArray, nominal_middle: FloatArray, middle: FloatArray
 ) -> FloatArray:
-    """Screwed where the board's nominal pose (4, 4) has its middle, as well as screws do that."""
+    """Pose (4, 4) with its middle at that of the board's nominal pose (4, 4), with the errors of screwing it on."""
     pose = nominal @ geometry.pose((0.0, 0.0, 0.0), MOUNT_SIGMA_RAD * random.standard_normal(3))
     place = geometry.transform(nominal, nominal_middle) + MOUNT_SIGMA_M * random.standard_normal(3)
     pose[:3, 3] = place - pose[:3, :3] @ middle
@@ -259,7 +259,7 @@ def _on_flange(
 
 
 def _on_table(spec: TargetSpec, seed: int, surface: SceneObject, facts: dict[str, Any]) -> FloatArray:
-    """Laid down by an operator: front up, anywhere near the middle, turned as it comes; on a wedge from placing 1."""
+    """Pose (4, 4) as an operator lays it down: front up, near the middle, turned at random; tilted from placing 1."""
     random = np.random.default_rng([43, seed, spec.placing])
     aside, yaw = random.uniform(-LAID_OFF_M, LAID_OFF_M, 2), random.uniform(-np.pi, np.pi)
     side, tilt = random.uniform(0, 2 * np.pi), random.uniform(*WEDGE_RAD) if spec.placing else 0.0

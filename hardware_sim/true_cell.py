@@ -1,7 +1,7 @@
-"""What is true of the cell's camera, lamp and arm, where its calibration states nominal values that are wrong.
+"""True parameters of the cell's camera, lamp and arm, from which the calibration's nominal values deviate.
 
-A cell that has just been bolted together is known from drawings and data sheets: this module draws how far it truly is
-off. All of it is constant: what differs from image to image is `world.Profile`'s. Grading reads it from
+A cell that has just been assembled is known only from drawings and data sheets; this module samples its true
+deviations. They are constant; deviations from image to image belong to `world.Profile`. Grading reads the truth from
 `calibration_truth.json`; no calibration does.
 """
 
@@ -19,36 +19,36 @@ from hardware_sim import lamp_lobe
 from hardware_sim.lamp_lobe import LampLobe
 
 LAMP_OFF_M, INTENSITY_OFF = 0.010, 0.05
-"""Distance of the true lamp from its nominal place, m, and deviation of its intensity, as a fraction."""
+"""Distance of the true lamp from its nominal position, m, and deviation of its intensity, as a fraction."""
 
 CAMERA_OFF_M, CAMERA_OFF_RAD, FOCAL_OFF = 0.005, float(np.radians(0.5)), 0.01
-"""Deviation of the camera's place, m, of its rotation, rad, and of its focal length, as a fraction."""
+"""Deviation of the camera's position, m, of its rotation, rad, and of its focal length, as a fraction."""
 
 CENTER_OFF_SHARE = 0.004
 """1 σ of the principal point, as a share of the image's width."""
 
 JOINT_OFFSET_RAD = float(np.radians(0.1))
-"""Root mean square of the offsets of joints 2 to 5. Those of the first and the last are no offsets: they turn the base
-and whatever the flange carries."""
+"""Root mean square, rad, of the offsets of joints 2 to 5. Joints 1 and 6 have none: an offset there is the same as a
+turn of the base, or of whatever the flange carries."""
 
 BEYOND_FIT = (0.02, -0.03, 0.02, 4e-5, -3e-5)
-"""Coefficients k4, k5, k6 (rational model) and s1, s3 (thin prism) of OpenCV's distortion, of either sign: terms that
-the five coefficients of `calibration.json` do not have."""
+"""Magnitudes of k4, k5, k6 (rational model) and s1, s3 (thin prism) of OpenCV's distortion, of random sign: terms that
+the five coefficients of `calibration.json` lack."""
 
 VIGNETTING = 0.02
-"""Loss of light in the image's corners, as a fraction, and of this a half more or less on one side."""
+"""Loss of light in the image's corners, as a fraction; half of it more on one side, and half less on the other."""
 
 COEFFICIENTS = 12
-"""Of OpenCV's distortion: five of the polynomial, three of the rational model, four of the thin prism."""
+"""Number of coefficients of OpenCV's distortion: five polynomial, three rational and four thin-prism ones."""
 
 
 @dataclass(frozen=True)
 class TrueCell:
     """Camera matrix (3, 3), OpenCV's distortion (5,) or (12,), poses (4, 4), the lamp's intensity as in `Calibration`
-    and its lobe, offsets of the joints (6,) in rad, and what the lens passes.
+    and its lobe, joint offsets (6,) in rad, and the lens's vignetting.
 
-    `vignetting`: a_x, a_y, q of the sensitivity 1 + a_x u + a_y v + q (u² + v²), u and v from the image's centre in
-    half diagonals.
+    `vignetting` holds a_x, a_y, q of the sensitivity 1 + a_x u + a_y v + q (u² + v²), where u and v are measured from
+    the image's centre in half diagonals.
     """
 
     camera_matrix: FloatArray
@@ -69,7 +69,7 @@ class TrueCell:
         return (1 + a_x * u + a_y * v + q * (u**2 + v**2)).astype(np.float32)
 
     def save(self, path: Path, **more: Any) -> None:
-        """Writes `calibration_truth.json`, with `more` facts; the lobe as its values at whole degrees off the axis."""
+        """Writes `calibration_truth.json` with `more` facts; the lobe is sampled at whole degrees off the axis."""
         degrees = np.arange(0, 91)
         angle = np.radians(degrees)
         along = np.stack([np.zeros(91), np.zeros(91), np.cos(angle)], axis=1)
@@ -90,7 +90,7 @@ class TrueCell:
 
 
 def nominal(calibration: Calibration) -> TrueCell:
-    """A cell that is as its calibration says."""
+    """A cell that equals its calibration."""
     return TrueCell(
         np.array(calibration.camera_matrix),
         np.array(calibration.distortion),
@@ -103,7 +103,7 @@ def nominal(calibration: Calibration) -> TrueCell:
 
 
 def perturbed(calibration: Calibration, seed: int) -> TrueCell:
-    """A cell whose calibration is wrong by the amounts above; `seed` says which way."""
+    """A cell that deviates from its calibration by the amounts above, in directions that `seed` determines."""
     random = np.random.default_rng([19, seed])
     known = nominal(calibration)
     matrix = known.camera_matrix.copy()

@@ -13,9 +13,11 @@ from acquisition.models.errors import ErrorCode, RigError
 
 @dataclass(frozen=True)
 class Truth:
-    """At the pixel centres of the true camera: normals (H, W, 3) in the nominal view frame, depth (H, W) in m along the
-    nominal OpenCV z, albedo (H, W), mask (H, W) of the object; zero outside the mask. `one_surface` (H, W): pixels
-    whose footprint shows one smooth surface, so that they have one normal (`footprint`); None: not known."""
+    """Truth at the pixel centres of the true camera, zero outside the mask.
+
+    Normals (H, W, 3) in the nominal view frame, depth (H, W) in m along the nominal OpenCV z, albedo (H, W), mask
+    (H, W) of the object. `one_surface` (H, W): pixels whose footprint shows one smooth surface, so that they have one
+    normal (`footprint`); None if not known."""
 
     normals: Float32Array
     depth: Float32Array
@@ -24,7 +26,7 @@ class Truth:
     one_surface: BoolArray | None = None
 
     def save(self, path: Path) -> None:
-        """Writes `truth.npz`; a reader never sees half of it."""
+        """Writes `truth.npz` atomically."""
         part = path.with_suffix(".part.npz")
         single = {} if self.one_surface is None else {"one_surface": self.one_surface}
         arrays = {"normals": self.normals, "depth": self.depth, "albedo": self.albedo, "mask": self.mask, **single}
@@ -33,7 +35,7 @@ class Truth:
 
 
 def load(path: Path) -> Truth:
-    """Reads `truth.npz`. Raises RigError store.corrupt naming the file."""
+    """Reads `truth.npz`. Raises RigError store.corrupt that names the file."""
     try:
         with np.load(path) as file:
             known = {name: file[name] for name in file.files}

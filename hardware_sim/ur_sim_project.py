@@ -74,7 +74,7 @@ def write(folder: Path) -> None:
             shutil.copy(file, package)
     (package / "py.typed").touch()
     shutil.copy(_ROOT / "LICENSE", folder)
-    # The spheres that links touch with are made from its meshes.
+    # The link spheres of the collision check are made from its meshes.
     shutil.copy(_ROOT / "acquisition" / "waypoints" / "meshes" / "LICENSE", folder / "LICENSE.ur_description")
     version = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     failures = (_ROOT / "docs" / "reference" / "ur-rtde-failures.md").read_text(encoding="utf-8")
