@@ -1,12 +1,13 @@
 """Simulated camera on a TCP port: a request is one JSON line, the reply a JSON line and the frame's bytes.
 
-A request is `{"exposure_s": 0.05, "attempt": 0, "number": 7}`; the answer's line holds width, height, dtype (always
-`<u2`), exposure_s, attempt, taken_at (seconds since 1970, UTC, the middle of the exposure) and the number if one was
-given, and width · height · 2 bytes follow, row 0 first. `{"info": true}` is answered by a line alone; so is `{"place":
-"mirror-sphere"}`, by `{"placed": label}`, for which somebody puts another object or target into the cell; and so is
-`{"fault": "doubled", "count": 2}`, which disturbs the next frames (`FrameFaults`). A bad request is answered
-`{"error": sentence}` and the connection stays open; a line that is too long closes it. Connections are served in turn,
-request by request.
+A frame is requested by `{"exposure_s": 0.05, "attempt": 0, "number": 7}`. The answer's line holds width, height, dtype
+(always `<u2`), exposure_s, attempt, taken_at (the middle of the exposure, seconds since 1970, UTC) and the number if
+one was given. Then width · height · 2 bytes follow, row 0 first.
+
+Other requests are answered by a line alone: `{"info": true}`; `{"place": "mirror-sphere"}`, which puts another object
+or target into the cell, by `{"placed": label}`; `{"fault": "doubled", "count": 2}`, which disturbs the next frames
+(`FrameFaults`). A bad request is answered by `{"error": sentence}` and the connection stays open; a line that is too
+long closes it. Connections are served in turn, request by request.
 """
 
 import json
@@ -34,11 +35,11 @@ TakeFrame = Callable[[list[ExposureInterval], float, int], npt.NDArray[np.uint16
 """Exposure intervals, exposure in s and attempt → frame (H, W)."""
 
 Place = Callable[[str], str]
-"""Name of an object or target → what it is called; raises RigError for one that there is not."""
+"""Name of an object or target → its label; raises RigError for an unknown name."""
 
 
 def no_placing(name: str) -> str:
-    """Refuses `name`: whoever serves this camera has nothing to put before it."""
+    """Refuses `name`: this camera's server cannot place objects."""
     raise RigError(ErrorCode.REQUEST_INVALID, f"nothing can be put into this cell, not even {name!r}")
 
 
@@ -123,7 +124,7 @@ class CameraServer:
             return self.faults.applied(header, frame)
 
     def _placed(self, name: Any) -> dict[str, Any]:
-        """Answer to a request to put something else into the cell, between two frames."""
+        """Answers a request to place another object or target; it is placed between two frames."""
         if not isinstance(name, str):
             raise ValueError("place must be the name of an object or target")
         with self._turn:
@@ -133,7 +134,7 @@ class CameraServer:
                 return {"error": error.detail}
 
     def _exposure(self, request: dict[str, Any]) -> tuple[float, int]:
-        """Exposure time and attempt of a request. Raises ValueError saying what is wrong."""
+        """Exposure time and attempt of a request. Raises ValueError that states what is wrong."""
         unknown = set(request) - {"exposure_s", "attempt", "number"}
         if unknown:
             raise ValueError(f"unknown: {', '.join(sorted(unknown))}")

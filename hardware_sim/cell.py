@@ -1,8 +1,8 @@
-"""Start and end of a simulated cell: controller and world as two child processes, and the files that describe them.
+"""Starts and ends a simulated cell: controller and world as two child processes, and the files that describe them.
 
-Both children end when their standard input does, so that neither outlives the process that started the cell. The folder
-receives `cell.toml`, `calibration.json` (nominal values), and for graders alone `truth.npz` (of the object) and
-`calibration_truth.json` (of camera, lamp and arm, and of a calibration target).
+Both children end when their standard input does, so neither outlives the process that started the cell. The folder
+receives `cell.toml` and `calibration.json` (nominal values). It also receives, for graders only, `truth.npz` (of the
+object) and `calibration_truth.json` (of camera, lamp and arm, and of a calibration target).
 """
 
 import json
@@ -31,23 +31,23 @@ from hardware_sim.status import StatusLines
 from hardware_sim.world import ProfileName
 
 READY_WITHIN_S = 600.0
-"""Controller and world are ready in ten seconds, and in over two minutes where twenty programs share two cores."""
+"""Time limit, s, for controller and world to be ready: usual are 10 s, and over 120 s if 20 programs share 2 cores."""
 
 STATUS_EVERY_S = 0.05
 
 
 @dataclass(frozen=True)
 class CellOptions:
-    """What stands in a simulated cell, and where it listens.
+    """Contents and address of a simulated cell.
 
-    `address`: loopback address of controller and camera. `spec`, `seed`: what `object_spec.build` makes; a text is the
-    name of a built-in object. `profile`: how the world differs from its calibration (`world.PROFILES`). `speed`: factor
-    of motion time against wall time.
-    `pixels`: edge of the camera's square image. `cell_file`: the cell to stand in for; None is the simulated one.
-    `calibration_seed`: an arm that differs from its nominal kinematics; None is the nominal arm. `record`: a file for
-    every tick. `programs`: a folder of programs that the dashboard can load. `perturbed`: the calibration's values are
-    wrong as those of a cell that was never calibrated (`true_cell.perturbed`); the seed says how. `polyscope`: the
-    controller's software, "5" or "x"; None is what the cell file says.
+    `address`: loopback address of controller and camera. `spec`, `seed`: the object that `object_spec.build` makes; a
+    text is the name of a built-in one. `profile`: how the world differs from its calibration (`world.PROFILES`).
+    `speed`: motion time per wall time. `pixels`: edge of the camera's square image. `cell_file`: the cell to simulate;
+    None is the default simulated cell. `calibration_seed`: seed of an arm that differs from its nominal kinematics;
+    None is the nominal arm. `record`: file that receives every tick. `programs`: folder of programs that the dashboard
+    can load. `perturbed`: the calibration's values are as wrong as those of a cell that was never calibrated
+    (`true_cell.perturbed`), in a way that the seed determines. `polyscope`: the controller's software, "5" or "x"; None
+    takes that of the cell file.
     """
 
     address: str
@@ -65,11 +65,11 @@ class CellOptions:
 
 
 class Cell:
-    """A running cell, as a context manager; on entry returns when controller and camera can be connected to.
+    """A running cell, as a context manager whose entry returns when controller and camera accept connections.
 
-    Raises RigError request.invalid for an object that cannot be made, an unknown profile and for a size or speed out of
-    range, config.invalid for a bad cell file or an object that stands out of its keep-out, all before anything starts;
-    service.fault when a process does not start (its reason is in the detail).
+    The constructor raises RigError request.invalid for an object that cannot be made, an unknown profile, or a size or
+    speed out of range, and config.invalid for a bad cell file or an object that protrudes from its keep-out. Entry
+    raises service.fault if a process does not start; the detail holds its reason.
     """
 
     def __init__(self, options: CellOptions, folder: Path) -> None:
@@ -178,10 +178,10 @@ def run(
     json_status: bool = False,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Runs a cell until SIGTERM or SIGINT; says `ready …` when it can be connected to, then status lines if wanted.
+    """Runs a cell until SIGTERM or SIGINT; says `ready …` when clients can connect, then status lines if wanted.
 
-    Must be called in the main thread. Without `folder` the files go to a temporary one that ends with the cell. Raises
-    RigError as `Cell` does, service.fault when one of its processes ends by itself.
+    Must be called in the main thread. Without `folder` the files go to a temporary one that is deleted with the cell.
+    Raises RigError as `Cell` does, and service.fault if one of its processes ends by itself.
     """
     ending = threading.Event()
 
@@ -218,7 +218,7 @@ def run(
 
 
 def _check(options: CellOptions) -> None:
-    """Raises RigError request.invalid naming the value that cannot be."""
+    """Raises RigError request.invalid that names the invalid value."""
     if options.profile not in get_args(ProfileName):
         raise RigError(
             ErrorCode.REQUEST_INVALID,
@@ -231,7 +231,7 @@ def _check(options: CellOptions) -> None:
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:
-    """Ends a process by ending its standard input, or by force."""
+    """Ends a process by closing its standard input, or kills it after 5 s."""
     if process.stdin is not None:
         process.stdin.close()
     try:

@@ -1,7 +1,7 @@
-"""Fault injection into the world: lamp, camera or object at fault, as ordered at the controller's control port.
+"""Fault injection into the world: faults of lamp, camera or object, ordered at the controller's control port.
 
-All faults of a cell are ordered in one place; the world carries out its own when it reads the controller's state for an
-exposure. Counted ones (frames) are counted from the world's start, so that each happens once.
+All faults of a cell are ordered in one place. The world applies its own when it reads the controller's state for an
+exposure. Faults with a number of frames are counted from the world's start, so that each happens once.
 """
 
 import hashlib
@@ -26,14 +26,14 @@ class DisturbedWorld:
     """Captures frames of a world under the present `disturbances`."""
 
     def __init__(self, cell: CellConfig, make: Callable[[CellConfig], World], seed: int) -> None:
-        """`make` builds the world of a cell; it is built anew when the object was nudged, or another is placed."""
+        """`make` builds the world of a cell; it is built again after the object is nudged or another is placed."""
         self._cell, self._make, self._seed = cell, make, seed
         self.world = make(cell)
         self._nudge: tuple[float, ...] = (0.0,) * 4
         self._dropped = self._saturated = self._exposures = 0
 
     def place(self, make: Callable[[CellConfig], World]) -> None:
-        """Puts what another `make` builds into the cell, where it belongs: nudges so far were the last object's."""
+        """Places what another `make` builds at its nominal pose; earlier nudges belonged to the last object."""
         self.world, self._make = make(self._cell), make
 
     def frame(
@@ -57,13 +57,13 @@ class DisturbedWorld:
         return self.world.frame(lit, exposure_s, attempt)
 
     def _uniform(self) -> float:
-        """A number from 0 to 1 for this exposure: the same in every run that captures the same frames."""
+        """Random number from 0 to 1 for this exposure, the same in every run that captures the same frames."""
         digest = hashlib.sha256(f"flicker {self._seed} {self._exposures}".encode()).digest()
         return int.from_bytes(digest[:4], "big") / 2**32
 
 
 def nudged(cell: CellConfig, shift_m: Sequence[float], turn_rad: float) -> CellConfig:
-    """The cell with its object shifted in base (3,) and turned about its own axis."""
+    """The cell with its object shifted by (3,) in the base frame and turned about its own axis."""
     pose = cell.object.keep_out.base_from_object.matrix @ geometry.pose((0.0, 0.0, 0.0), (0.0, 0.0, turn_rad))
     turn = cv2.Rodrigues(pose[:3, :3])[0].ravel().tolist()
     moved = cell.object.keep_out.base_from_object.model_copy(

@@ -1,11 +1,13 @@
-"""Which pixels see one surface, so that they have a true normal to be compared with.
+"""Pixels whose footprint shows one surface, so that they have one true normal to compare with.
 
-A camera's pixel averages what its footprint covers, and so do the simulator's pictures. Where that is the top of a step
-and its wall, no light tells the normal at the pixel's centre, however many there are: the angle between the average and
-that normal is no error of the solver and none of the lights. The rule asks the true geometry alone, never an estimate
-or an error: the centre of the pixel and eight points of its outline see one surface when none of these has a normal far
-from the centre's or lies off its tangent plane. The angle is wide, because fine relief bends within pixels too and is
-to be graded. The smallest objects' rims need no rule of their own: whoever grades leaves the silhouette out.
+A camera's pixel averages the light of its footprint, and so do the simulator's images. If the footprint covers the top
+of a step and its wall, no number of lights determines the normal at the pixel's centre. The angle between the average
+and that normal is then an error neither of the solver nor of the lights.
+
+The rule uses the true geometry alone, never an estimate or an error. The centre of a pixel and eight points of its
+outline show one surface if none of the eight has a normal far from the centre's or lies off its tangent plane. The
+permitted angle is wide, because fine relief bends within pixels too and has to be graded. The rims of the smallest
+objects need no rule of their own, because the grading that uses this mask leaves the silhouette out.
 """
 
 import numpy as np
@@ -17,17 +19,19 @@ from hardware_sim.render import Lens, Samples
 from hardware_sim.tracing import Tracer
 
 WIDEST_BEND_DEG = 30.0
-"""Between 25° and 40° the stepped part loses the same 6 % of its pixels and fine relief 5 % to 0.5 %."""
+"""Greatest angle between the normals of a pixel's centre and outline on one surface. Measured: between 25° and 40° the
+stepped part loses the same 6 % of its pixels, and fine relief 5 % to 0.5 %."""
 
 OUTLINE = tuple((down, right) for down in (-0.5, 0.0, 0.5) for right in (-0.5, 0.0, 0.5) if (down, right) != (0.0, 0.0))
 """Points of a pixel's outline, from its centre, pixels."""
 
 
 def one_surface(seen: Samples, scene: SceneObject, tracer: Tracer, lens: Lens) -> BoolArray:
-    """Pixels (H, W) whose footprint shows one smooth surface of the object; `seen` is what their centres hit.
+    """Mask (H, W) of the pixels whose footprint shows one smooth surface of the object; `seen` is what centres hit.
 
-    A point of the outline is on the centre's surface when its normal is within `WIDEST_BEND_DEG` of the centre's and it
-    lies no further off the centre's tangent plane than a pixel covers there. False where the centre misses the object.
+    A point of the outline is on the centre's surface if its normal is within `WIDEST_BEND_DEG` of the centre's and its
+    distance from the centre's tangent plane is below the size of a pixel there. False where the centre misses the
+    object.
     """
     rows, columns = np.divmod(seen.pixels.astype(float), lens.width)
     pixel_m = np.linalg.norm(seen.points - lens.eye, axis=1) / lens.matrix[0, 0]

@@ -1,6 +1,7 @@
 """Faults of the simulated camera and its link: frames that are lost, late, doubled or damaged, a bumped dial, a reset.
 
-Each is ordered for so many of the next frames and happens to one frame at a time, in the order of the orders.
+Each fault is ordered for a number of the next frames. A frame has at most one fault; faults occur in the order in which
+they were ordered.
 """
 
 import time
@@ -18,9 +19,9 @@ MOST = 10_000
 
 
 class FrameFaults:
-    """The faults still to come; used under the camera's lock, but for `is_away`.
+    """Queue of ordered faults; `applied` is called under the camera's lock.
 
-    `gone` counts seconds in place of frames: the camera answers nobody for so long.
+    For the fault `gone` the count is in seconds, not frames: for so long the camera answers no request.
     """
 
     def __init__(self) -> None:
@@ -30,11 +31,11 @@ class FrameFaults:
 
     @property
     def is_away(self) -> bool:
-        """Whether the camera answers nobody."""
+        """Whether the camera answers no request."""
         return time.monotonic() < self._away_until
 
     def order(self, kind: Any, count: Any) -> None:
-        """Orders a fault. Raises ValueError saying what is wrong."""
+        """Orders a fault. Raises ValueError that states what is wrong."""
         if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= MOST:
             raise ValueError(f"count must be an integer from 1 to {MOST}")
         if kind not in get_args(FaultKind) or kind == "returned":

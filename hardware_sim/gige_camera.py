@@ -1,14 +1,14 @@
-"""A GigE Vision camera over loopback that shows the simulated cell: Aravis' own simulated camera, fed with its frames.
+"""GigE Vision camera over loopback that shows the simulated cell: Aravis' own simulated camera, fed with its frames.
 
 Run beside a simulated cell as `python -m hardware_sim.gige_camera CELL_FILE [--serial NAME] [--trigger-output N]`, with
-the simulated cell's own cell file. It answers GigE Vision clients at 127.0.0.1 (UDP 3956), and each frame that they
-trigger is one of the simulated camera. With an output named, a rising edge there triggers a frame while the client has
-chosen the line. Prints one JSON line when it is ready; then obeys lines on its standard input, each answered by one:
-`lost 0.001` (share of packets lost), `off 2` (powered off for so many seconds), `trigger` (an edge on the line). It
-ends when its standard input ends.
+the simulated cell's own cell file. It answers GigE Vision clients at 127.0.0.1 (UDP 3956). Each frame that a client
+triggers is taken from the simulated camera. With `--trigger-output`, a rising edge of that output triggers a frame
+while the client has selected the line as trigger source. Prints one JSON line when it is ready. Then it obeys lines on
+its standard input and answers each with one line: `lost 0.001` (share of packets lost), `off 2` (seconds without
+power), `trigger` (an edge on the line). It ends when its standard input ends.
 
-A GigE client cannot say which attempt a frame is: a frame of a scene and exposure time that were seen before is another
-attempt, so that repeated frames have noise of their own.
+A GigE client cannot state the attempt of a frame. If scene and exposure time were seen before, the frame is counted as
+another attempt, so that repeated frames have independent noise.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from hardware_sim.controller.control import ControlClient
 
 INTERFACE = "127.0.0.1"
 POLL_S = 0.002
-"""Period, s, of reading the output that is the trigger."""
+"""Period, s, at which the trigger output is read."""
 
 FRAME_S = 120.0
 """Time limit, s, for a frame of the simulated camera."""
@@ -71,7 +71,7 @@ class GigeCamera:
         self._library.arv_fake_camera_set_fill_pattern(hash(self._memory), self._fill, None)
 
     def power_off(self) -> None:
-        """Falls silent in mid-sentence, as a camera does whose cable is pulled."""
+        """Stops answering at once, like a camera whose cable is pulled."""
         self._device = None
 
     def lose(self, share: float) -> None:
@@ -86,7 +86,7 @@ class GigeCamera:
             return
         memory = self._memory
         if _value(memory.read_register(TRIGGER_MODE)) == 1 and _value(memory.read_register(TRIGGER_SOURCE)) == LINE:
-            # The simulated camera knows the software trigger alone: for one frame the edge is one.
+            # The simulated camera knows only the software trigger, which stands for the edge during one frame.
             memory.write_register(TRIGGER_SOURCE, SOFTWARE)
             memory.write_register(TRIGGER_SOFTWARE, 1)
             while _value(memory.read_register(TRIGGER_SOFTWARE)) == 1:
@@ -103,7 +103,7 @@ class GigeCamera:
             return
         try:
             pixels = self._frame(round(exposure_us * 1e-6, 6))
-        except (OSError, ValueError) as error:  # nothing to show is nothing sent: old pixels would be a lie
+        except (OSError, ValueError) as error:  # sends nothing: old pixels would be a wrong frame
             sys.stderr.write(f"the simulated camera gave no frame: {error}\n")
             device.set_property("gvsp-lost-ratio", 1.0)
             return
@@ -114,7 +114,7 @@ class GigeCamera:
         ctypes.memmove(self._library.arv_buffer_get_data(buffer, None), pixels, size)
 
     def _frame(self, exposure_s: float) -> bytes:
-        """The simulated camera's frame; another attempt where this one was sent before."""
+        """The simulated camera's frame, of the next attempt if this one was sent before."""
         pixels = self._request(exposure_s, 0)
         name = hashlib.sha256(pixels).hexdigest()
         attempt = self._seen[name]
@@ -131,7 +131,7 @@ class GigeCamera:
 
 
 def _value(read: Any) -> int:
-    """The value of a register: PyGObject returns success and value."""
+    """The value of a register; PyGObject returns success and value."""
     return int(read[1])
 
 
@@ -148,7 +148,7 @@ def watch_output(address: str, output: int, camera: GigeCamera) -> None:
 
 
 def obey(camera: GigeCamera, line: str) -> None:
-    """Carries out one line. Raises ValueError for one that is none."""
+    """Carries out one line of standard input. Raises ValueError for an invalid line."""
     match line.split():
         case ["lost", share]:
             camera.lose(float(share))

@@ -1,8 +1,7 @@
 """Polygonisation of implicit surfaces by surface nets (Gibson, MICCAI 1998).
 
-It serves shapes that no grid of points can describe. One vertex for each cell of a lattice that the surface crosses,
-then moved onto the surface by Newton steps along the gradient, so that the lattice leaves no trace in positions or
-normals.
+It serves shapes that no grid of points can describe. Each lattice cell that the surface crosses has one vertex. Newton
+steps along the gradient move it onto the surface, so that the lattice leaves no trace in positions or normals.
 """
 
 from collections.abc import Callable
@@ -29,7 +28,7 @@ def gradient(field: Field, points: FloatArray, step_m: float = 2e-5) -> FloatArr
 def mesh(field: Field, low: FloatArray, high: FloatArray, spacing_m: float) -> sheets.Mesh:
     """The closed surface field = 0 inside the box from `low` to `high` (3,), m; it must not touch the box.
 
-    The field must nowhere be steeper than 1, as distances are.
+    The field's slope must nowhere exceed 1, that of a distance.
     """
     inside = inside_lattice(field, low, high, spacing_m)
     corners = [inside[i : i - 1 or None, j : j - 1 or None, k : k - 1 or None] for i, j, k in np.ndindex(2, 2, 2)]
@@ -48,7 +47,7 @@ def mesh(field: Field, low: FloatArray, high: FloatArray, spacing_m: float) -> s
 
 
 def inside_lattice(field: Field, low: FloatArray, high: FloatArray, spacing_m: float) -> np.ndarray:
-    """For each lattice point whether it is inside; the field is evaluated only where the surface may be.
+    """Whether each lattice point is inside; the field is evaluated only where the surface may be.
 
     The lattice starts at `low` and may reach up to 8 spacings beyond `high`.
     """
@@ -65,7 +64,7 @@ def inside_lattice(field: Field, low: FloatArray, high: FloatArray, spacing_m: f
 
 
 def _faces_across(inside: np.ndarray, number: np.ndarray, axis: int) -> np.ndarray:
-    """Two triangles for each lattice edge along `axis` that crosses the surface, between the four cells round it."""
+    """Two triangles between the four cells round each lattice edge along `axis` that crosses the surface."""
     first = np.moveaxis(inside, axis, 0)
     cells = np.moveaxis(number, axis, 0)
     i, j, k = np.nonzero(first[:-1, 1:-1, 1:-1] != first[1:, 1:-1, 1:-1])

@@ -1,11 +1,11 @@
 """Indirect part of an image: interreflections of object and table (radiosity), and the ambient light of the room.
 
-Both are smooth, so they are computed on the patches of `radiosity` and interpolated to pixels. The room is a sky of one
-brightness; a patch sees as much of it as object and table leave free.
+Both are smooth, so they are computed on the patches of `radiosity` and interpolated to pixels. The room is a sky of
+uniform brightness; a patch receives light from the part of it that object and table do not cover.
 
-Only diffuse light is reflected again, and as by Lambert: an object's albedo counts times the share of it that its
-reflectance gives to diffuse light on average over the hemisphere (`diffuse_share`), which is nothing for a metal. What
-gloss and metal mirror of other surfaces, of the table and of the room is left out.
+Only diffuse light is reflected again, by Lambert's law. The object's albedo is multiplied by the diffuse share of its
+reflectance, averaged over the hemisphere (`diffuse_share`), which is zero for a metal. Specular reflections of other
+surfaces, of the table and of the room are left out.
 """
 
 import cv2
@@ -25,7 +25,7 @@ TABLE_CELL_PIXELS = 8
 
 QUADRATURE = 4096
 R3 = np.array([0.8191725134, 0.6710436067, 0.5497004779])
-"""Points of the quadrature of `diffuse_share`, and the steps of Roberts' low-discrepancy sequence in 3 dimensions."""
+"""Number of quadrature points of `diffuse_share`, and steps of Roberts' low-discrepancy sequence in 3 dimensions."""
 
 
 class IndirectLight:
@@ -67,7 +67,7 @@ class IndirectLight:
         )
 
     def ambient(self) -> Float32Array:
-        """Image (H, W) under the room's light alone, all reflections; a white surface under open sky sends 1."""
+        """Image (H, W) under the room's light alone, with all reflections; 1 is a white surface under open sky."""
         direct = np.clip(1 - np.asarray(self._factors.sum(axis=1), float), 0, None)
         everything = direct + radiosity.indirect_irradiance(self._factors, self._albedo, direct)
         return self._image(
@@ -85,10 +85,10 @@ class IndirectLight:
 
 
 def diffuse_share(reflectance: Reflectance) -> float:
-    """Bihemispherical reflectance of the diffuse part for albedo 1: 1 for Lambert's, 0 for a metal's; by quadrature."""
+    """Bihemispherical reflectance of the diffuse part at albedo 1, by quadrature: 1 for Lambert, 0 for a metal."""
     if reflectance.kind == "lambert":
         return 1.0
-    u, v, w = ((np.arange(QUADRATURE) + 0.5)[:, None] * R3 % 1.0).T  # both directions cosine-weighted, one azimuth
+    u, v, w = ((np.arange(QUADRATURE) + 0.5)[:, None] * R3 % 1.0).T  # cosine-weighted; the lamp's azimuth is 0
     to_lamp = np.stack([np.sqrt(u), np.zeros(QUADRATURE), np.sqrt(1 - u)], axis=-1)
     radius, angle = np.sqrt(v), 2 * np.pi * w
     to_eye = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - v)], axis=-1)
@@ -97,7 +97,7 @@ def diffuse_share(reflectance: Reflectance) -> float:
 
 
 def _table_grid(view: View) -> tuple[tuple[int, int], FloatArray]:
-    """A coarse grid over the image, its size (rows, columns), and the points of the table behind it."""
+    """Size (rows, columns) of a coarse grid over the image, and the points of the table behind it."""
     lens = view.lens
     rows, columns = -(-lens.height // TABLE_CELL_PIXELS), -(-lens.width // TABLE_CELL_PIXELS)
     down = (np.arange(rows) + 0.5) * lens.height / rows - 0.5

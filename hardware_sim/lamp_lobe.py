@@ -1,8 +1,8 @@
-"""Lobe of a real LED behind a lens: how its radiant intensity falls off the axis, and that it does so unevenly.
+"""Lobe of a real LED behind a lens: its radiant intensity off the axis, with the unevenness of real LEDs.
 
-No LED is a cosᵘ. A lens leaves a shoulder and a ring, a reflector a brighter or darker middle, and a die that sits
+No LED follows cosᵘ exactly. A lens leaves a shoulder and a ring, a reflector a brighter or darker middle, and a die
 beside the lens's axis lights one side more than the other. `led` draws such lobes from a seed; the calibration under
-test fits its own knots and knows nothing of this family.
+test fits its own knots and does not know this family.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ import numpy as np
 from acquisition.models.base import Float32Array, FloatArray
 
 SAMPLES = 1025
-"""Samples of a profile over the cosine: linear interpolation between them is good to 1e-6."""
+"""Number of samples of a profile over the cosine: linear interpolation between them is accurate to 1e-6."""
 
 
 def _flat() -> Float32Array:
@@ -21,8 +21,8 @@ def _flat() -> Float32Array:
 
 @dataclass(frozen=True)
 class LampLobe:
-    """Intensity relative to the axis: cos^`exponent` · profile(cos) · (1 + tilt · d), d the direction's x and y in the
-    lamp's frame. `profile` (K,) is sampled at cosines equally spaced from 0 to 1."""
+    """Intensity relative to the axis: cos^`exponent` · profile(cos) · (1 + tilt · d), where d is the direction's x and
+    y in the lamp's frame. `profile` (K,) is sampled at cosines equally spaced from 0 to 1."""
 
     exponent: float = 0.0
     profile: Float32Array = field(default_factory=_flat)
@@ -37,10 +37,10 @@ class LampLobe:
 
 
 def led(random: np.random.Generator) -> LampLobe:
-    """A LED with a secondary lens: a flat top, a shoulder, a faint ring, and one side brighter than the other.
+    """Draws an LED with a secondary lens: a flat top, a shoulder, a faint ring, and one side brighter than the other.
 
-    Half-value angles of 56–66°, rings of 2–4 % at 22–34°, sides that differ by 2–4 %: about what makers' diagrams show
-    of wide lenses.
+    Half-value angles are 56–66°, rings 2–4 % at 22–34°, and the tilt is 2–4 %: about what makers' diagrams of wide
+    lenses show.
     """
     angle = np.arccos(np.linspace(0, 1, SAMPLES))
     half, order, share = np.radians(random.uniform(56, 66)), random.uniform(2.2, 3.0), random.uniform(0.2, 0.4)

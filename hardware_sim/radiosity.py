@@ -1,10 +1,9 @@
-"""Interreflections of diffuse surfaces by radiosity (Goral et al., SIGGRAPH 1984) on patches, table included.
+"""Interreflections of diffuse surfaces by radiosity on patches, table included.
 
-A patch is a cluster of points sampled evenly from the surface, near one another in place and direction, so that any
-mesh gives patches of like size without being remeshed. Form factors are Monte-Carlo estimates by rays, which is right
-at contact too, where formulas for distant patches are not; they depend on shape alone and take a few seconds, so that
-they are not stored. The indirect light is smooth except at contact, so that its interpolation from patches to pixels
-loses little.
+A patch is a cluster of points sampled evenly from the surface that are close in position and normal. Thus any mesh
+gives patches of similar size without remeshing. Form factors are Monte-Carlo estimates by rays, which are right at
+contact too, where formulas for distant patches are not. They depend on shape alone and take a few seconds, so they are
+not stored. Indirect light is smooth except at contact, so its interpolation from patches to pixels loses little.
 
 Source: C. M. Goral et al., Modeling the interaction of light between diffuse surfaces, SIGGRAPH 1984; form factors by
 rays: F. X. Sillion and C. Puech, Radiosity and Global Illumination, 1994, section 4.
@@ -22,18 +21,18 @@ from hardware_sim.sheets import Mesh
 from hardware_sim.tracing import START_M, Tracer
 
 TURN_M = 0.012
-"""Two points whose normals are at right angles count as √2 times this far apart when points are clustered."""
+"""Weight of normals in clustering, m: two points with perpendicular normals count as √2 times this far apart."""
 RAYS = 256
-"""Rays that leave each patch to find its form factors."""
+"""Number of rays that leave each patch to estimate its form factors."""
 NEIGHBOURS = 10
 OFF_PLANE = 15.0
-"""Patches that a pixel's indirect light is interpolated from, and what their squared distance from its tangent plane
-counts in addition."""
+"""Number of patches from which a pixel's indirect light is interpolated, and the extra weight of their squared distance
+from its tangent plane."""
 
 
 @dataclass(frozen=True)
 class Patches:
-    """P patches: centres and unit normals (P, 3), areas (P,) m²; S sampled points (S, 3), each one's patch."""
+    """P patches: centres and unit normals (P, 3), areas (P,) m²; S sampled points and normals (S, 3), patches (S,)."""
 
     centres: FloatArray
     normals: FloatArray
@@ -49,11 +48,11 @@ class Patches:
 
 
 def cluster(mesh: Mesh, tracer: Tracer, count: int, points_per_patch: int = 20) -> Patches:
-    """About `count` patches of a mesh's exposed surface by Lloyd's algorithm; the same for the same mesh."""
+    """Divides a mesh's exposed surface into about `count` patches by Lloyd's algorithm; deterministic."""
     random = np.random.default_rng(1)
     areas = mesh.areas
     total = float(areas.sum())
-    # Systematic sampling: equal steps along the cumulated area, so that no region is left out by chance.
+    # Systematic sampling: equal steps along the cumulative area, so that no region is left out by chance.
     steps = (np.arange(count * points_per_patch) + random.uniform(size=count * points_per_patch)) * (
         total / (count * points_per_patch)
     )
@@ -74,7 +73,7 @@ def cluster(mesh: Mesh, tracer: Tracer, count: int, points_per_patch: int = 20) 
         occupied, nearest = np.unique(nearest, return_inverse=True)
         sums = np.stack([np.bincount(nearest, column, len(occupied)) for column in place.T], axis=1)
         seeds = sums / np.bincount(nearest, minlength=len(occupied))[:, None]
-    # The middle of a curved patch lies off the surface; its own point nearest to the middle does not.
+    # The mean of a curved patch's points lies off the surface; its point nearest to the mean does not.
     distance = np.linalg.norm(place - seeds[nearest], axis=1)
     order = np.lexsort((distance, nearest))
     middle = order[np.unique(nearest[order], return_index=True)[1]]
@@ -114,7 +113,7 @@ def disc(radius_m: float, rings: int, sectors: int, far_m: float) -> Patches:
 
 
 def joined(first: Patches, second: Patches) -> Patches:
-    """All patches of both, those of `first` before those of `second`."""
+    """Concatenates patches, those of `first` before those of `second`."""
     return Patches(
         np.concatenate([first.centres, second.centres]),
         np.concatenate([first.normals, second.normals]),
@@ -126,9 +125,9 @@ def joined(first: Patches, second: Patches) -> Patches:
 
 
 def exposed(tracer: Tracer, points: FloatArray, normals: FloatArray) -> BoolArray:
-    """Which points (N, 3) of the tracer's mesh lie on its outside, not buried in another of its overlapping solids.
+    """Mask (N,) of points (N, 3) on the outside of the tracer's mesh, not buried in another of its overlapping solids.
 
-    A ray that leaves a buried point along its normal (N, 3) stops at a face that it meets from behind.
+    A ray that leaves a buried point along its normal (N, 3) first meets a face from behind.
     """
     starts = points + START_M * normals
     hits = tracer.first_hits(starts.astype(np.float32), normals.astype(np.float32))
@@ -138,10 +137,9 @@ def exposed(tracer: Tracer, points: FloatArray, normals: FloatArray) -> BoolArra
 def form_factors(patches: Patches, tracer: Tracer, table_m: float = 0.0) -> csr_array:
     """Form factors F (P, P) by cosine-weighted Monte-Carlo rays (Sillion & Puech 1994, section 4).
 
-    F[i, j] is the share of patch i's hemisphere, weighted by the cosine, that patch j fills.
-
-    Rays leave the points of each patch evenly over the cosine-weighted hemisphere; what they meet first belongs to the
-    patch nearest in place and direction. Rays that miss the mesh and go down meet the table, z = 0 within `table_m`.
+    F[i, j] is the cosine-weighted share of patch i's hemisphere that patch j fills. Rays leave the points of each patch
+    evenly over the cosine-weighted hemisphere. A point that a ray meets first is assigned to the patch nearest in
+    position and normal. Rays that miss the mesh and go down meet the table, z = 0 within `table_m` of the axis.
     """
     count = len(patches.centres)
     order = np.argsort(patches.point_patches, kind="stable")
@@ -188,7 +186,7 @@ def _hemisphere(normals: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray
 
 
 def indirect_irradiance(factors: csr_array, albedo: FloatArray, direct: FloatArray) -> FloatArray:
-    """Indirect irradiance (P,) from the direct irradiance (P,) of patches: radiosity equation by Jacobi iteration."""
+    """Solves the radiosity equation by Jacobi iteration: indirect irradiance (P,) from direct irradiance (P,)."""
     direct32, albedo32 = direct.astype(np.float32), albedo.astype(np.float32)
     indirect = np.zeros_like(direct32)
     for _ in range(60):
@@ -200,10 +198,10 @@ def indirect_irradiance(factors: csr_array, albedo: FloatArray, direct: FloatArr
 
 
 def interpolation(patches: Patches, points: FloatArray, normals: FloatArray) -> csr_array:
-    """The matrix (N, P) that takes values of patches to points (N, 3) with normals (N, 3).
+    """Matrix (N, P) that interpolates values of patches at points (N, 3) with normals (N, 3).
 
-    Patches off a point's tangent plane count as farther, so that the foot of a step takes nothing from its top.
-    Weights fall to zero at the farthest of the neighbours used, so that they change smoothly from point to point.
+    Patches off a point's tangent plane count as farther, so that the top of a step has no weight at its foot. Weights
+    fall to zero at the farthest of the neighbours used, so that they change smoothly from point to point.
     """
     queried = min(2 * NEIGHBOURS, len(patches.centres))
     tree = cKDTree(np.concatenate([patches.centres, TURN_M * patches.normals], axis=1))

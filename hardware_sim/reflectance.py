@@ -1,9 +1,9 @@
 """Reflectance of simulated surfaces: Lambert, Oren–Nayar, and GGX microfacets over a diffuse base or as bare metal.
 
-Real plaster, paper, paint and metal are none of the lobes that the solver fits, so the simulator takes its lobes from
-the literature of rendering instead. All values are y per unit of |s| (`docs/explanation/image-formation.md`): π · BRDF
-· cosine to the lamp, so that a white Lambertian surface that faces the lamp has 1. Subsurface scatter is no function of
-one point; the renderers apply `scatter_m` themselves.
+Real plaster, paper, paint and metal follow none of the lobes that the solver fits, so the simulator takes its lobes
+from the rendering literature. All values are y per unit of |s| (`docs/explanation/image-formation.md`): π · BRDF ·
+cosine to the lamp, so that a white Lambertian surface that faces the lamp has 1. Subsurface scatter is not a function
+of one point; the renderers apply `scatter_m` themselves.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ METAL_F0 = 0.9
 """Fresnel reflectance of a bright metal (aluminium .91) at normal incidence; the albedo scales it."""
 
 LEAST_ALPHA = 0.02
-"""Least roughness α of GGX: a sharper lobe is a mirror image of the lamp, which no light of zero extent makes."""
+"""Least roughness α of GGX: a sharper lobe would be a mirror image of the lamp, which a point light does not have."""
 
 MOST_SIGMA_RAD = 1.0
 """Greatest roughness σ of Oren–Nayar, rad; the paper fits its qualitative model up to about 0.7–1."""
@@ -32,10 +32,10 @@ FORMS = "lambert, oren-nayar:SIGMA (0–1 rad), ggx:ALPHA (0.02–1) or metal:AL
 
 @dataclass(frozen=True)
 class Reflectance:
-    """What a surface does with light; immutable, hashable, written as `parse` reads it.
+    """Reflectance model of a surface; immutable, hashable, written as `parse` reads it.
 
     `roughness` is σ in rad for oren-nayar and α for ggx and metal. `scatter_m` is the mean free path of subsurface
-    scatter, 0 for none. Raises ValueError for a roughness that the kind does not have.
+    scatter, 0 for none. Raises ValueError for an unknown kind or a value out of its range.
     """
 
     kind: Kind = "lambert"
@@ -43,7 +43,7 @@ class Reflectance:
     scatter_m: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuses what has no meaning, NaN included."""
+        """Refuses values out of range, NaN included."""
         low, high = {"lambert": (0.0, 0.0), "oren-nayar": (0.0, MOST_SIGMA_RAD)}.get(self.kind, (LEAST_ALPHA, 1.0))
         if self.kind not in get_args(Kind) or not low <= self.roughness <= high:
             raise ValueError(f"there is no reflectance {str(self)!r}: choose {FORMS}")
@@ -56,7 +56,7 @@ class Reflectance:
 
     @staticmethod
     def parse(text: str) -> "Reflectance":
-        """Reads `lambert`, `oren-nayar:0.35`, `ggx:0.2` or `metal:0.3`. Raises ValueError that says what is allowed."""
+        """Reads `lambert`, `oren-nayar:0.35`, `ggx:0.2` or `metal:0.3`. Raises ValueError with the allowed forms."""
         name, colon, number = text.strip().partition(":")
         kind = next((kind for kind in get_args(Kind) if kind == name), None)
         if kind is None or bool(colon) != (kind != "lambert"):
@@ -72,10 +72,10 @@ class Reflectance:
     ) -> FloatArray:
         """Diffuse part (...) of y per unit of |s| for unit vectors (..., 3) and albedo (...); 0 below either horizon.
 
-        Oren–Nayar is the qualitative model of Oren and Nayar (SIGGRAPH 1994), ρ (A + B max(0, cos Δφ) sin α tan β),
-        which leaves out light between facets; at albedo 1 it reflects up to 1.4 % too much of grazing light (σ = .2
-        rad), up to .98 never too much. The base under a dielectric GGX layer is Lambert's times the light that
-        the layer lets in and out, (1 − F(n·l))(1 − F(n·v)), which keeps reciprocity and energy.
+        Oren–Nayar is the qualitative model of Oren and Nayar (SIGGRAPH 1994), ρ (A + B max(0, cos Δφ) sin α tan β). It
+        leaves out light between facets. At albedo 1 it reflects up to 1.4 % too much of grazing light (σ = .2 rad); up
+        to albedo .98 it never reflects too much. The base under a dielectric GGX layer is Lambertian times the layer's
+        transmission in and out, (1 − F(n·l))(1 − F(n·v)), which keeps reciprocity and conserves energy.
         """
         lit, seen = _cosines(normal, to_light, to_camera)
         if self.kind == "metal":
@@ -98,7 +98,7 @@ class Reflectance:
         """Specular part (...) of y per unit of |s| for unit vectors (..., 3) and albedo (...); 0 below either horizon.
 
         GGX of Walter et al. (EGSR 2007): their distribution D, Smith's shadowing and masking in separable form
-        G₁(l) G₁(v), Schlick's Fresnel term. A metal's is multiplied by the albedo as its tint; a dielectric's is not.
+        G₁(l) G₁(v), and Schlick's Fresnel term. The albedo tints a metal's Fresnel term, but not a dielectric's.
         """
         lit, seen = _cosines(normal, to_light, to_camera)
         if self.kind in ("lambert", "oren-nayar"):
@@ -127,7 +127,7 @@ def schlick(f0: float, cosine: FloatArray) -> FloatArray:
 
 
 def _cosines(normal: FloatArray, to_light: FloatArray, to_camera: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """n·l and n·v (...), not below 0 nor, by rounding, above 1."""
+    """n·l and n·v (...), clipped to 0–1, which rounding could exceed."""
     lit = np.einsum("...i,...i->...", normal, to_light)
     seen = np.einsum("...i,...i->...", normal, to_camera)
     return np.clip(lit, 0.0, 1.0), np.clip(seen, 0.0, 1.0)

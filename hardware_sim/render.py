@@ -5,12 +5,12 @@ camera's rays are traced once (`trace_view`): each pixel keeps n × n samples of
 silhouettes and shadow edges blend as they do on a sensor. A shot then shades these samples and traces their shadow
 rays.
 
-What a surface does with light is its `Reflectance`, evaluated at each of these samples, so that a highlight narrower
-than a pixel is averaged over its footprint. Subsurface scatter alone is no function of one point: it is an average of
-the diffuse image over the object's neighbouring pixels (`scattered`).
+The surface's `Reflectance` is evaluated at each of these samples, so that a highlight narrower than a pixel is averaged
+over the pixel's footprint. Subsurface scatter is not a function of one point: `scattered` averages the diffuse image
+over the object's neighbouring pixels.
 
-Light is counted relative to the calibration's reference: 1 is what a white Lambertian surface sends to the camera that
-faces the lamp on its axis at the reference distance.
+Light is relative to the calibration's reference: 1 is what a white Lambertian surface sends to the camera if it faces
+the lamp on the lamp's axis at the reference distance.
 """
 
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ from hardware_sim.objects import LAMBERT, SceneObject
 from hardware_sim.tracing import START_M, Tracer
 
 TABLE_ALBEDO = 0.05
-"""The table is covered with black cloth, as is usual."""
+"""Albedo of the table, which is covered with black cloth, as is usual."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,9 @@ class Lens:
 class Lamp:
     """Near point light: position (3,) m, axis (3,), object frame; power 1 gives 1 at `reference_m` on the axis.
 
-    Towards a unit direction d it sends ahead^`lobe_exponent` · profile(ahead) · (1 + tilt · d), ahead the cosine to the
-    axis, `profile` (K,) sampled at cosines equally spaced from 0 to 1, `tilt` (3,) across the axis.
+    Its relative intensity towards a unit direction d is ahead^`lobe_exponent` · profile(ahead) · (1 + tilt · d), where
+    ahead is the cosine to the axis. `profile` (K,) is sampled at cosines equally spaced from 0 to 1; `tilt` (3,) is
+    perpendicular to the axis.
     """
 
     position: FloatArray
@@ -72,7 +73,7 @@ class Lamp:
 
     @staticmethod
     def posed(object_from_lamp: FloatArray, power: float, reference_m: float, lobe: LampLobe) -> "Lamp":
-        """A lamp at a pose (4, 4) whose lobe is turned with it."""
+        """A lamp at a pose (4, 4), with its lobe rotated into that pose."""
         turn = object_from_lamp[:3, :3]
         tilt = turn[:, :2] @ np.array(lobe.tilt)
         return Lamp(object_from_lamp[:3, 3], turn[:, 2], power, reference_m, lobe.exponent, lobe.profile, tilt)
@@ -104,7 +105,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class View:
-    """The samples of object and table behind a camera's pixels; each is `share` of its pixel."""
+    """Samples of object and table behind a camera's pixels; each sample covers a fraction `share` of its pixel."""
 
     lens: Lens
     share: float
@@ -155,7 +156,7 @@ def trace_view(scene: SceneObject, tracer: Tracer, lens: Lens, subdivision: int)
 
 
 def joined(parts: list[Samples]) -> Samples:
-    """The samples of several views of the same pixels together."""
+    """Concatenates the samples of several views of the same pixels."""
     return Samples(
         np.concatenate([part.pixels for part in parts]),
         np.concatenate([part.points for part in parts]),
@@ -167,7 +168,7 @@ def joined(parts: list[Samples]) -> Samples:
 def lit_mask(
     points: Float32Array, normals: Float32Array, position: FloatArray, tracer: Tracer, scene: SceneObject
 ) -> BoolArray:
-    """Lit mask (N,): points (N, 3) that face the lamp at `position` (3,) and lie in no cast shadow of the object."""
+    """Lit mask (N,): points (N, 3) that face the lamp at `position` (3,) and lie outside the object's cast shadow."""
     facing, needs_ray = _facing(
         points, normals, position.astype(np.float32), np.float32(scene.radius_m), np.float32(scene.height_m)
     )
@@ -189,9 +190,9 @@ def lit_samples(view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp) -> t
 def direct_image(
     view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp, free: tuple[BoolArray, BoolArray] | None = None
 ) -> Float32Array:
-    """Image (H, W) of the lamp's direct light by the object's reflectance, no interreflections; the table is Lambert's.
+    """Image (H, W) of the lamp's direct light, by the object's reflectance; the table is Lambertian.
 
-    `free` are the masks of `lit_samples`, where they are known already.
+    `free` are the masks of `lit_samples`, if they are known already.
     """
     image = np.zeros(view.lens.width * view.lens.height, dtype=np.float32)
     on_surface, on_table = lit_samples(view, scene, tracer, lamp) if free is None else free
@@ -240,11 +241,12 @@ def reflected_image(view: View, scene: SceneObject, lamp: Lamp, lit: BoolArray) 
 
 
 def scattered(view: View, image: FloatArray, scatter_m: float) -> FloatArray:
-    """A diffuse image (H, W) after subsurface scatter whose path along the surface is exponential of mean `scatter_m`.
+    """Diffuse image (H, W) after subsurface scatter with exponential path lengths along the surface, mean `scatter_m`.
 
-    Light leaves at a distance r from where it entered with density exp(−r / ℓ) / (2 π ℓ r) per area. Averaged over the
-    object's pixels, lengths taken at the object's mean distance: a slanted surface scatters too far by 1 / cosine, and
-    light passes between surfaces that are neighbours in the image alone.
+    Light leaves at a distance r from where it entered with density exp(−r / ℓ) / (2 π ℓ r) per area. The image is
+    averaged over the object's pixels, and lengths are converted to pixels at the object's mean distance. Hence a
+    slanted surface scatters too far by 1 / cosine, and light passes between surfaces that are neighbours only in the
+    image.
     """
     if len(view.surface.pixels) == 0:
         return image
@@ -256,7 +258,7 @@ def scattered(view: View, image: FloatArray, scatter_m: float) -> FloatArray:
 
 
 def _scatter_kernel(mean_px: float) -> FloatArray:
-    """Weights (K, K), sum 1, of exp(−r / ℓ) / (2 π ℓ r), ℓ in px, over pixels out to 5 ℓ, 0.7 % of it left out."""
+    """Weights (K, K), sum 1, of exp(−r / ℓ) / (2 π ℓ r), ℓ in px, cut off at 5 ℓ, beyond which 0.7 % of it lies."""
     reach, fine = max(1, int(np.ceil(5 * mean_px))), 8
     across = (np.arange((2 * reach + 1) * fine) + 0.5) / fine - reach - 0.5
     radius = np.hypot(*np.meshgrid(across, across))
@@ -273,7 +275,7 @@ def _scatter_kernel(mean_px: float) -> FloatArray:
 def _facing(
     points: Float32Array, normals: Float32Array, lamp: Float32Array, radius: np.float32, height: np.float32
 ) -> tuple[BoolArray, BoolArray]:
-    """Which points face the lamp, and for which of these the object's cylinder may stand between."""
+    """Which points face the lamp, and for which of these the object's bounding cylinder may be in the way."""
     count = len(points)
     facing = np.zeros(count, dtype=np.bool_)
     needs_ray = np.zeros(count, dtype=np.bool_)
@@ -282,7 +284,7 @@ def _facing(
         if normals[i, 0] * dx + normals[i, 1] * dy + normals[i, 2] * dz <= 0:
             continue
         facing[i] = True
-        # The part of the ray that lies below the object's top, seen from above, against its circle.
+        # Seen from above, the part of the ray below the object's top is tested against the object's circle.
         reach = np.float32(1.0)
         if dz > 0:
             reach = min(reach, (height - points[i, 2]) / dz)

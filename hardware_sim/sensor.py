@@ -1,7 +1,7 @@
-"""Linear image sensor in the manner of EMVA 1288: full well, shot and read noise, black level, quantisation.
+"""Linear image sensor after EMVA 1288: full well, shot and read noise, black level, quantisation.
 
-Photons are not modelled: the signal is turned into electrons by the calibration's gain, so that the simulated noise
-follows the same few numbers that the solver's noise model is given.
+Photons are not modelled. The calibration's gain converts the signal to electrons, so that the simulated noise follows
+the same few numbers as the solver's noise model.
 """
 
 import numpy as np
@@ -12,13 +12,13 @@ from acquisition.models.calibration import SensorModel
 
 
 def expose(signal: Float32Array, sensor: SensorModel, random: np.random.Generator | None) -> npt.NDArray[np.uint16]:
-    """Digital values (H, W) uint16 for a signal (H, W) in fractions of full scale, 1 being where the values clip.
+    """Digital values (H, W) uint16 for a signal (H, W) in fractions of full scale; values clip at 1.
 
-    With `random` there is shot noise (Poisson) and read noise; without, the values are only rounded and clipped.
+    With `random`, shot noise (Poisson) and read noise are added; without, values are only rounded and clipped.
     """
     electrons = np.clip(signal, 0, None) * np.float32(sensor.full_scale_dn * sensor.gain_e_per_dn)
     if random is not None:
-        # Far above full well the number does not matter, and must not overflow the generator.
+        # Capped far above full well, where the number does not matter, so that the generator does not overflow.
         electrons = random.poisson(np.minimum(electrons, 4 * sensor.full_well_e)).astype(np.float32)
     electrons = np.minimum(electrons, np.float32(sensor.full_well_e))
     if random is not None:

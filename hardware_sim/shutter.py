@@ -1,7 +1,7 @@
 """Exposure as a sum of intervals of constant pose and light, sampled from the controller's state.
 
-A lamp follows its output as a first-order low-pass. A moving arm smears its shadows: its joints over the exposure
-become a few intervals that are rendered one by one. An arm at rest under a lamp at a constant level is one interval,
+The lamp follows its output as a first-order low-pass. A moving arm smears its shadows, so its joints over the exposure
+become a few intervals that are rendered one by one. An arm at rest with the lamp at a constant level is one interval,
 whatever the clock says, so that a repeated exposure gives the same frame.
 """
 
@@ -15,7 +15,7 @@ from typing import Protocol
 from hardware_sim.world import ExposureInterval
 
 LAMP_TIME_CONSTANT_S = 0.003
-"""Full light within about 10 ms."""
+"""Time constant, s, of the lamp: full light within about 10 ms."""
 FULL_LEVEL_TOLERANCE = 2e-3
 STILL_RAD = 1e-4
 MAX_INTERVALS = 8
@@ -23,8 +23,8 @@ MAX_INTERVALS = 8
 
 @dataclass(frozen=True)
 class CellState:
-    """Joints (6,) in rad, whether the lamp's output is on, seconds since it changed, the factor by which the cell runs
-    faster than life, and the controller's clock in s, in which that age counts."""
+    """Joints (6,) in rad, whether the lamp's output is on, seconds since it changed by the controller's clock, the
+    cell's time per wall time, and the controller's clock in s."""
 
     joints: tuple[float, ...]
     lamp_on: bool
@@ -34,7 +34,7 @@ class CellState:
 
 
 class StateSource(Protocol):
-    """Where the world reads the cell's state; the controller's control port, or a fixed state in tests."""
+    """Source of the cell's state: the controller's control port, or a fixed state in tests."""
 
     def state(self) -> CellState:
         """The state now. Raises RigError device.disconnected."""
@@ -42,10 +42,10 @@ class StateSource(Protocol):
 
 
 def expose(source: StateSource, exposure_s: float) -> list[ExposureInterval]:
-    """Keeps the shutter open for `exposure_s` of the cell's time and returns its intervals, whose shares add up to 1.
+    """Keeps the shutter open for `exposure_s` of the cell's time and returns its intervals, whose shares sum to 1.
 
-    The intervals are timed by the controller's clock alone: on a busy machine that clock lags behind this process's,
-    and an age by the one against a duration by the other would make a lamp seem to have come on late.
+    Only the controller's clock times the intervals. On a busy machine it lags behind this process's clock, and a lamp's
+    age by one clock within a duration by the other would make the lamp seem to have come on late.
     """
     begun = time.monotonic()
     states = [source.state()]
@@ -58,7 +58,7 @@ def expose(source: StateSource, exposure_s: float) -> list[ExposureInterval]:
 
 
 def exposure_intervals(states: Sequence[CellState]) -> list[ExposureInterval]:
-    """Intervals between states whose clock has advanced; neighbours in which the arm rests are merged into one."""
+    """Intervals between states whose clock has advanced; merged where the arm rests, and to at most MAX_INTERVALS."""
     total_s = states[-1].clock_s - states[0].clock_s
     parts: list[ExposureInterval] = []
     for before, after in pairwise(states):
@@ -94,7 +94,7 @@ def _snapped(level: float) -> float:
 
 
 def _mean_level(state: CellState, duration_s: float) -> float:
-    """Mean lamp level over the `duration_s` (cell's time) before `state`; constant before its last change."""
+    """Mean lamp level over the `duration_s` (cell's time) before `state`; settled before the output's last change."""
     age = state.lamp_age_s * state.speed_factor
     since = min(duration_s, age)
     start = age - since

@@ -1,6 +1,6 @@
 """Conversion of the cell's solid bodies to the arrays of the controller's collision check.
 
-Table, camera, obstacles and tool are as the cell file has them. The object is the mesh that is rendered, not its
+Table, camera, obstacles and tool are those of the cell file. The object is the mesh that is rendered, not its
 keep-out: a collision is a contact with its surface.
 """
 
@@ -15,7 +15,7 @@ from hardware_sim.sheets import Mesh
 
 
 def surroundings(cell: CellConfig, mesh: Mesh) -> Surroundings:
-    """Everything that the arm can touch in a cell with an object, whose mesh is in the object's frame."""
+    """Everything that the arm can touch in a cell; the object's mesh is in the object's frame."""
     bodies = [cell.table, *cell.camera_body, *cell.obstacles]
     half_spaces = [body for body in bodies if isinstance(body, HalfSpace)]
     capsules = [body for body in bodies if isinstance(body, Capsule)]
@@ -36,7 +36,7 @@ def surroundings(cell: CellConfig, mesh: Mesh) -> Surroundings:
 
 
 def surface_points(mesh: Mesh) -> FloatArray:
-    """Points (P, 3) all over a mesh: of many random ones, one in each cell of a lattice."""
+    """Points (P, 3) that cover a mesh: many are sampled at random, and one is kept in each cell of a lattice."""
     random = np.random.default_rng(0)
     count = (16 * mesh.areas / OBJECT_SPACING_M**2 + random.random(len(mesh.areas))).astype(int)
     chosen = mesh.triangles[np.repeat(np.arange(len(count)), count)]

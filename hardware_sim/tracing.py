@@ -11,13 +11,13 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from hardware_sim.sheets import Mesh
 
 START_M = 3e-5
-"""Rays that leave a surface start this far above it, so that they do not hit the triangle they come from."""
+"""Distance, m, above a surface at which rays that leave it start, so that they do not hit their own triangle."""
 
 
 @dataclass(frozen=True)
 class Hits:
-    """First hits of rays: `triangles` (N,) int32, −1 where nothing is hit; distances (N,) in lengths of the direction;
-    barycentric weights (N, 3) of the triangle's corners."""
+    """First hits of rays: `triangles` (N,) int32, −1 where nothing is hit; distances (N,) in units of the direction's
+    length; barycentric weights (N, 3) of the triangle's corners."""
 
     triangles: npt.NDArray[np.int32]
     distances: Float32Array
@@ -25,7 +25,7 @@ class Hits:
 
 
 class Tracer:
-    """First-hit and occlusion queries of one mesh."""
+    """First-hit and occlusion queries against one mesh."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh

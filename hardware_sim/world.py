@@ -1,14 +1,14 @@
 """Ground truth of the cell: object, table, lamp, camera and room, and how they differ from the calibration.
 
-A `Profile` holds the differences that the solver does not know. Those that belong to one image (lamp intensity, lamp
-position, flicker, sensor noise) are sampled from a hash of seed, joints, exposure, lamp and attempt, not from the order
-of calls, so that a resumed session sees the same images.
+A `Profile` holds the deviations that the solver does not know. Those of a single image (lamp intensity, lamp position,
+flicker, sensor noise) are sampled from a hash of seed, joints, exposure, lamp and attempt. They do not depend on the
+order of calls, so a resumed session sees the same images.
 
-In place of an object there may be a calibration target (`targets`), and the cell may differ from its calibration by far
-more than a profile says (`true_cell.perturbed`), as one does that has never been calibrated.
+A calibration target (`targets`) may take the place of the object. The cell may also differ from its calibration by far
+more than a profile states (`true_cell.perturbed`), like a cell that has never been calibrated.
 
-The arm itself neither casts shadows nor hides the object: waypoints keep it clear of both. Where that shall be
-simulated, its links join the mesh that `Tracer` is made from, for each set of joints.
+The arm neither casts shadows nor hides the object here, because waypoints keep it clear of the rays from the lamp and
+to the lens. To simulate either, add the arm's links to the mesh of `Tracer` for each set of joints.
 """
 
 import hashlib
@@ -42,10 +42,10 @@ ProfileName = Literal["ideal", "direct", "realistic"]
 class Profile:
     """Deviations of the world from its calibration.
 
-    `intensity_sigma` (fraction) and `lamp_position_sigma_m` (per axis) are sampled for each image, whatever frames it
-    is made of; `camera_shift_m` and `camera_turn_rad` are the lengths of a fixed error of the camera's pose in a
-    direction that the seed chooses; `ambient_per_s` is the room's light on a white surface under open sky, in full
-    scales per second.
+    `intensity_sigma` (fraction) and `lamp_position_sigma_m` (per axis) are the standard deviations of errors that are
+    sampled once for each image and shared by its frames. `camera_shift_m` and `camera_turn_rad` are the magnitudes of a
+    fixed error of the camera's pose, whose direction the seed determines. `ambient_per_s` is the room's light on a
+    white surface under open sky, in full scales per second.
     """
 
     noise: bool
@@ -74,19 +74,19 @@ PROFILES: dict[str, Profile] = {
 FLICKER_HZ = 100.0
 FLICKER_DEPTH = 0.3
 DRIFT = 0.02
-"""The room's lamps flicker with the mains, and its brightness drifts from image to image (1 σ, fraction)."""
+"""Flicker of the room's light with the mains (Hz, relative amplitude); 1 σ of its drift between images (fraction)."""
 
 FRAMES_APART = 100
-"""Attempts that differ by multiples of this number are frames of one light: the arm stays where it is between them, so
-that the lamp's errors are the same and no mean over frames lowers them. Noise and room light are each frame's own."""
+"""Attempts that differ by multiples of this number are frames of one light. The arm does not move between them, so they
+share the lamp's errors, and a mean over frames does not reduce these. Noise and room light differ between frames."""
 
 CACHED_IMAGES = 1
-"""A frame that is captured again while nothing has moved needs no new rendering, only another exposure."""
+"""Number of lamp images kept: a frame taken again while nothing has moved needs only a new exposure, no rendering."""
 
 
 @dataclass(frozen=True)
 class ExposureInterval:
-    """A part of an exposure: its `share` of the exposure time, the arm's joints, the lamp's mean level 0–1."""
+    """Part of an exposure: its `share` of the exposure time, the arm's joints and the lamp's mean level, 0–1."""
 
     share: float
     joints: tuple[float, ...]
@@ -94,7 +94,7 @@ class ExposureInterval:
 
 
 class World:
-    """One object in one cell, samples by one camera. Raises RigError config.invalid when the object does not fit."""
+    """One object in one cell, seen by one camera. Raises RigError config.invalid if the object does not fit."""
 
     def __init__(
         self,
@@ -107,9 +107,9 @@ class World:
         *,
         perturbed: bool = False,
     ) -> None:
-        """`spec` describes the object or target; a text names a built-in one. `arm_calibration` (seed, error in m) is
-        the controller's: the lamp truly is where the arm as built has it. A `perturbed` cell is one that was never
-        calibrated. Raises RigError request.invalid as `object_spec.build` does.
+        """`spec` describes the object or target, or is the name of a built-in one. `arm_calibration` (seed, error in m)
+        is the controller's: the lamp's true pose follows from the arm as built. A `perturbed` cell is one that was
+        never calibrated. Raises RigError request.invalid as `object_spec.build` does.
         """
         self.calibration = calibration
         self.cell = cell
@@ -141,7 +141,7 @@ class World:
         if len(self.scene.mesh.triangles):
             self._tracer = Tracer(self.scene.mesh)
         if self.target is not None:
-            # Their edges are what calibrations measure to hundredths of a pixel.
+            # Calibrations measure a target's edges to hundredths of a pixel, hence one subdivision more.
             self._stage = TargetStage(self.target, self.lens, subdivision + 1)
             return
         self._view = render.trace_view(self.scene, self._tracer, self.lens, subdivision)
@@ -166,7 +166,7 @@ class World:
         return flange
 
     def base_from_lamp(self, joints: Sequence[float]) -> FloatArray:
-        """The lamp's pose (4, 4) at joints (6,) in rad: the controller's TCP plays no part in it."""
+        """The lamp's pose (4, 4) at joints (6,) in rad, independent of the controller's TCP."""
         return self.base_from_flange(joints) @ self._flange_from_lamp
 
     def lamp_image(self, lamp: Lamp) -> Float32Array:
@@ -175,7 +175,7 @@ class World:
         return image if self._indirect is None else image + self._indirect.interreflections(lamp)
 
     def frame(self, intervals: Sequence[ExposureInterval], exposure_s: float, attempt: int) -> npt.NDArray[np.uint16]:
-        """The camera's frame (H, W) uint16 of an exposure made of intervals, whose shares add up to 1."""
+        """The camera's frame (H, W) uint16 of an exposure made of intervals, whose shares sum to 1."""
         profile = self._profile
         is_on = any(moment.lamp_level > 0 for moment in intervals)
         joints = [round(joint / 1e-4) for joint in intervals[0].joints]
@@ -203,7 +203,7 @@ class World:
         return sensor.expose(signal, self.calibration.sensor, random if profile.noise else None)
 
     def _lamp_image_at(self, joints: tuple[float, ...], shift: tuple[float, ...]) -> Float32Array:
-        """Image (H, W) under the lamp at power 1, its position at joints (6,) in rad plus `shift` (3,) in m."""
+        """Image (H, W) under the lamp at power 1, at joints (6,) in rad and displaced by `shift` (3,) in m."""
         base_from_lamp = self.base_from_lamp(joints)
         base_from_lamp[:3, 3] += shift
         lamp = Lamp.posed(self._object_from_base @ base_from_lamp, 1.0, self.calibration.reference_m, self._true.lobe)
@@ -212,13 +212,13 @@ class World:
         return self.lamp_image(lamp)
 
     def _object_from_mount(self, joints: Sequence[float]) -> FloatArray:
-        """Pose (4, 4) in the object's frame of what carries the target: the table, or the flange at joints (6,)."""
+        """Pose (4, 4), object frame, of the mount of the target: the table, or the flange at joints (6,)."""
         if self.target is None or self.target.spec.mount == "table":
             return np.eye(4)
         return self._object_from_base @ self.base_from_flange(joints)
 
     def save_calibration_truth(self, path: Path) -> None:
-        """Writes what a calibration should find, `calibration_truth.json`: for graders alone."""
+        """Writes `calibration_truth.json`, the values that a calibration should find; only graders read it."""
         facts = {} if self.target is None else self.target.facts
         true = replace(self._true, base_from_camera=self._true_camera)
         true.save(path, reference_m=self.calibration.reference_m, **facts)
@@ -226,7 +226,7 @@ class World:
     def truth(self) -> Truth:
         """Ground truth at the pixel centres, in the view frame of the nominal camera.
 
-        A mirror has normals but no albedo of use; a target on the flange is nowhere, so that the mask is empty.
+        A mirror has normals but no meaningful albedo. A target on the flange has no fixed place, so the mask is empty.
         """
         if not len(self.scene.mesh.triangles):
             empty = np.zeros((self.lens.height, self.lens.width), np.float32)
@@ -247,7 +247,7 @@ class World:
         return Truth(normals, depth, albedo, mask, one_surface)
 
     def visibility(self, joints: Sequence[float]) -> BoolArray:
-        """Where (H, W) the lamp at joints (6,) lights the object's pixel centres directly, without any shadow."""
+        """Mask (H, W) of the pixels whose centre on the object the lamp at joints (6,) lights directly, unshadowed."""
         samples = self._centre_samples()
         position = geometry.transform(self._object_from_base, self.base_from_lamp(joints)[:3, 3])
         result = np.zeros(self.lens.height * self.lens.width, dtype=bool)
@@ -260,7 +260,7 @@ class World:
 
 
 def _white_of_sites(calibration: Calibration) -> Float32Array | None:
-    """What each site (H, W) of a mosaic sensor has of a mean white; none of a monochrome one. All surfaces are grey."""
+    """Response (H, W) of a mosaic's sites to white, relative to their mean; None if monochrome. Surfaces are grey."""
     pattern = calibration.sensor.mosaic
     if pattern is None:
         return None
@@ -274,7 +274,7 @@ def _generator(*key: object) -> np.random.Generator:
 
 
 def _flicker(exposure_s: float, random: np.random.Generator) -> float:
-    """The room's mean light over an exposure that begins at a random phase of the mains, relative to its mean."""
+    """The room's mean light over an exposure from a random phase of the mains, relative to its long-term mean."""
     phase = random.uniform(0, 2 * np.pi)
     swing = 2 * np.pi * FLICKER_HZ * exposure_s
     wave = (np.sin(phase + swing) - np.sin(phase)) / swing

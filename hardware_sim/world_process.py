@@ -1,11 +1,11 @@
-"""The world as a process: builds the scene, writes the truth, serves the camera until its parent is gone.
+"""The world as a process: builds the scene, writes the truth, and serves the camera until its parent is gone.
 
-It writes the solid bodies for the controller's collision check too: `surroundings.npz` in the folder.
+It also writes `surroundings.npz` into the folder: the solid bodies for the controller's collision check.
 
 Run as `python -m hardware_sim.world_process FOLDER OBJECT SEED PROFILE [perturbed]`, with `cell.toml` and
-`calibration.json` in the folder; OBJECT is `ObjectSpec.as_json`. Another object or target takes its place when the
-camera's port is told so; truth and bodies are then written anew. Prints one JSON line, `{"ready": true}` or
-`{"error": sentence}`. It ends when its standard input ends, which happens however its parent dies.
+`calibration.json` in the folder; OBJECT is `ObjectSpec.as_json`. Prints one JSON line, `{"ready": true}` or
+`{"error": sentence}`. A request at the camera's port replaces the object or target; truth and bodies are then written
+again. The process ends when its standard input ends, which happens however its parent dies.
 """
 
 import json
