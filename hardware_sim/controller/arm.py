@@ -1,4 +1,4 @@
-"""State of the arm: joints, tool, payload and the present motion; no modes, no program.
+"""State of the arm: joints, tool, payload and present motion, without modes and program.
 
 Reported and true joints differ only by `joint_offset`, a fault on demand.
 """
@@ -22,7 +22,7 @@ from hardware_sim.controller.process_path import ProcessPath
 from hardware_sim.controller.steering import JointBrake, LinearBrake
 
 Steering = TypeVar("Steering", bound=Motion)
-HISTORY = 500  # ticks of joint positions kept for get_actual_joint_positions_history
+HISTORY = 500  # ticks of joint positions that are kept for get_actual_joint_positions_history
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ class Arm:
         self.speeds: Joints = [0.0] * 6
         self.target: Joints = self.joints[:]
         self.motion: Motion | None = None
-        self.blend: Blend | None = None  # what is left of the move before the present one
+        self.blend: Blend | None = None  # with the remainder of the move before the present one
         self.corner: Corner | None = None
-        self.aborted: Motion | None = None  # a move that is not begun anew
+        self.aborted: Motion | None = None  # a move that must not be started again
         self.freedrive: Freedrive | None = None  # while a person's hand may move the arm
         self.moves_started = 0
         self.tcp: list[float] = [0.0] * 6
@@ -56,7 +56,7 @@ class Arm:
         self.at_rest_ticks = HISTORY
         self.surface: SpringSurface | None = None
         self.tool_force: Twist = STANDSTILL  # N and Nm on the tool at its TCP, base axes
-        self.contact_ticks = 0  # for which the tool has touched the surface
+        self.contact_ticks = 0  # during which the tool has touched the surface
         self.history: deque[Joints] = deque([self.joints] * HISTORY, maxlen=HISTORY)
         self.axes, self.base_from_flange = kinematics.chain(model, self.joints)
         self.base_from_tool = self.base_from_flange
@@ -73,7 +73,7 @@ class Arm:
 
     @property
     def true_joints(self) -> Joints:
-        """Where the arm really is, in rad."""
+        """The arm's true joints, rad."""
         return [q + o for q, o in zip(self.joints, self.joint_offset, strict=True)]
 
     def tool_at(self, joints: Sequence[float]) -> Frame:
@@ -102,7 +102,7 @@ class Arm:
             self.tool_velocity = kinematics.velocity(self.axes, self.speeds, poses.position(self.base_from_tool))
 
     def touch(self, surface: SpringSurface | None) -> None:
-        """Puts a surface where the tool can touch it, in place of the present one."""
+        """Replaces the surface that the tool can touch."""
         self.surface, self.tool_force = surface, STANDSTILL
         self.refresh()
 
@@ -123,10 +123,10 @@ class Arm:
         return Line(self.tool_at(self.next_start), target)
 
     def start(self, move: ProgrammedMove, radius: float, warn: Callable[[str], None]) -> float:
-        """Begins a move, blended into the present one where that left a corner.
+        """Begins a move, blended into the present one if that left a corner.
 
-        `radius` (m) is that of the blend at its end; returns it, or zero where that blend would overlap the one before
-        or is longer than the move. Each blend that is left out is said by `warn`.
+        `radius` (m) is that of the blend at the move's end. Returns it, or zero if that blend would overlap the one
+        before or is longer than the move. `warn` receives a message for each omitted blend.
         """
         corner, self.corner = self.corner, None
         begin = self.tool_at(self.joints if corner is None else corner.move.end)
@@ -143,7 +143,7 @@ class Arm:
         return radius
 
     def admitted(self, length: float, radius: float, corner: Corner | None, warn: Callable[[str], None]) -> float:
-        """The blend radius at the end of a move of `length` m: zero, with a warning, where blends would overlap."""
+        """The blend radius at the end of a move of `length` m: zero, with a warning, if blends would overlap."""
         before = 0.0 if corner is None else corner.radius
         if radius > 0.0 and before + radius > length:
             warn(f"overlapping blends: radius {radius:g} m after {before:g} m on {length:.4f} m is left out")
@@ -153,8 +153,8 @@ class Arm:
     def process(
         self, line: Line, speed: float, acceleration: float, radius: float, warn: Callable[[str], None]
     ) -> tuple[ProcessPath, float]:
-        """Begins a piece of a process path, or lets the present path go on with it; returns the path and the admitted
-        blend radius (see `start`). Raises MotionError.
+        """Begins a process path, or extends the present one by a line; returns the path and the admitted blend radius
+        (see `start`). Raises MotionError.
         """
         corner = self.corner
         path = None if corner is None else corner.move
@@ -172,7 +172,7 @@ class Arm:
     # --- stops -----------------------------------------------------------------------------------------------
 
     def steer(self, motion: Steering) -> Steering:
-        """Puts a motion in the place of whatever moves the arm, and returns it."""
+        """Replaces whatever moves the arm by a motion, and returns the motion."""
         self.corner = self.blend = None
         self.motion = motion
         return motion
@@ -182,7 +182,7 @@ class Arm:
         return self.steer(JointBrake(self.joints, self.speeds, deceleration))
 
     def abort(self, deceleration: float) -> None:
-        """Ends the present joint or tool move, not to be begun anew, with all joints braked; no other motion."""
+        """Brakes all joints to end a joint or tool move, which must not be started again; ignores other motions."""
         if isinstance(self.motion, JointMove | ToolMove):
             self.aborted = self.motion
             self.brake(deceleration)
@@ -196,12 +196,12 @@ class Arm:
     # --- time ------------------------------------------------------------------------------------------------
 
     def done(self, move: Motion) -> bool:
-        """Whether a move has come to its end."""
+        """Whether a move has ended."""
         return move.finished and self.blend is None
 
     def step(self, dt: float, pace: float) -> None:
-        """Advances by `dt` seconds of motion time. Raises MotionError: then the arm is where it was, or its tool is
-        faster than it may be.
+        """Advances by `dt` seconds of motion time. Raises MotionError: the arm is then where it was, or its tool is too
+        fast or pushes too hard.
         """
         motion, before = self.motion, self.pressure
         if motion is None:

@@ -1,9 +1,9 @@
 """Blending of two moves by superposition: the next begins while the one before slows down, and the arm adds both.
 
-Both are inside their ramps, where their displacements are convex functions of time. So the speed has no jump, is never
-above that of the faster move, and the tool stays within the blend radius of the corner; and as the ramps of one move do
-not overlap, neither do its two blends. Two moves of the tool are added in its own space, where straight paths then keep
-the radius exactly; else joints are added, and samples of the sum say how early the next move may begin.
+Both are inside their ramps, where their displacements are convex functions of time. So the speed has no jump and never
+exceeds that of the faster move, and the tool stays within the blend radius of the corner. The ramps of one move do not
+overlap, so its two blends do not either. Two tool moves are added in tool space, where straight paths keep the radius
+exactly. Otherwise joints are added, and samples of the sum determine how early the next move may begin.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,12 +15,12 @@ from hardware_sim.controller.poses import Frame
 
 ForwardKinematics = Callable[[Sequence[float]], Frame]
 _SAMPLES = 6
-_INSIDE = 0.98  # of the radius: what lies between two samples stays inside too
+_INSIDE = 0.98  # share of the radius, so that the path between two samples stays inside too
 _ROUNDS = 8
 
 
 class Blend:
-    """The superposition of a move's end and the next one's start."""
+    """The superposition of the end of a move and the start of the next one."""
 
     def __init__(
         self, before: ProgrammedMove, following: ProgrammedMove, radius: float, tool_at: ForwardKinematics
@@ -48,10 +48,10 @@ class Blend:
                 away = max(self._away(overlap, number / _SAMPLES, tool_at) for number in range(_SAMPLES + 1))
                 if away <= _INSIDE * radius:
                     return overlap
-                # In a ramp the distance goes with the square of the time.
+                # In a ramp the distance grows with the square of the time.
                 overlap *= min(0.95, (0.95 * _INSIDE * radius / away) ** 0.5)
         except MotionError:
-            pass  # the sum leaves the reach: no blend
+            pass  # the sum leaves the arm's reach: no blend
         return 0.0
 
     def _away(self, overlap: float, share: float, tool_at: ForwardKinematics) -> float:

@@ -1,8 +1,9 @@
 """Factory calibration of an arm: deviations of its Denavit–Hartenberg parameters from the nominal ones.
 
-A real controller knows the measured chain of its own arm, and its clients do not: nominal kinematics are wrong by
-millimetres, the controller's tool pose is right. Each link gets errors of lengths and angles sampled from a seed,
-scaled to the requested root mean square, over poses, of the flange's distance from its nominal position.
+A real controller knows the measured chain of its own arm; its clients do not. Nominal kinematics are therefore wrong by
+millimetres, while the controller's tool pose is right. Each link gets errors of its lengths and angles, sampled from a
+seed. They are scaled so that the flange's distance from its nominal position has the requested root mean square over
+poses.
 """
 
 import math
@@ -19,7 +20,7 @@ _ROUNDS = 3  # the error is nearly linear in the deviations
 
 
 def calibrated(model: ArmModel, seed: int | None, error_m: float = TYPICAL_ERROR_M) -> ArmModel:
-    """The arm of a model that calibration `seed` describes, its flange `error_m` rms off; without one, the nominal."""
+    """The arm of a model with calibration `seed`, its flange `error_m` rms off; the nominal arm without a seed."""
     if seed is None:
         return model
     source = random.Random(f"{model.name} {seed}")  # noqa: S311 - a simulation's own noise

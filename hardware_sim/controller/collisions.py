@@ -1,4 +1,4 @@
-"""Record of the simulated arm's collisions: checked in every step of its motion, kept for the grading of a session."""
+"""Record of the simulated arm's collisions, which are checked in every step of its motion and kept for grading."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _KEPT = 1000
 
 @dataclass(frozen=True)
 class Collision:
-    """Two parts that met: when (the controller's time stamp, s), which, and at which true joints (6,) in rad."""
+    """A contact: the controller's time stamp, s, the two parts, and the true joints (6,) in rad."""
 
     timestamp: float
     first: str
@@ -26,7 +26,7 @@ class Collision:
 
     @property
     def parts(self) -> str:
-        """Both in words."""
+        """Both parts, in words."""
         return f"{self.first} touches {self.second}"
 
 
@@ -44,8 +44,8 @@ class Collisions:
         self._check_at_rest = True
 
     def surround(self, path: Path) -> None:
-        """Puts the arm into surroundings from a file. Raises OSError, ValueError."""
-        # numpy would double the start-up time of a controller that has nothing around it.
+        """Reads the arm's surroundings from a file. Raises OSError, ValueError."""
+        # Imported here, because NumPy would double the start-up time of a controller without surroundings.
         from hardware_sim.controller.surroundings import load  # noqa: PLC0415
 
         self._surround(load(path))
@@ -63,14 +63,14 @@ class Collisions:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets the present contacts, when the arm may run again: what it touches then counts anew."""
+        """Forgets the present contacts, so that what the arm touches when it may run again counts again."""
         self._known.clear()
         self._check_at_rest = True
         if self._check is not None:
             self._check.reset()
 
     def advance(self, joints: Sequence[float], timestamp: float) -> Collision | None:
-        """Follows the arm to its true joints (6,); returns a pair that has begun to touch."""
+        """Follows the arm to its true joints (6,); returns a collision that has begun."""
         contact = None if self._check is None else self._check.advance(joints)
         self._check_at_rest = False
         if contact is None:
@@ -81,7 +81,7 @@ class Collisions:
 
     @property
     def due(self) -> bool:
-        """Whether to check although the arm stands still."""
+        """Whether a check is due although the arm stands still."""
         return self._check_at_rest and self._check is not None
 
     def _record(self, contact: "Contact", timestamp: float) -> Collision | None:

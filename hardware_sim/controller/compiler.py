@@ -1,12 +1,12 @@
 """Compiler from URScript to Python: one closure per function, a generator where time may pass.
 
-Walking a tree at 500 Hz would cost more than the rest of the controller; compiled once, one turn of the control
+Walking a syntax tree at 500 Hz would cost more than the rest of the controller. Compiled once, one turn of the control
 script's main loop takes a few microseconds. A function that can neither wait nor loop becomes a plain function, every
-other a generator whose `yield` gives up the time slot. URScript's names get a prefix, so that no program can reach
-Python's own, and its operators become calls of `semantics` wherever Python's would mean something else.
+other one a generator whose `yield` gives up the time slot. URScript's names get a prefix, so that no program can reach
+Python's own. Its operators become calls of `semantics` wherever Python's differ.
 
-A loop, and a function that calls itself, asks at each round whether the thread has done its share of this tick; what a
-round costs is counted here, from the size of its body.
+In each round, a loop or a recursive function checks whether the thread has used up its share of this tick. The cost of
+a round is counted here, from the size of its body.
 """
 
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ class Vocabulary:
 
 @dataclass(frozen=True)
 class CompiledProgram:
-    """Python code that defines `program`, and for each of its lines the line of the URScript."""
+    """Python code that defines `program`, and the URScript line of each of its lines."""
 
     name: str
     secondary: bool
@@ -43,18 +43,18 @@ class CompiledProgram:
 _LOGIC = {"xor": "!=", "and": "and", "or": "or"}
 _NATIVE = {"==", "!="}
 NAMES_OF_OPERATIONS = {sign: f"o_{number}" for number, sign in enumerate(OPERATIONS)}
-"""What a program's code calls the operators of `semantics.OPERATIONS`."""
+"""Names of the operators of `semantics.OPERATIONS` in a program's code."""
 _COST_OF_BUILTIN = 10  # in nodes of the tree
 _COST_OF_KINEMATICS = 500
 _DEEPEST_COUNTED = 8  # calls inside calls
-TURN_BUDGET = 5000  # nodes that loops may do before their thread has to wait for its next slot
+TURN_BUDGET = 5000  # nodes that loops may evaluate before their thread has to wait for its next slot
 
 
 @lru_cache(maxsize=8)
 def compile_program(text: str, vocabulary: Vocabulary, statement: bool = False) -> CompiledProgram:
     """Compiles one program, or a statement of the interpreter mode, whose variables are all global.
 
-    Raises ScriptSyntaxError naming the line.
+    Raises ScriptSyntaxError that names the line.
     """
     try:
         program = parse(text)
@@ -63,7 +63,7 @@ def compile_program(text: str, vocabulary: Vocabulary, statement: bool = False) 
         source, lines = _Writer(program, vocabulary, statement).write()
         code = compile(source, f"<{program.name}>", "exec")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        # Too deep for a stack, or a number of thousands of digits.
+        # Nested too deeply for the stack, or a number of thousands of digits.
         raise ScriptSyntaxError(f"the program cannot be compiled: {error}") from error
     return CompiledProgram(program.name, program.kind == "sec", code, tuple(lines))
 
@@ -113,10 +113,10 @@ class _Writer:
         self._lines: list[int] = [0]
 
     def _bind(self, f: tree.Function, around: dict[str, str]) -> None:
-        """Decides where the variables of a function and of those inside it live; `around` are those it can see.
+        """Determines the scopes of the variables of a function and its inner functions; `around` are visible in it.
 
-        Lexical: `local` and parameters belong to the function, `global` to the program; any other assignment changes
-        the variable that is visible there, and makes one of the function's own where none is.
+        Scopes are lexical. `local` and parameters belong to the function, `global` to the program. Any other assignment
+        changes the visible variable of this name, or creates one of the function's own if there is none.
         """
         assignments = [node for node in self._bodies[f.name] if isinstance(node, tree.Assign)]
         assigned = [(n.target.name, n.qualifier) for n in assignments if isinstance(n.target, tree.Name)]
@@ -134,7 +134,7 @@ class _Writer:
         return self._scope.get(name, "g_" if name in self._globals else "v_") + name
 
     def _reached(self) -> dict[str, set[str]]:
-        """By function of the program, the names of all that calls lead to."""
+        """For each function of the program, the names of all functions that its calls reach."""
         reached = {name: {n.name for n in nodes if isinstance(n, tree.Call)} for name, nodes in self._bodies.items()}
         while True:
             more = {name: names.union(*(reached[n] for n in names & reached.keys())) for name, names in reached.items()}
@@ -143,7 +143,7 @@ class _Writer:
             reached = more
 
     def _find_waiting(self, reached: dict[str, set[str]]) -> set[str]:
-        """Names of the functions that may give up their time slot: by a loop, a wait, or a call of one that does."""
+        """Names of the functions that may give up their time slot: by a loop, a wait, or a call of such a function."""
         waiting = {f.name for f in self._all if f.kind == "thread"} | {self._program.name} | self._recursive
         waiting |= {
             name
@@ -157,7 +157,7 @@ class _Writer:
         return waiting | {name for name, names in reached.items() if names & ends}
 
     def _cost(self, nodes: list[tree.Node], depth: int = 0) -> int:
-        """How much one run through nodes costs, in nodes; calls that may wait count by themselves."""
+        """Cost of one run through `nodes`, in nodes; functions that may wait count their own cost."""
         cost = 0
         for node in nodes:
             cost += 1
@@ -192,7 +192,7 @@ class _Writer:
         if f.name in self._recursive:
             self._emit(indent + 1, f.line, f"if turn_is_spent({self._cost(self._bodies[f.name])}): yield")
         for parameter, default in f.parameters.items():
-            # A default is worked out at the call, where the globals have their values.
+            # A default is evaluated at the call, where the globals have their values.
             given = "" if default is None else f" if v_{parameter} is not ... else {self._value(default)}"
             self._emit(indent + 1, f.line, f"v_{parameter} = copy_of(v_{parameter}){given}")
         for inner in f.functions:
@@ -236,7 +236,7 @@ class _Writer:
                 return f"{self._variable(name)} = {value}"
             case tree.Member(_, container, name):
                 return f"put_member({self._expression(container)}, {name!r}, {value})"
-            # Outputs as lists, the writing of early versions, which urx sends to this day.
+            # Outputs as lists: the notation of early versions, which urx still sends.
             case tree.Index(_, tree.Name(_, "digital_out" | "analog_out" as n), [i]) if n not in {
                 *self._scope,
                 *self._globals,
@@ -251,7 +251,7 @@ class _Writer:
                 raise ScriptSyntaxError(f"line {target.line}: nothing can be assigned to this")
 
     def _value(self, node: tree.Node) -> str:
-        """An expression whose value somebody keeps: a copy, unless it is new anyway."""
+        """An expression whose value is kept: copied, unless the value is new anyway."""
         text = self._expression(node)
         return (
             text
@@ -260,7 +260,7 @@ class _Writer:
         )
 
     def _condition(self, node: tree.Node) -> str:
-        """An expression that must be a truth value; checked where that is not plain to see."""
+        """An expression that must be a truth value; checked at run time unless its form guarantees that."""
         text = self._expression(node)
         match node:
             case tree.Literal(_, True | False) | tree.Binary(

@@ -1,13 +1,13 @@
-"""Collision check of the arm by sphere sets and conservative advancement; it causes the protective stops.
+"""Collision check of the arm by sphere sets and conservative advancement; a collision causes a protective stop.
 
-Nothing of the planner is in it, neither code nor shapes nor clearances, so that an error there shows here. Links are
-sphere sets (`link_spheres.json`, made by `hardware_sim.link_spheres`): contact is reported at the latest when a link is
-2 mm deep in something (4 mm: two links, or the object), and never while they are over 1 mm (2 mm) apart; thrice that
-for a UR15, UR20 and UR30, whose shape is an estimate.
+It shares neither code nor shapes nor clearances with the planner, so that the planner's errors show here. Links are
+sphere sets (`link_spheres.json`, made by `hardware_sim.link_spheres`). Contact is reported at the latest when a link is
+2 mm deep in something (4 mm for two links, or for the object), and never while they are over 1 mm (2 mm) apart. For
+UR15, UR20 and UR30, whose shape is an estimate, these lengths are three times as large.
 
-Conservative advancement (Mirtich, 1996): a check gives the distance of a pair of bodies, and the pair is not checked
-again before a bound on the relative movement of all their points has used that distance up. Of the two dozen pairs most
-ticks check none; near a body there is a check for each `RESOLUTION_M`.
+Conservative advancement (Mirtich, 1996): a check gives the distance of a pair of bodies. The pair is not checked again
+until a bound on the relative movement of all their points has used up that distance. Most ticks check none of the two
+dozen pairs; near a body there is one check for each `RESOLUTION_M` of movement.
 """
 
 import json
@@ -28,21 +28,21 @@ from hardware_sim.controller.surroundings import OBJECT_BALL_M, FloatArray, Surr
 BoolArray = npt.NDArray[np.bool_]
 PARTS = ("base", "shoulder", "upper arm", "forearm", "wrist 1", "wrist 2", "wrist 3", "tool", "object")
 RESOLUTION_M = 0.001
-"""No point of the arm moves further than this between two checks of bodies that are that near."""
+"""Greatest movement, m, of any point of the arm between two checks of bodies that are this close."""
 
 _TOOL, _OBJECT = 7, 8
-_FRAMES = (0, 1, 2, 3, 4, 5, 6, 6, 0)  # the link's frame that each part is given in
+_FRAMES = (0, 1, 2, 3, 4, 5, 6, 6, 0)  # number of the link frame of each part
 _UNIT_M = 1e-4
 _GROUP = 20
-_FAR_M = 0.03  # beyond this a lower bound is as good as the distance
+_FAR_M = 0.03  # beyond this a lower bound of the distance suffices
 _TOOL_DIP_M = 0.0005
-# The flange turns in wrist 2 and carries the tool; wrist 1 and wrist 3 cannot meet, whatever the joints.
+# Wrist 1 and wrist 3 cannot meet, whatever the joints. The tool sits on the flange, which turns in wrist 2.
 _NEVER = {(4, 6), (5, _TOOL)}
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Two parts that touch, and the joints (6,) in rad at which they began to."""
+    """Two parts that touch, and the joints (6,) in rad at which they began to touch."""
 
     first: str
     second: str
@@ -51,7 +51,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class _Part:
-    """The spheres of one part, grouped with their neighbours, each group in a sphere of its own; part's frame, m."""
+    """The spheres of one part in its frame, m, grouped with their neighbours; each group has an enclosing sphere."""
 
     spheres: FloatArray  # (S, 3) centres
     radii: FloatArray  # (S,)
@@ -96,7 +96,7 @@ class ContactCheck:
         self._joints = None
 
     def advance(self, joints: Sequence[float]) -> Contact | None:
-        """The first contact on the joint-space segment from the joints (6,) of the last call to these, rad."""
+        """First contact on the joint-space segment from the joints of the last call to `joints` (6,), rad."""
         goal = np.array(joints, dtype=float)
         if self._joints is None:
             self._joints = goal
@@ -115,15 +115,12 @@ class ContactCheck:
         return None
 
     def distances(self, joints: Sequence[float]) -> dict[tuple[str, str], float]:
-        """The distance in m of each pair of bodies, negative where they are in each other; exact below 30 mm.
-
-        Farther apart, a bound that the distance is not below.
-        """
+        """Distance in m of each pair of bodies, negative in penetration; exact below 30 mm, else a lower bound."""
         frames = self.frames(joints)
         return {self._names(pair): self._distance(pair, frames) for pair in self._pairs}
 
     def _touching_pair(self, joints: Sequence[float]) -> _Pair | None:
-        """Checks the pairs that may have met; returns the deepest in contact, None where none is."""
+        """Checks the pairs that may have met; returns the one in deepest contact, or None."""
         frames = self.frames(joints)
         deepest: tuple[float, _Pair | None] = (0.0, None)
         for number in np.flatnonzero(self._slack_m < 0.0):
@@ -138,7 +135,7 @@ class ContactCheck:
         return PARTS[pair.part], other
 
     def _distance(self, pair: _Pair, frames: list[Frame]) -> float:
-        """The distance of a pair, or a bound from below where that is beyond `_FAR_M`; branch and bound."""
+        """Distance of a pair by branch and bound, or a lower bound if that is beyond `_FAR_M`."""
         one = self._parts[pair.part]
         rotation, shift = _rotation_and_shift(frames[_FRAMES[pair.part]])
         if pair.body >= 0:
@@ -150,7 +147,7 @@ class ContactCheck:
             return float((self._surroundings.distances(points, pair.body) - one.radii).min())
         two = self._parts[pair.other]
         other_rotation, other_shift = _rotation_and_shift(frames[_FRAMES[pair.other]])
-        # All in the frame of the first.
+        # Everything in the frame of the first part.
         turn, offset = rotation.T @ other_rotation, rotation.T @ (other_shift - shift)
 
         def least(mine: BoolArray, its: BoolArray) -> float:
@@ -180,14 +177,12 @@ class ContactCheck:
         return frames
 
     def _lever_arm(self, pair: _Pair) -> list[float]:
-        """Lever arms (6,) in m: bounds of the distance from each joint's axis of any point that the joint moves, in the
-        frame of the other part.
-        """
+        """Lever arms (6,) in m: bounds, in the other part's frame, of any moved point's distance from each axis."""
         alone = pair.body >= 0 or pair.other == _OBJECT
         moving, near = (pair.part, 0) if alone else (pair.other, _FRAMES[pair.part])
         part, far = self._parts[moving], _FRAMES[moving]
         lever_arms = [0.0] * 6
-        # In the frame before the last joint the part turns about z; before that only its reach is known.
+        # The last joint turns the part about z of the frame before it; for earlier joints only its reach is known.
         link = self._links[far - 1]
         x = part.spheres[:, 0] + link.length
         y = link.cos_twist * part.spheres[:, 1] - link.sin_twist * part.spheres[:, 2]
@@ -195,7 +190,7 @@ class ContactCheck:
         lever_arms[far - 1] = float((np.hypot(x, y) + part.radii).max())
         reach = float((np.sqrt(x**2 + y**2 + z**2) + part.radii).max())
         for joint in range(far - 2, near - 1, -1):
-            # The offset along a joint's own axis does not turn with it.
+            # The offset along a joint's own axis adds nothing to that joint's lever arm.
             lever_arms[joint] = abs(self._links[joint].length) + reach
             reach += math.hypot(self._links[joint].length, self._links[joint].distance)
         return lever_arms
@@ -210,7 +205,7 @@ def _links(model: str) -> list[FloatArray]:
 
 
 def _tool(capsules: FloatArray) -> FloatArray:
-    """Spheres (S, 4) for capsules (T, 7), so close that nowhere more than `_TOOL_DIP_M` is missing."""
+    """Spheres (S, 4) for capsules (T, 7), so dense that at most a depth of `_TOOL_DIP_M` is missing between them."""
     spheres: list[FloatArray] = []
     for row in capsules:
         start, end, radius = row[:3], row[3:6], float(row[6])

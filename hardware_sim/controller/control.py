@@ -1,4 +1,4 @@
-"""Client of the simulated controller's control port: reads the true state, orders faults (`control_port`, `faults`)."""
+"""Client of the simulated controller's control port: reads the true state and orders faults."""
 
 import json
 import socket
@@ -14,7 +14,7 @@ class ControlClient(AbstractContextManager["ControlClient"]):
     """One connection; use as a context manager or call `close`."""
 
     def __init__(self, address: str, timeout_s: float = 3.0) -> None:
-        """Connects. Raises ConnectionError where nobody listens."""
+        """Connects. Raises ConnectionError if no controller listens."""
         self._address = address
         try:
             self._socket = socket.create_connection((address, PORT), timeout_s)
@@ -24,7 +24,7 @@ class ControlClient(AbstractContextManager["ControlClient"]):
         self._lines = self._socket.makefile("rb")
 
     def request(self, **fields: Any) -> dict[str, Any]:
-        """Sends one request and returns the reply. Raises ConnectionError, ValueError where it is refused."""
+        """Sends one request and returns the reply. Raises ConnectionError, and ValueError if it is refused."""
         try:
             self._socket.sendall((json.dumps(fields) + "\n").encode())
             line = self._lines.readline()
@@ -38,11 +38,11 @@ class ControlClient(AbstractContextManager["ControlClient"]):
         return reply
 
     def state(self) -> dict[str, Any]:
-        """Where the arm truly is, its outputs, modes and program (see `control_port.state`)."""
+        """True state of the arm, its outputs, modes and program (see `control_port.state`)."""
         return self.request(command="state")
 
     def fault(self, kind: str, **parameters: Any) -> None:
-        """Makes something go wrong (see `faults.FAULTS`), after `at_s` seconds where given."""
+        """Orders a fault (see `faults.FAULTS`), after `at_s` seconds if given."""
         self.request(command="fault", kind=kind, **parameters)
 
     def set_digital_input(self, number: int, level: bool) -> None:
@@ -50,11 +50,11 @@ class ControlClient(AbstractContextManager["ControlClient"]):
         self.request(command="input", digital=number, level=level)
 
     def set_analog_input(self, number: int, value: float) -> None:
-        """Sets an analogue input in V, or A where it is set to current: 0–1 standard, 2–3 tool."""
+        """Sets an analogue input in V, or in A if it is set to current: 0–1 standard, 2–3 tool."""
         self.request(command="input", analog=number, value=value)
 
     def surface(self, point: Sequence[float], normal: Sequence[float], stiffness: float) -> None:
-        """Puts a spring plane (base frame, m, N/m) where the TCP can touch it; stiffness 0 takes it away."""
+        """Places a spring plane (base frame, m, N/m) that the TCP can touch; stiffness 0 removes it."""
         self.request(command="surface", point=list(point), normal=list(normal), stiffness=stiffness)
 
     def collisions(self) -> list[dict[str, Any]]:
@@ -62,7 +62,7 @@ class ControlClient(AbstractContextManager["ControlClient"]):
         return list(self.request(command="collisions")["collisions"])
 
     def surround(self, path: Path) -> None:
-        """Puts the arm into the surroundings of a file (see `surroundings`)."""
+        """Reads the arm's surroundings from a file (see `surroundings`)."""
         self.request(command="surroundings", file=str(path.resolve()))
 
     def log(self) -> list[str]:

@@ -1,16 +1,16 @@
 """Control port of the simulator (30200): true state of the arm, faults on demand, surroundings.
 
-One JSON object per line in, one per line out; replies carry `"ok"`, and `"error"` where it is false. No real controller
-has this port; only the simulated world, tests and graders use it. From Python: `control.ControlClient`.
+Requests and replies are one JSON object per line. A reply carries `"ok"`, and `"error"` if that is false. No real
+controller has this port; only the simulated world, tests and graders use it. From Python: `control.ControlClient`.
 
-    {"command": "state"}                            where everything is now, see `state`
-    {"command": "fault", "kind": …, …}              something goes wrong: all kinds are listed in `faults`
+    {"command": "state"}                            the true state, see `state`
+    {"command": "fault", "kind": …, …}              orders a fault; `faults` lists all kinds
     {"command": "collisions"}                       all collisions so far, oldest first
     {"command": "log"}                              the latest messages
     {"command": "input", "digital": n, "level": …}  sets a digital input: 0–7 standard, 8–15 configurable, 16–17 tool
     {"command": "input", "analog": n, "value": …}   sets an analogue input in V or A: 0–1 standard, 2–3 tool
     {"command": "surface", "point": [3], "normal": [3], "stiffness": N/m}  a spring that the TCP can touch; 0: none
-    {"command": "surroundings", "file": path}       puts the arm into surroundings (`surroundings` says what is in them)
+    {"command": "surroundings", "file": path}       reads the arm's surroundings from a file (see `surroundings`)
 """
 
 import json
@@ -69,7 +69,7 @@ def _set_input(inputs: Inputs, request: dict[str, Any]) -> None:
 
 
 def _set_surface(controller: Controller, request: dict[str, Any]) -> None:
-    """Puts a spring surface where the tool can touch it, or takes it away. Raises FaultError."""
+    """Places a spring surface that the tool can touch, or removes it. Raises FaultError."""
     stiffness = number(request, "stiffness", 0.0, 20_000.0)
     surface = None
     if stiffness > 0.0:
@@ -96,7 +96,7 @@ def _collisions(controller: Controller) -> dict[str, Any]:
 
 
 def state(controller: Controller) -> dict[str, Any]:
-    """The truth: where the arm is (m, rad, base frame), what its outputs are and since when, all modes, all faults."""
+    """True state: the arm (m, rad, base frame), its outputs and their age, all modes and all disturbances."""
     arm, outputs, safety = controller.arm, controller.outputs, controller.safety
     joints = arm.true_joints
     tool = poses.compose(kinematics.forward(arm.model, joints), arm.flange_from_tool)

@@ -1,8 +1,8 @@
-"""State and tick of the controller: the arm, the program it runs, its outputs and its stops, every 2 ms.
+"""State and 2-ms tick of the controller: the arm, the program that it runs, its outputs and its stops.
 
-Each tick: due orders → watchdogs → the program's turn → motion and collisions → values for the clients. Motion
-advances by the speed factor × 2 ms, everything else keeps wall time. Nothing here knows sockets; the ports call in
-between ticks.
+Each tick: due orders → watchdogs → the program's turn → motion and collisions → values for the clients. Motion advances
+by the speed factor × 2 ms; everything else keeps wall time. The controller has no sockets; the ports call it between
+ticks.
 """
 
 import logging
@@ -38,8 +38,8 @@ LOG = logging.getLogger("hardware_sim.controller")
 
 VERSION = (5, 11, 1, 108318)
 VERSION_X = (10, 14, 0, 0)
-"""PolyScope X, the first with all of the Robot API that `robot_api` serves; its build number is not published."""
-PROGRAM_STOP_DECELERATION = 6.0  # rad/s², where a program ends in mid-move
+"""First version of PolyScope X with the whole Robot API that `robot_api` serves; its build number is not published."""
+PROGRAM_STOP_DECELERATION = 6.0  # rad/s², if a program ends during a move
 SAFETY_STOP_DECELERATION = 15.0  # rad/s²
 _PACE_RATE = 5.0  # per s: a pause from full speed takes 0.2 s
 _LONGEST_STEP = 0.008  # s of motion: large speed factors take several steps per tick
@@ -62,7 +62,7 @@ class Controller:
         programs: Path | None = None,
         record: Record | None = None,
     ) -> None:
-        """`now` is time.monotonic(); `programs` is the dashboard's folder; `record` receives each step's time stamp."""
+        """`now` is time.monotonic(), `programs` the dashboard's folder; `record` receives each step's time stamp."""
         self.arm = Arm(model, home)
         self.registers, self.inputs = Registers(), Inputs()
         self.links, self.interpreter = ScriptLinks(), Interpreter()
@@ -86,7 +86,7 @@ class Controller:
         self._program: Program | None = None
         self._secondary: list[Program] = []
         self._in_secondary = self._claimed = False
-        self._unclaimed: Motion | None = None  # goes on although no program wants it
+        self._unclaimed: Motion | None = None  # continues although no program claims it
         self.watchdogs = Watchdogs()
         self._could_run_before = True
         self._pace = 1.0
@@ -118,7 +118,7 @@ class Controller:
         self.runtime_exception(f"program refused: {error}")
 
     def start(self, compiled: CompiledProgram) -> None:
-        """Starts a program in place of the running one, a `sec` beside it."""
+        """Starts a program in place of the running one, or a `sec` program beside it."""
         if not self.safety.remote_control:
             self.report("program refused: the robot is in local control")
             return
@@ -163,7 +163,7 @@ class Controller:
         return True
 
     def load_file(self, name: str) -> bool:
-        """Loads a program from the folder of programs, in place of the running one; False where there is none."""
+        """Loads a program from the folder of programs, in place of the running one; False if there is none."""
         program = program_store.find(self.programs, name)
         if program is None:
             return False
@@ -188,7 +188,7 @@ class Controller:
         return self._program is not None
 
     def claim(self) -> None:
-        """Called by a program's motion function in each tick in which it wants its motion to go on."""
+        """Lets the motion continue in this tick; a program's motion function calls it in each tick."""
         self._claimed = True
 
     def tool_changed(self) -> None:
@@ -196,12 +196,12 @@ class Controller:
         publication.pose(self.arm, self.registers)
 
     def require_main_program(self) -> None:
-        """Raises ScriptError where a secondary program tries to move the arm."""
+        """Raises ScriptError if a secondary program tries to move the arm."""
         if self._in_secondary:
             raise ScriptError("a secondary program must not move the arm")
 
     def protective_stop(self, why: str) -> None:
-        """Brakes at once and pauses the program until somebody unlocks."""
+        """Brakes at once and pauses the program until the stop is unlocked."""
         self._safety_stop(SafetyMode.PROTECTIVE_STOP, why)
 
     def safeguard_stop(self, why: str) -> None:
@@ -218,7 +218,7 @@ class Controller:
         self._brake(SAFETY_STOP_DECELERATION)
 
     def emergency_stop(self, why: str, mode: SafetyMode = SafetyMode.ROBOT_EMERGENCY_STOP) -> None:
-        """Brakes, ends the program, takes the power away; also violation and fault."""
+        """Brakes, ends the program and takes the power away; `mode` may also be a violation or a fault."""
         self.report(f"{mode.name}: {why}")
         self.power_off()
         self.safety.emergency(mode, why)
@@ -231,7 +231,7 @@ class Controller:
         self.safety.power_off()
 
     def clear(self) -> None:
-        """Clears all faults: powered, brakes released, safety normal."""
+        """Clears all faults: power on, brakes released, safety normal."""
         self.safety.reset()
         self.slider = 1.0
         self.arm.joint_offset = [0.0] * 6
@@ -240,7 +240,7 @@ class Controller:
             self.outputs.stick(number, None)
 
     def reboot(self) -> None:
-        """Restarts as after a power cycle of the controller: booting, then without power; the arm stands."""
+        """Restarts as after a power cycle: the controller boots, then has no arm power; the arm stands still."""
         self.report("the controller restarts")
         self.power_off()
         self.outputs.write((1 << DIGITAL_OUTPUTS) - 1, 0)
@@ -253,7 +253,7 @@ class Controller:
         self.safety.boot()
 
     def move_by_hand(self, joints: Sequence[float], seconds: float) -> None:
-        """Somebody moves the arm to joints (6,) in rad; pushing an arm that a program holds is a protective stop."""
+        """Moves the arm by hand to joints (6,) in rad; pushing an arm that a program holds is a protective stop."""
         if self.arm.freedrive is not None:
             resists = self.arm.freedrive.resists(self.arm.base_from_tool, self.arm.tool_at(joints))
             if resists is not None:
@@ -263,11 +263,11 @@ class Controller:
             self.protective_stop("somebody pushes the arm")
         self.report("the arm is moved by hand")
         if seconds == 0.0:
-            self.collisions.reset()  # no path on which it could touch anything
+            self.collisions.reset()  # there is no path on which it could touch anything
         self._unclaimed = self.arm.steer(HandMove(self.arm.joints, joints, seconds))
 
     def offset_joints(self, offsets: Sequence[float]) -> None:
-        """Puts the true arm off the joints that it reports, by (6,) rad."""
+        """Makes the true joints differ from the reported ones by (6,) rad."""
         self.arm.joint_offset = list(offsets)
         self.collisions.reset()
 
@@ -277,7 +277,7 @@ class Controller:
         self.collisions.nudge_object(shift_m, turn_rad)
 
     def jump(self, seconds: float) -> None:
-        """Lets time stamps jump ahead."""
+        """Makes time stamps jump ahead."""
         self.ticks += round(seconds / STEP_TIME)
 
     def _close_secondary(self) -> None:
@@ -289,7 +289,7 @@ class Controller:
         self._unclaimed = self.arm.brake(deceleration)
 
     def order(self, when: Callable[[], bool], action: Callable[[], object]) -> None:
-        """Schedules an action between two ticks, as soon as `when` holds."""
+        """Schedules an action for the first tick in which `when` holds."""
         self._orders.append((when, action))
 
     def report(self, message: str, level: int = logging.WARNING) -> None:
@@ -298,12 +298,12 @@ class Controller:
         LOG.log(level, "%.3f %s", self.timestamp, message)
 
     def runtime_exception(self, message: str) -> None:
-        """Reports why a program was refused or ended by itself: to the log, and by the ports to clients that listen."""
+        """Reports why a program was refused or ended by itself, to the log and through the ports to clients."""
         self.report(message)
         self.announce(RobotMessage(MessageType.RUNTIME_EXCEPTION, message))
 
     def announce(self, message: RobotMessage) -> None:
-        """Has the ports send a message to clients that listen."""
+        """Queues a message that the ports send to their clients."""
         self.announcements.append(message)
 
     def tick(self, now: float) -> None:
@@ -392,7 +392,7 @@ class Controller:
             self.runtime_state = RuntimeState.PAUSED
 
     def _check_collisions(self) -> None:
-        """Protective stop where the arm has begun to touch a body."""
+        """Stops protectively if the arm has begun to touch a body."""
         collision = self.collisions.advance(self.arm.true_joints, self.timestamp)
         if collision is not None:
             self.report(f"COLLISION: {collision.parts}")

@@ -10,7 +10,7 @@ from typing import Protocol
 from hardware_sim.controller import poses
 from hardware_sim.controller.poses import Frame, Vector
 
-_COLLINEAR = 1e-6  # of the sine between two chords
+_COLLINEAR = 1e-6  # sine of the angle between two chords
 
 
 class Curve(Protocol):
@@ -25,7 +25,7 @@ class Curve(Protocol):
 
 
 class Line:
-    """A straight line; the rotation goes in step about one fixed axis."""
+    """A straight line; the tool rotates in step with it about one fixed axis."""
 
     def __init__(self, start: Frame, end: Frame) -> None:
         self.start, self._end = start, end
@@ -48,10 +48,10 @@ class Line:
 
 
 class Arc:
-    """The circle from a start through a point to an end.
+    """The circular arc from a start through a point to an end.
 
-    The rotation goes in step from start to end, or, `fixed`, keeps its angle to the tangent; the end's own rotation
-    plays no part then. Raises ValueError where the three points do not make a circle.
+    The tool rotates in step from the start's to the end's rotation. If `fixed`, it keeps its angle to the tangent
+    instead, and the end's rotation is ignored. Raises ValueError if the three points do not define a circle.
     """
 
     def __init__(self, start: Frame, via: Vector, end: Frame, fixed: bool) -> None:

@@ -1,10 +1,10 @@
 """Dashboard server (UR dashboard server guide, e-Series): one line of text in, one line out (port 29999).
 
-All commands of PolyScope 5.11. Where the guide and what robots send differ (operational modes), it is what UR's own
-client library expects; `setUserRole` and `getUserRole` are CB3's, and clients still send them. Replies are compared
-whole by the clients, so they are the real ones, ended by a bare line feed. In local control a controller answers
-questions and shows popups, and refuses all else; it goes on refusing on connections that were opened in local control
-until they are opened anew.
+It has all commands of PolyScope 5.11. Where the guide differs from what robots send (operational modes), replies are
+those that UR's own client library expects. `setUserRole` and `getUserRole` belong to CB3, but clients still send them.
+Clients compare whole replies, so these are the real ones, ended by a bare line feed. In local control a controller
+answers questions, shows popups and refuses all else. A connection opened in local control stays refused until the
+client connects again.
 """
 
 import socket
@@ -47,7 +47,7 @@ class DashboardConnection(LineConnection):
 
 
 def answer(controller: Controller, command: str, remote: bool) -> str:
-    """Carries out one dashboard command and returns its reply; letter case of the command does not matter."""
+    """Carries out one dashboard command, in any letter case, and returns its reply."""
     lowered = command.lower()
     question = _ALWAYS.get(lowered)
     if question is not None:
@@ -150,7 +150,7 @@ _ALWAYS: dict[str, Callable[[Controller], str]] = {
 _REMOTE: dict[str, Callable[[Controller], str]] = {
     "play": _checked("play", "Starting program", Controller.play),
     "pause": _checked("pause", "Pausing program", Controller.pause),
-    # "Stopped" also where nothing runs: the library stops programs that have just ended by themselves.
+    # "Stopped" even if nothing runs, because the library stops programs that have just ended by themselves.
     "stop": _plain("Stopped", lambda c: c.stop_program("by the dashboard")),
     "unlock protective stop": lambda c: c.safety.unlock() or "Protective stop releasing",
     "power on": _plain("Powering on", lambda c: c.safety.power_on()),
@@ -166,4 +166,4 @@ _WITH_ARGUMENT: dict[str, tuple[bool, Callable[[Controller, str], str]]] = {
     "load installation": (True, _load_installation),
     "load": (True, _load),
 }
-"""What takes an argument, and whether it needs remote control; a longer name comes before one that begins it."""
+"""Commands with an argument, and whether they need remote control; a longer name comes before its own prefix."""

@@ -6,7 +6,7 @@ from collections import deque
 
 
 class Delay:
-    """Random latencies: `latency` and up to `jitter` more, in s; the same seed draws the same times."""
+    """Random latencies: `latency` plus up to `jitter`, in s; the same seed draws the same times."""
 
     def __init__(self, latency: float, jitter: float, seed: int) -> None:
         self._latency, self._jitter = latency, jitter
@@ -26,11 +26,11 @@ class Pipe:
         self._pieces: deque[tuple[float, bytes]] = deque()
 
     def holds_back(self, data: bytes) -> bool:
-        """Takes bytes that are not to arrive yet; False where nothing delays them."""
+        """Holds back bytes that must not arrive yet; returns False if nothing delays them."""
         if self.delay is None and not self._pieces:
             return False
         due = time.monotonic() + (0.0 if self.delay is None else self.delay.draw())
-        # TCP keeps the order: nothing overtakes what was sent before.
+        # TCP keeps the order: no piece overtakes an earlier one.
         self.held += len(data)
         self._pieces.append((max(due, self._pieces[-1][0]) if self._pieces else due, data))
         return True
@@ -44,7 +44,7 @@ class Pipe:
         return pieces
 
     def put_back(self, data: bytes) -> None:
-        """Keeps the rest of what has arrived, where the other end does not take it yet."""
+        """Keeps the rest of arrived bytes if the other end does not accept it yet."""
         if data:
             self.held += len(data)
             self._pieces.appendleft((0.0, data))

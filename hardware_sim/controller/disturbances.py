@@ -1,4 +1,4 @@
-"""State of the faults of lamp, camera and object: ordered at the control port, carried out by the world."""
+"""State of the faults of lamp, camera and object, which are ordered at the control port and applied by the world."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 class Disturbances:
     """The world's present faults; frames are counted since the start, so that each fault happens once."""
 
-    lamp_fraction: float = 1.0  # of the lamp's light; 0: it is dead, whatever its output says
-    lamp_flicker: float = 0.0  # depth 0–1 by which exposures differ at random
+    lamp_fraction: float = 1.0  # of the lamp's light; 0: the lamp is dead, whatever its output
+    lamp_flicker: float = 0.0  # depth, 0–1, of random differences between exposures
     dropped_frames: int = 0
     saturated_frames: int = 0
     object_shift_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
@@ -20,11 +20,11 @@ class Disturbances:
         self.lamp_fraction, self.lamp_flicker = fraction, flicker
 
     def drop(self, frames: int) -> None:
-        """Has the camera lose so many more frames."""
+        """Makes the camera lose this many more frames."""
         self.dropped_frames += frames
 
     def saturate(self, frames: int) -> None:
-        """Has so many more frames saturated."""
+        """Saturates this many more frames."""
         self.saturated_frames += frames
 
     def nudge(self, shift_m: Sequence[float], turn_rad: float) -> None:

@@ -1,11 +1,11 @@
 """Torques, currents, momentum and elbow of the arm, as RTDE reports them: a static model.
 
-A joint carries the weight of all links beyond it and of the payload (composite masses, from the tool inwards); its
-torque is that weight's moment about its axis, its current the torque over a constant. Inertia, Coriolis forces,
-friction and noise are left out, and currents are those of an arm that holds still: targets and actual values are equal.
-An arm whose brakes hold it has no current. Masses and their places: UR's article on Denavit–Hartenberg parameters for
-calculations of kinematics and dynamics, as in `ur_description`; sideways offsets of the wrists (a few mm) are left out.
-For a UR5e this gives the currents that URSim sends within 0.05 % at the shoulder and the elbow.
+A joint carries the weight of all links beyond it and of the payload (composite masses, from the tool inwards). Its
+torque is that weight's moment about its axis, and its current is the torque divided by a constant. Inertia, Coriolis
+forces, friction and noise are left out. Currents are those of an arm that holds still, so targets equal actual values;
+an arm held by its brakes has no current. Masses and their places are from UR's article on Denavit–Hartenberg parameters
+for calculations of kinematics and dynamics, as in `ur_description`, without the sideways offsets of the wrists (a few
+mm). For a UR5e the currents at shoulder and elbow agree with those of URSim within 0.05 %.
 """
 
 import math
@@ -20,17 +20,17 @@ from hardware_sim.controller.script_values import STEP_TIME
 _NAMES = """target_qdd target_current target_moment actual_current joint_control_output actual_momentum
     actual_tool_accelerometer elbow_position elbow_velocity ft_raw_wrench"""
 VARIABLES = frozenset(_NAMES.split())
-"""What `Dynamics.publish` sets: computed only where somebody reads one of them."""
+"""Variables that `Dynamics.publish` sets; they are computed only if a client reads one of them."""
 GRAVITY = 9.82  # m/s²
-_FARTHEST = 10.0  # m, of a payload from the flange
+_FARTHEST = 10.0  # m, greatest coordinate of a payload from the flange
 _TORQUE_PER_AMPERE = (9.94, 9.94, 9.94, 7.8, 7.8, 7.8)
-"""N m/A: torques of this model over the currents of the UR5e that UR's client library recorded from URSim. Other arms
-have other motors; theirs are taken for the same.
+"""N m/A: torques of this model divided by the currents of the UR5e that UR's client library recorded from URSim. Other
+arms have other motors; the same constants are used for them.
 """
 
 
 class Dynamics:
-    """Publishes what follows from the masses of one arm."""
+    """Publishes the variables that follow from the masses of one arm."""
 
     def __init__(self, arm: Arm, registers: Registers) -> None:
         self._arm, self._registers = arm, registers
@@ -39,9 +39,9 @@ class Dynamics:
         self._since = 0.0
 
     def publish(self, now: float, brakes_open: bool) -> None:
-        """Sets the variables, where anything has changed since the last time; `now` is the controller's time in s."""
+        """Sets the variables if anything has changed since the last call; `now` is the controller's time in s."""
         arm = self._arm
-        # Whatever place a program states: the numbers stay those that a message holds.
+        # Limited, so that a message can hold the numbers whatever place a program states.
         x, y, z = (max(-_FARTHEST, min(_FARTHEST, c)) for c in arm.payload_center)
         payload = (arm.payload, x, y, z)
         state = (arm.joints, self._speeds, arm.speeds, payload, brakes_open)

@@ -4,11 +4,11 @@ Every fault is one entry of `FAULTS`; its parameters are the other fields of the
 at once, after `at_s` seconds of wall time, or as soon as the `at_move`-th move from now has begun.
 
     safety      protective_stop · safeguard_stop · emergency_stop · system_emergency_stop · violation · fault
-                release_safeguard_stop · release_emergency_stop · clear (all is normal, powered and mended at once)
+                release_safeguard_stop · release_emergency_stop · clear (normal, powered and without faults at once)
     operation   power_off · program_stop · program_pause (as from the pendant) · local_mode · remote_mode
                 speed_slider {fraction} · hand_move {joints: [6], seconds} (by hand; 0: at once, without a path)
                 restart (all connections end, booting, then without power; also switches on what was shut down)
-    arm         joint_offset {offsets_rad: [6]} (the arm is not where it says) · time_jump {seconds}
+    arm         joint_offset {offsets_rad: [6]} (true minus reported joints) · time_jump {seconds}
     outputs     output_stuck {output, level: true | false | null = let go}
     links       cut {port} · stall {port, seconds} · half_packet (RTDE clients get half a packet, then the end)
                 delay {port, latency_ms, jitter_ms, seed} (both ways; 0 ends it)
@@ -28,7 +28,7 @@ from hardware_sim.controller.signals import DIGITAL_OUTPUTS
 
 
 class FaultError(ValueError):
-    """The request is not a fault that exists; the message says what is wrong."""
+    """The request is not a valid fault; the message says what is wrong."""
 
 
 class Links(Protocol):
@@ -45,7 +45,7 @@ class Links(Protocol):
 Parameters = Mapping[str, Any]
 Action = Callable[[], object]
 Fault = Callable[[Controller, Links, Parameters], Action]
-"""Checks a request's parameters and returns what is to be done."""
+"""Checks a request's parameters and returns the action."""
 
 
 def number(parameters: Parameters, name: str, least: float, most: float) -> float:

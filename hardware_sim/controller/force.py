@@ -1,10 +1,10 @@
 """Forces at the tool: a spring surface that it can touch, and the motion of `force_mode` (UR script manual).
 
-The simplest model in which force control and the search for contact have an effect, not one of a sensor or of an arm's
-compliance. There is one surface at most, ordered at the control port, and it acts on the TCP alone, along its normal,
-without friction; a push beyond `MOST_FORCE` is a protective stop. In force mode the tool moves along each compliant
-axis in proportion to the force or torque that is missing (an admittance, `MOBILITY`), at most at that axis's limit of
-speed; the other axes stand still: a move in force mode is refused.
+This is the simplest model in which force control and the search for contact have an effect; it models neither a sensor
+nor an arm's compliance. There is at most one surface, placed through the control port. It acts on the TCP alone, along
+its normal, without friction. A push beyond `MOST_FORCE` causes a protective stop. In force mode the tool moves along
+each compliant axis in proportion to the missing force or torque (an admittance, `MOBILITY`), at most at that axis's
+speed limit. The other axes stand still; a move in force mode is refused.
 """
 
 from collections.abc import Sequence
@@ -16,11 +16,11 @@ from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.steering import ToolSpeed
 
 MOST_FORCE = 150.0
-"""N at the TCP: the force limit of an e-Series safety configuration as delivered."""
+"""Force limit at the TCP, N, of an e-Series safety configuration as delivered."""
 LEAST_CONTACT = 1.0
-"""N from which `tool_contact` sees a contact."""
+"""Least force, N, that `tool_contact` takes as a contact."""
 MOBILITY = (0.01, 0.01, 0.01, 0.1, 0.1, 0.1)
-"""m/s per N and rad/s per Nm at a gain scaling of 1: 10 N move the free tool at 50 mm/s at the default of 0.5."""
+"""m/s per N and rad/s per Nm at a gain scaling of 1; at the default of 0.5, 10 N move the free tool at 50 mm/s."""
 _ACCELERATION = 5.0  # m/s²; a spring of 20 kN/m is approached without oscillation
 
 
@@ -43,7 +43,7 @@ class SpringSurface:
 
 @dataclass(frozen=True)
 class ForceTask:
-    """What `force_mode` asks for: axes of the task frame, N and Nm that the tool shall exert, m/s and rad/s."""
+    """Arguments of `force_mode`: task frame, its compliant axes, N and Nm to exert, speed limits in m/s and rad/s."""
 
     base_from_task: Frame
     compliant: Sequence[bool]
@@ -51,7 +51,7 @@ class ForceTask:
     speeds: Sequence[float]
 
     def velocity(self, force: Sequence[float], gain: float) -> list[float]:
-        """The tool's velocity in base where `force` acts on it (base axes)."""
+        """The tool's velocity in base while `force` (base axes) acts on it."""
         task_from_base = poses.invert(self.base_from_task)
         acting = (*poses.rotate(task_from_base, force[:3]), *poses.rotate(task_from_base, force[3:]))
         wanted = [
@@ -64,7 +64,7 @@ class ForceTask:
 
 
 class ForceMotion(ToolSpeed):
-    """The tool in force mode; `force` (base axes) is what acts on it, the task may change while it runs."""
+    """The tool in force mode; `force` (base axes) acts on it, and the task may change while it runs."""
 
     task: ForceTask | None = None
     force: Twist = STANDSTILL

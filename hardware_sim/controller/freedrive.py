@@ -1,6 +1,6 @@
 """Freedrive (`freedrive_mode`, `teach_mode`; UR script manual), and the motion of an arm that a hand pushes.
 
-`Freedrive` is the state that a program puts the arm into, `HandMove` the motion itself, also that of open brakes.
+`Freedrive` is the state that a program puts the arm into. `HandMove` is the motion itself, also with open brakes.
 """
 
 from collections.abc import Sequence
@@ -11,19 +11,19 @@ from hardware_sim.controller.motion import Joints, State
 from hardware_sim.controller.poses import Frame
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
-_PLAY = 1e-3  # m and rad by which a blocked axis yields
+_PLAY = 1e-3  # m and rad, by which a blocked axis yields
 
 
 @dataclass(frozen=True)
 class Freedrive:
-    """The state a program has put the arm into; `by` is the function it called."""
+    """The state into which a program has put the arm; `by` is the function that it called."""
 
     by: str
     free_axes: tuple[bool, ...] = (True,) * 6
     base_from_feature: Frame = poses.IDENTITY
 
     def resists(self, base_from_tool: Frame, target: Frame) -> str | None:
-        """Why the tool cannot be led to a target, as a sentence; None where all axes that it needs are free."""
+        """Why the tool cannot be guided to a target, as a sentence; None if all axes that it needs are free."""
         shift, turn = poses.difference(base_from_tool, target)
         feature_from_base = poses.invert(poses.with_position(self.base_from_feature, (0.0, 0.0, 0.0)))
         moved: Sequence[float] = (*poses.rotate(feature_from_base, shift), *poses.rotate(feature_from_base, turn))
@@ -34,7 +34,7 @@ class Freedrive:
 
 
 class HandMove:
-    """All joints go evenly to where the person puts them, whatever slider and program say."""
+    """Moves all joints evenly to where a person puts them, whatever slider and program demand."""
 
     velocity = None
 

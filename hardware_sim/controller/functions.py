@@ -1,7 +1,7 @@
-"""Table of URScript's built-in functions: those that this controller has, and those it refuses.
+"""Table of URScript's built-in functions: those that this controller has, and those that it refuses.
 
-What is not simulated is refused as a runtime exception that names the function; nothing answers "done" without having
-been done. A name that URScript does not have at all is an error of the program's text.
+A function that is not simulated raises a runtime exception that names it; no function pretends to have been done. A
+name that URScript does not have is an error in the program's text.
 """
 
 import inspect
@@ -33,7 +33,7 @@ _REFUSED = """get_joint_torques ft_rtde_input_enable enable_external_ft_sensor d
     modbus_get_signal_status modbus_send_custom_command modbus_set_digital_input_action modbus_set_output_register
     modbus_set_output_signal modbus_set_runstate_dependent_choice modbus_set_signal_update_frequency rpc_factory
     get_interpreter_mode_status inv transpose size"""
-"""Dynamics, conveyors, path offsets, fieldbuses, matrices: what URScript has and this controller does not."""
+"""Functions that URScript has and this controller lacks: dynamics, conveyors, path offsets, fieldbuses, matrices."""
 REFUSED = frozenset(_REFUSED.split())
 
 _GROUPS: tuple[type[FunctionGroup], ...] = (

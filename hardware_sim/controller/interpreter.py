@@ -1,7 +1,7 @@
 """Interpreter mode (URScript manual): statements that a program executes while it waits in `interpreter_mode()`.
 
 They run in order, in the thread that called it. They see the program's global variables, variables and functions of
-earlier statements, and the controller's functions; the program's own functions and local variables they do not see.
+earlier statements, and the controller's functions, but not the program's own functions and local variables.
 """
 
 from collections import deque
@@ -11,7 +11,7 @@ from hardware_sim.controller.compiler import CompiledProgram
 
 
 class Interpreter:
-    """The statements of one controller: numbered, waiting, executed; what they have defined."""
+    """The statements of one controller: their numbers, the waiting ones, and the definitions made by them."""
 
     def __init__(self) -> None:
         self.active = False
@@ -22,11 +22,11 @@ class Interpreter:
         self._own: set[str] = set()
 
     def program(self, statement: str) -> str:
-        """A program that executes a statement after what earlier ones define."""
+        """A program that holds the definitions of earlier statements and executes a statement."""
         return "def interpreter():\n" + "".join(self._definitions.values()) + statement + "\nend\n"
 
     def take(self, statement: str, compiled: CompiledProgram) -> int:
-        """Puts a compiled statement behind the others; returns its number."""
+        """Appends a compiled statement to the queue; returns its number."""
         self.interpreted += 1
         self.waiting.append((self.interpreted, compiled))
         words = statement.replace("(", " ").split()
@@ -35,7 +35,7 @@ class Interpreter:
         return self.interpreted
 
     def enter(self, namespace: dict[str, Any], clear_queue: bool) -> None:
-        """Begins to execute, in a program's namespace."""
+        """Begins to execute statements in a program's namespace."""
         if clear_queue:
             self.waiting.clear()
         self.active, self._namespace, self._own = True, namespace, set(namespace)
@@ -48,7 +48,7 @@ class Interpreter:
             del self._namespace[name]
 
     def end(self, clear: bool) -> None:
-        """Ends the mode, also where its program ends."""
+        """Ends the mode; called also when its program ends."""
         self.active = False
         if clear:
             self.clear()

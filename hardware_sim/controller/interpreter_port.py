@@ -1,7 +1,7 @@
-"""Port of the interpreter mode (URScript manual, "Interpreter mode"): statements in, one line out for each (30020).
+"""Port 30020 of the interpreter mode (URScript manual, "Interpreter mode"): statements in, one line out for each.
 
-`ack: 3: movej(…)` gives a statement's number, `discard: reason: …` says why it is not taken, `state: 3: …` answers the
-commands on numbers. Commands act at once; statements are compiled beside the ticks and answered in their order.
+`ack: 3: movej(…)` states a statement's number, `discard: reason: …` why it is refused, and `state: 3: …` answers
+commands that ask for numbers. Commands act at once. Statements are compiled beside the ticks and answered in order.
 """
 
 import socket
@@ -14,7 +14,7 @@ from hardware_sim.controller.syntax import ScriptSyntaxError, depth_change
 
 PORT = 30020
 _MOST_WAITING = 1000  # statements
-_LONGEST = 1 << 17  # characters of a statement and all functions before it
+_LONGEST = 1 << 17  # characters of a statement and of all functions defined before it
 _ABORT_DECELERATION = 6.0  # rad/s²
 
 

@@ -1,7 +1,7 @@
 """URScript's functions on digital and analogue inputs and outputs (UR script manual, module interfaces).
 
-A PolyScope program begins with a dozen calls that set up inputs, outputs and the tool's connector; those that nothing
-here depends on are accepted, checked for no more than their names.
+A PolyScope program begins with a dozen calls that set up inputs, outputs and the tool's connector. Those without an
+effect here are accepted with any arguments.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ _FLAGS = 33
 
 
 def _accepted(self: FunctionGroup, *arguments: Any, **keywords: Any) -> None:
-    """A setting that nothing here depends on."""
+    """A setting without an effect here."""
     del self, arguments, keywords
 
 
@@ -52,7 +52,7 @@ def _set_input_domain(first: int) -> Callable[..., None]:
 
 def _set_runstate(first: int, count: int) -> Callable[..., None]:
     def method(self: "IoFunctions", outputId: Any, state: Any) -> None:
-        # 0 keeps the output, 1 puts it low while no program runs; the others drive it, and nobody has needed them.
+        # 0 keeps the output, 1 puts it low while no program runs; values that would drive it are refused.
         slot = first + integer_below(outputId, "a digital output's number", count)
         self.robot.outputs.hold_low_when_stopped(slot, bool(integer_below(state, "the state", 2)))
 

@@ -1,10 +1,10 @@
 """Forward and inverse kinematics of UR arms, nominal and as calibrated in the factory.
 
-The controller solves them itself, apart from `acquisition.waypoints`, so that an error in one does not hide in the
-other. Denavit–Hartenberg lengths are the manufacturer's published ones; α = (π/2, 0, 0, π/2, −π/2, 0). A real arm's
-axes are never quite parallel: `calibration.calibrated` gives the links of an `ArmModel` small errors, and everything
-here then speaks of that arm. Its inverse has no closed form; the nominal one (Hawkins, Analytic inverse kinematics for
-the Universal Robots UR-5/UR-10 arms, 2013) says which branches there are, Newton's method brings each to the true arm.
+The implementation is independent of `acquisition.waypoints`, so that an error in one shows against the other.
+Denavit–Hartenberg lengths are the manufacturer's published ones; α = (π/2, 0, 0, π/2, −π/2, 0). A real arm's axes are
+never exactly parallel: `calibration.calibrated` gives the links of an `ArmModel` small errors, and all functions here
+then refer to that arm. Its inverse has no closed form. The nominal one (Hawkins, Analytic inverse kinematics for the
+Universal Robots UR-5/UR-10 arms, 2013) gives the branches, and Newton's method takes each to the true arm.
 """
 
 import math
@@ -20,11 +20,11 @@ from hardware_sim.controller.poses import Frame, Vector
 
 _TOLERANCE = 1e-9
 _ROUNDING = 1e-9  # of a cosine
-_EDGE = 0.06  # of a cosine: how far past the nominal arm's reach a calibrated one may still reach
+_EDGE = 0.06  # of a cosine: how far beyond the nominal arm's reach a calibrated one may reach
 _CONVERGED = 1e-10  # m and rad
 _NEWTON_STEPS = 12
 _LONGEST_NEWTON_STEP = 0.2  # rad, so that a branch near a singularity is not left
-_NEAR = 0.2  # sine of a bend, or share of the reach, below which a singularity is felt
+_NEAR = 0.2  # sine of a bend, or share of the reach, below which a singularity is near
 _SAME_BRANCH = 1e-6  # rad
 
 Axis = tuple[Vector, Vector]  # direction and a point on it, base frame
@@ -42,8 +42,8 @@ class Link:
 
 
 class Bodies(NamedTuple):
-    """Masses of the links beyond the base in kg; how far along upper arm and forearm theirs are, and how far all are
-    along the next axis, in m.
+    """Masses in kg of the links beyond the base; positions of their centres in m: `along` upper arm and forearm, and
+    `offsets` of all along the next axis.
     """
 
     masses: tuple[float, ...]
@@ -95,7 +95,7 @@ def _model(name: str, table: dict[str, Any]) -> ArmModel:
 
 
 def _models() -> dict[str, ArmModel]:
-    """The arms of `models.toml`; one that is `like` another differs from it in what it states."""
+    """The arms of `models.toml`; an arm that is `like` another takes from it what it does not state itself."""
     tables = tomllib.loads(Path(__file__).with_name("models.toml").read_text(encoding="utf-8"))
     return {name: _model(name, tables.get(table.get("like", ""), {}) | table) for name, table in tables.items()}
 
@@ -146,13 +146,13 @@ def velocity(axes: Sequence[Axis], speeds: Sequence[float], point: Sequence[floa
 
 
 def near_singularity(arm: ArmModel, joints: Sequence[float]) -> str | None:
-    """Which singularity of the nominal arm `joints` are close to, as a sentence's part; None where none is near."""
+    """The singularity of the nominal arm that `joints` are close to, as part of a sentence; None if none is near."""
     _, q2, q3, q4, q5, _ = joints
     if abs(math.sin(q5)) < _NEAR:
         return "close to the wrist singularity (wrist 2 near 0° or 180°)"
     if abs(math.sin(q3)) < _NEAR:
         return "close to the elbow singularity (arm stretched)"
-    # The wrist's centre over the base's axis: the base joint cannot move it along.
+    # If the wrist's centre is above the base's axis, the base joint cannot move it.
     across = arm.a2 * math.cos(q2) + arm.a3 * math.cos(q2 + q3) + arm.d5 * math.sin(q2 + q3 + q4)
     if abs(across) < _NEAR * arm.reach:
         return "close to the shoulder singularity (wrist above the base)"
@@ -164,7 +164,7 @@ def _arccosine(value: float, slack: float) -> float | None:
         return math.acos(value)
     if abs(value) > 1.0 + slack:
         return None
-    # A target at the very edge of the reach must not be lost; past it a start beside the singularity is a good one.
+    # A target at the very edge of the reach must not be lost. Beyond it, Newton's method starts beside the singularity.
     return math.acos(math.copysign(1.0 if slack == _ROUNDING else 2.0 - abs(value), value))
 
 
@@ -217,8 +217,9 @@ def _nominal_solutions(
 
 
 def newton_solution(arm: ArmModel, base_from_flange: Frame, joints: Sequence[float]) -> list[float] | None:
-    """Inverse kinematics of the calibrated arm by Newton's method from `joints`: the joints (6) in rad that reach a
-    flange pose to 1e-9 m and rad; None where it does not converge.
+    """Inverse kinematics of the calibrated arm by Newton's method from `joints`.
+
+    Returns the joints (6) in rad that reach a flange pose to 1e-9 m and rad, or None if it does not converge.
     """
     solution = list(joints)
     error = math.inf
@@ -238,7 +239,7 @@ def newton_solution(arm: ArmModel, base_from_flange: Frame, joints: Sequence[flo
 
 
 def _solve_linear(columns: list[tuple[float, ...]], right: list[float]) -> list[float] | None:
-    """x of a square system given by its columns, by Gaussian elimination with pivots; None where it is singular."""
+    """Solves a square system, given by its columns, by Gaussian elimination with pivots; None if it is singular."""
     size = len(right)
     rows = [[*(column[i] for column in columns), right[i]] for i in range(size)]
     for i in range(size):
@@ -259,7 +260,7 @@ def _solve_linear(columns: list[tuple[float, ...]], right: list[float]) -> list[
 def solutions(arm: ArmModel, base_from_flange: Frame, last_joint: float = 0.0) -> list[tuple[float, ...]]:
     """Inverse kinematics: all joint sets (up to 8) that reach a flange pose, each angle in (−π, π].
 
-    Where joints 4 and 6 turn about one line, joint 6 is free and `last_joint` is used for it.
+    If joints 4 and 6 turn about one line, joint 6 is free and set to `last_joint`.
     """
     if arm.calibration_seed is None:
         return [tuple(joints) for joints in _nominal_solutions(arm, base_from_flange, last_joint)]
@@ -281,14 +282,14 @@ def _wrap(angle: float) -> float:
 
 
 def inverse(arm: ArmModel, base_from_flange: Frame, near: Sequence[float]) -> list[float] | None:
-    """The joints (6) in rad nearest to `near`, within the joint limits; None where no set reaches."""
+    """The joints (6) in rad nearest to `near`, within the joint limits; None if no set reaches the pose."""
     return _nearest(arm, base_from_flange, near, JOINT_LIMIT)
 
 
 def following(arm: ArmModel, base_from_flange: Frame, last: Sequence[float]) -> list[float] | None:
-    """The joints (6) in rad that continue `last` without a jump, whatever the joint limits; None where none do."""
+    """The joints (6) in rad that continue `last` without a jump, whatever the joint limits; None if none do."""
     if arm.calibration_seed is not None:
-        # Beside the last joints Newton's method needs two steps, and cannot change the branch.
+        # From the last joints Newton's method needs two steps and cannot change the branch.
         joints = newton_solution(arm, base_from_flange, last)
         if joints is not None:
             return joints
@@ -300,7 +301,7 @@ def _nearest(arm: ArmModel, base_from_flange: Frame, near: Sequence[float], limi
     least = math.inf
     candidates = solutions(arm, base_from_flange, near[5])
     if arm.calibration_seed is not None:
-        # Near a singularity the nominal arm may not have the branch that the true one is on.
+        # Near a singularity the nominal arm may lack the true arm's branch.
         beside = newton_solution(arm, base_from_flange, near)
         candidates += [] if beside is None else [tuple(_wrap(q) for q in beside)]
     for solution in candidates:

@@ -1,6 +1,6 @@
-"""Messages of the controller to those who listen: what programs say, show and fail with.
+"""Messages of the controller to its clients: texts, popups, labels and errors of programs, and safety modes.
 
-The controller and its functions put them into `Controller.announcements`; the ports take them out between ticks and
+The controller and its functions put them into `Controller.announcements`. Between ticks the ports take them out and
 send them in their own formats: the primary interface by type, RTDE as texts.
 """
 
@@ -21,8 +21,8 @@ class MessageType(IntEnum):
 
 @dataclass(frozen=True)
 class RobotMessage:
-    """One message; `title`, `warning`, `error` and `blocking` are a popup's and a key's, `number` is a label's
-    or the safety mode."""
+    """One message; `title`, `warning`, `error` and `blocking` belong to popups and keys, `number` to labels and safety
+    modes."""
 
     type: MessageType
     text: str

@@ -1,9 +1,9 @@
 """Interface of motions: a motion advances the arm's joints by a step of motion time and reports its end.
 
 `pace` is the share of the programmed speed that slider, pause and resume leave (0–1). It stretches the time base of
-programmed moves (`moves`, `process_path`, joined by `blend`); a stop (`steering`) brakes at its own deceleration
-whatever the slider says. A motion that meets a pose without solution or a limit raises `MotionError`: a protective stop
-whose message names the joint and the reason.
+programmed moves (`moves`, `process_path`, joined by `blend`). A stop (`steering`) brakes at its own deceleration,
+whatever the slider. A motion that meets a limit or a pose without solution raises `MotionError`, which causes a
+protective stop whose message names the joint and the reason.
 """
 
 from collections.abc import Sequence
@@ -25,11 +25,11 @@ class MotionError(Exception):
 
 
 class Motion(Protocol):
-    """What moves the arm at present.
+    """A motion of the arm.
 
-    `finished`: whether it has come to its end, at rest. `velocity`: the tool's, where the motion knows it; else it
-    follows from the joints. `step` advances by `dt` seconds of motion time, returns joints and joint speeds, and raises
-    MotionError.
+    `finished`: whether it has ended, at rest. `velocity`: the tool's velocity if the motion knows it; None if it
+    follows from the joints. `step` advances by `dt` seconds of motion time and returns joints and joint speeds; it
+    raises MotionError.
     """
 
     @property
@@ -51,9 +51,7 @@ class Follower:
         self._tool_from_flange = poses.invert(flange_from_tool)
 
     def solve(self, base_from_tool: Frame, near: Sequence[float] | None = None) -> Joints:
-        """The joints for a tool pose that continue `near`, or else the present ones. Raises MotionError where none
-        reach it.
-        """
+        """Joints for a tool pose that continue `near`, by default the present ones. Raises MotionError if none do."""
         last = self.joints if near is None else near
         joints = kinematics.following(self.arm, poses.compose(base_from_tool, self._tool_from_flange), last)
         if joints is None:

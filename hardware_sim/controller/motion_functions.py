@@ -1,9 +1,8 @@
 """URScript's motion functions (UR script manual, module motion).
 
-They are generators: each claims the arm in every tick in which it waits, and a motion that nobody claims is braked, so
-that a killed thread, a finished program and a lost command all end at rest. A move with a blend radius returns when
-the next one may take over; that one then starts while the rest of the first fades out (`blend`), or goes on with the
-path (`process_path`).
+They are generators. Each claims the arm in every tick in which it waits; a motion that none claims is braked, so that a
+killed thread, a finished program and a lost command all end at rest. A move with a blend radius returns when the next
+one may take over. That one then starts while the first one fades out (`blend`), or continues its path (`process_path`).
 """
 
 from collections.abc import Callable, Generator
@@ -23,16 +22,16 @@ from hardware_sim.controller.steering import JointServo, JointSpeed, ToolSpeed
 
 Waiting = Generator[None, None, None]
 Begun = TypeVar("Begun")
-_SHORTEST_PROCESS = 1e-4  # m: less has no direction to go on in, and only turns
+_SHORTEST_PROCESS = 1e-4  # m: a shorter line has no direction, and the tool only turns
 _GUIDING_DECELERATION = 4.0  # rad/s²
 _FORCE_DECELERATION = 2.0  # m/s², where force mode ends
 
 
 class MotionFunctions(FunctionGroup):
-    """What moves or stops the arm."""
+    """Functions that move or stop the arm."""
 
     def _require_arm(self, name: str) -> None:
-        """Raises ScriptError where the program may not move the arm now."""
+        """Raises ScriptError if the program may not move the arm now."""
         self._robot.require_main_program()
         if self._arm.freedrive is not None:
             raise ScriptError(f"{name}: the arm is in {self._arm.freedrive.by}, end that first")
@@ -40,7 +39,7 @@ class MotionFunctions(FunctionGroup):
             raise ScriptError(f"{name}: a move in force mode is not simulated by this controller, end force mode first")
 
     def _begun(self, begin: Callable[[], Begun]) -> Begun | None:
-        """The motion that `begin` makes, or None with a protective stop where the arm cannot follow it."""
+        """The motion that `begin` makes; None, with a protective stop, if the arm cannot follow it."""
         try:
             return begin()
         except MotionError as error:
@@ -48,7 +47,7 @@ class MotionFunctions(FunctionGroup):
             return None
 
     def _wait_for(self, begin: Callable[[], Motion]) -> Waiting:
-        """Waits until a motion has ended; begins it anew where a stop has replaced it (resumed after an unlock)."""
+        """Waits until a motion has ended; begins it again if a stop has replaced it (resumed after an unlock)."""
         while True:
             motion = self._begun(begin)
             if motion is None:
@@ -61,7 +60,7 @@ class MotionFunctions(FunctionGroup):
                 return
 
     def _move(self, begin: Callable[[], tuple[ProgrammedMove, float]]) -> Waiting:
-        """As `_wait_for`, but returns where the next move may take over; `begin` also gives the blend's radius."""
+        """As `_wait_for`, but returns when the next move may take over; `begin` also returns the blend's radius."""
         arm = self._arm
         while True:
             begun = self._begun(begin)
@@ -87,7 +86,7 @@ class MotionFunctions(FunctionGroup):
         return begin
 
     def _come_to_rest(self, brake: Callable[[float], Motion], deceleration: float) -> Waiting:
-        # A new move starts from rest; what a killed one left behind is braked first.
+        # A new move starts from rest, so a motion that a killed one left behind is braked first.
         if self._arm.moving and self._arm.corner is None:
             yield from self._wait_for(lambda: brake(deceleration))
 
@@ -189,7 +188,7 @@ class MotionFunctions(FunctionGroup):
 
     def speedj(self, qd: Any, a: float = 1.4, t: float = 0.0) -> Waiting:
         self._require_arm("speedj")
-        # Clients stream accelerations down to rounding errors: then the speed stays what it is.
+        # Clients stream accelerations down to rounding errors; the speed then stays constant.
         target, acceleration = numbers(qd, 6, "qd"), not_negative(a, "a")
         motion = self._arm.motion
         if not isinstance(motion, JointSpeed):

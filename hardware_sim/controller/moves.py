@@ -1,9 +1,9 @@
 """Programmed moves of the UR script manual: moves to a known end, on a trapezoidal velocity profile.
 
-`JointMove` (`movej`) is a straight segment in joint space, a `CartesianMove` (`movel`, `movec`, `movep`) moves the
-tool: on a curve from rest to rest (`ToolMove`) or on a path at constant speed (`process_path.ProcessPath`). What
-`blend` needs to join two of them is the same for all: how long they take to start and to stop, and where they are
-shortly after their start and before their end.
+`JointMove` (`movej`) is a straight segment in joint space. A `CartesianMove` (`movel`, `movec`, `movep`) moves the
+tool, on a curve from rest to rest (`ToolMove`) or on a path at constant speed (`process_path.ProcessPath`). All give
+`blend` what it needs to join two of them: how long they take to start and to stop, and where they are shortly after
+their start and before their end.
 """
 
 import math
@@ -19,17 +19,16 @@ from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.profile import Trapezoid
 
 _AT_REST: Joints = [0.0] * 6
-_STRIDE = 0.1  # m of the tool, or half as many quarter turns, between the poses that follow a path to its end joints
-_STRIDE_TURN = 0.5  # rad
+_STRIDE = 0.1  # m of the tool between the poses that follow a path to its end joints
+_STRIDE_TURN = 0.5  # rad, likewise
 
 
 class ProgrammedMove(Motion, Protocol):
     """A move to a known end.
 
-    `time_left`: seconds of motion time until it stands at its end, as far as it is known now. `ramp_in`, `ramp_out`:
-    seconds in which it gains speed at its start, and loses it before its end; `joints_after`, `joints_before_end`:
-    where it is within them; they raise MotionError. `hands_over`: whether a move that follows may begin to take over,
-    `radius` (m) being the blend's.
+    `time_left`: seconds of motion time until it stands at its end, as known now. `ramp_in`, `ramp_out`: seconds of
+    acceleration at its start and of braking before its end. `joints_after`, `joints_before_end`: its joints within
+    these; they raise MotionError. `hands_over`: whether the next move may take over, with a blend of `radius` (m).
     """
 
     end: Joints
@@ -46,7 +45,7 @@ class ProgrammedMove(Motion, Protocol):
 
 
 class _TrapezoidalMove:
-    """What follows from the profile of a move from rest to rest."""
+    """The properties of a move from rest to rest that follow from its profile."""
 
     def __init__(self, profile: Trapezoid) -> None:
         self.profile = profile
@@ -67,7 +66,7 @@ class _TrapezoidalMove:
         return self.time_left <= self.ramp_out and poses.distance(base_from_tool, base_from_end)[0] <= radius
 
     def _share(self, seconds: float) -> float:
-        """Share of the path that is covered at a time."""
+        """Share of the path that is covered after `seconds`."""
         return self.profile.position(seconds) / self.profile.length if self.profile.length > 0.0 else 1.0
 
     def _share_rate(self) -> float:
@@ -111,10 +110,10 @@ def plan_joint_move(
     acceleration: float,
     seconds: float,
 ) -> JointMove:
-    """The move of `movej`: leading axis under `speed` (rad/s) and `acceleration` (rad/s²), or lasting `seconds`.
+    """Plans the move of `movej`: leading axis at `speed` (rad/s) and `acceleration` (rad/s²), or lasting `seconds`.
 
-    Every joint keeps its own limits and the tool its speed limit; the leading axis slows down for them. Raises
-    MotionError where the target is outside the joint limits.
+    The leading axis slows down so that every joint and the tool keep their limits. Raises MotionError if the target is
+    outside the joint limits.
     """
     fault = limits.position_fault(target, arm.unlimited_joints)
     if fault is not None:
@@ -137,7 +136,7 @@ def plan_joint_move(
 def _greatest_tool_speed(
     arm: ArmModel, start: Sequence[float], displacement: Sequence[float], flange_from_tool: Frame
 ) -> float:
-    """Greatest tool speed, in m per duration of the move, of joints that turn evenly; sampled along the move."""
+    """Greatest tool speed, in m per duration of the move, if joints turn at constant speeds; sampled along the move."""
     samples = 16
     fastest = 1e-9
     for number in range(samples + 1):
@@ -190,7 +189,7 @@ class ToolMove(_TrapezoidalMove, CartesianMove):
     """A curve of the tool from rest to rest, its arc length on a trapezoid."""
 
     def __init__(self, follower: Follower, curve: Curve, profile: Trapezoid) -> None:
-        """Raises MotionError where the end is out of reach."""
+        """Raises MotionError if the end is out of reach."""
         super().__init__(profile)
         self.follower = follower
         self._curve = curve
@@ -215,22 +214,22 @@ class ToolMove(_TrapezoidalMove, CartesianMove):
 
 
 def end_joints(follower: Follower, curve: Curve, start: Joints) -> Joints:
-    """The joints at a curve's end when the tool has followed it from `start`. Raises MotionError."""
+    """The joints at a curve's end if the tool follows it from `start`. Raises MotionError."""
     strides = 1 + int(max(curve.length / _STRIDE, curve.angle / _STRIDE_TURN))
     joints = start
     try:
-        # A long path may end on another turn of a joint than the shortest one would.
+        # On a long path a joint may end on another turn than on the shortest way.
         for number in range(1, strides + 1):
             joints = follower.solve(curve.at(number / strides), joints)
     except MotionError:
-        # Out of reach before the end: the arm moves until there, unless the end itself is out of reach.
+        # Out of reach on the way: the arm moves up to there, unless the end itself is out of reach.
         return follower.solve(curve.at(1.0), start)
     return joints
 
 
 def curve_profile(curve: Curve, speed: float, acceleration: float, seconds: float) -> Trapezoid:
-    """The profile over a curve's arc length in m (speed m/s, acceleration m/s²), or over its angle in rad where it only
-    turns; within the limits of tool speed, turn and acceleration.
+    """Plans a profile over a curve's arc length in m (speed m/s, acceleration m/s²), or its angle in rad if it only
+    turns, within the limits of tool speed, turn and acceleration.
     """
     if curve.length > 1e-6:
         turn = max(curve.angle / curve.length, 1e-9)

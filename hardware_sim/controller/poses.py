@@ -1,7 +1,7 @@
 """Rigid transforms (SE(3)) as twelve numbers, in plain Python.
 
-The 500-Hz tick asks for a handful of small products; numpy's call overhead would cost ten times the arithmetic. A
-`Frame` is the upper three rows of `a_from_b`, row by row; UR's pose (x, y, z, rx, ry, rz) is converted here only.
+The 500-Hz tick needs a handful of small products, for which NumPy's call overhead would cost ten times the arithmetic.
+A `Frame` is the upper three rows of `a_from_b`, row by row. UR's pose (x, y, z, rx, ry, rz) is converted only here.
 """
 
 import math

@@ -8,21 +8,21 @@ from contextlib import AbstractContextManager
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
 
-_START_TIMEOUT = 90.0  # s; it starts in well under one, and on a machine that computes for others too in 35 s
+_START_TIMEOUT = 90.0  # s; it usually starts in well under 1 s, on a machine with other load in 35 s
 
 
 class ControllerProcess(AbstractContextManager["ControllerProcess"]):
-    """Starts a controller and ends it; a context manager.
+    """A controller in a child process, as a context manager.
 
-    The child reads a pipe that only this process holds open: it ends when the parent does, however that dies.
+    The child reads a pipe that only this process holds open, so it ends with its parent, however that dies.
     """
 
     def __init__(
         self, address: str, options: ControllerOptions, *, log_level: str = "WARNING", module: str = __package__ or ""
     ) -> None:
-        """Starts it and waits until it can be connected to. Raises ConnectionError where it does not start.
+        """Starts it and waits until clients can connect. Raises ConnectionError if it does not start.
 
-        `module`: what `python -m` runs; another one calls this package's `__main__.main`.
+        `python -m` runs `module`; a module other than this package has to call this package's `__main__.main`.
         """
         self.address = address
         command = [sys.executable, "-m", module, "--until-eof", "--address", address, "--log", log_level]
@@ -35,7 +35,7 @@ class ControllerProcess(AbstractContextManager["ControllerProcess"]):
             elif value is True:
                 command += [flag]
             elif value is not None and value is not False:
-                command += [f"{flag}={value}"]  # one word: the parser would take -1e-05 by itself for an option
+                command += [f"{flag}={value}"]  # one word: the parser would take a separate -1e-05 as an option
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
         output = self.process.stdout
         readable = output is not None and select.select([output], [], [], _START_TIMEOUT)[0]
@@ -44,16 +44,16 @@ class ControllerProcess(AbstractContextManager["ControllerProcess"]):
             raise ConnectionError(f"the simulated controller did not start at {self.address}; its log says why")
 
     def control(self) -> ControlClient:
-        """A new client of its control port."""
+        """Returns a new client of its control port."""
         return ControlClient(self.address)
 
     def kill(self) -> None:
-        """Ends it without warning, as a power cut."""
+        """Ends it without warning, like a power cut."""
         self.process.kill()
         self.process.wait()
 
     def close(self) -> None:
-        """Ends it; harmless when it has ended."""
+        """Ends it; has no effect if it has ended already."""
         if self.process.stdin is not None:
             self.process.stdin.close()
         try:

@@ -1,10 +1,10 @@
 """Process path (`movep`, UR script manual): straight pieces joined by circular blends, at a constant tool speed.
 
-The path grows while it is driven: a `movep` with a blend radius hands over before it has to slow down, and the next one
-puts an arc in the corner's place. The speed is as programmed, less where an arc's centripetal acceleration would be
-above the programmed one, and such that every later piece's speed, and rest at the end, can still be met. The rotation
-goes in step on the straight pieces; on an arc that of the piece before fades out while that of the next fades in, so
-that joint speeds have no jump.
+The path grows while the arm moves along it: a `movep` with a blend radius hands over before it has to slow down, and
+the next one replaces the corner by an arc. The speed is as programmed. It is lower where an arc's centripetal
+acceleration would exceed the programmed one, and where a later piece's speed, or rest at the end, could not be reached
+otherwise. On straight pieces the tool rotates in step with the path. On an arc the rotation of the piece before fades
+out while that of the next one fades in, so that joint speeds have no jump.
 """
 
 import math
@@ -16,8 +16,8 @@ from hardware_sim.controller.motion import STANDSTILL, Follower, Twist
 from hardware_sim.controller.moves import CartesianMove, end_joints
 from hardware_sim.controller.poses import Frame, Vector
 
-_STRAIGHT = 1e-4  # rad: a corner less than this is none
-_BACK = math.pi - 0.05  # rad: a corner more than this is no place for an arc
+_STRAIGHT = 1e-4  # rad: a corner below this counts as straight
+_BACK = math.pi - 0.05  # rad: a corner above this counts as a reversal, which has no arc
 _SHORTEST = 1e-6  # m
 
 
@@ -32,14 +32,14 @@ class _Piece:
 
     @property
     def ramp(self) -> float:
-        """Seconds from rest to its speed, or as far as its length allows."""
+        """Seconds from rest to its speed, or to the greatest speed that its length allows."""
         return min(self.speed / self.acceleration, math.sqrt(self.length / self.acceleration))
 
 
 class _Straight:
-    """A line between two poses, driven from `offset` m after its start on.
+    """A line between two poses, used from `offset` m after its start.
 
-    As of every shape, `at` is the tool's pose at the arc length x in m, `rate` its change per m.
+    As for every shape, `at` is the tool's pose at the arc length x in m, `rate` its change per m.
     """
 
     def __init__(self, line: Line, offset: float = 0.0) -> None:
@@ -116,17 +116,17 @@ class _Corner:
         return self.radius * math.sin(x / self.radius), self.radius * (1.0 - math.cos(x / self.radius))
 
     def _shares(self, u: float) -> tuple[float, float]:
-        """Arc lengths in m left of the rotation before and gone of the next one (cubic Hermite)."""
+        """Arc lengths, m, left of the rotation before and covered of the next one (cubic Hermite)."""
         rise = (3.0 - 2.0 * u) * u * u * self._trim
         gone_before = (u * (u - 1.0) ** 2) * self.length + rise
         return self._trim - gone_before, rise + u * u * (u - 1.0) * self.length
 
 
 class ProcessPath(CartesianMove):
-    """Straight pieces and arcs in their order; at rest at the end that is known so far."""
+    """Straight pieces and arcs in sequence, with rest at the end that is known so far."""
 
     def __init__(self, follower: Follower, line: Line, speed: float, acceleration: float) -> None:
-        """Raises MotionError where the end is out of reach."""
+        """Raises MotionError if the end is out of reach."""
         self.follower = follower
         self._last = _Straight(line)
         self._pieces = [_limited(self._last, line.length, line, speed, acceleration)]
@@ -138,10 +138,10 @@ class ProcessPath(CartesianMove):
         self.finished = False
 
     def extend(self, line: Line, radius: float, speed: float, acceleration: float) -> bool:
-        """Goes on along `line`, which begins where the path ends, round a corner cut at `radius` m.
+        """Extends the path by `line`, which begins at the path's end, round a corner cut at `radius` m.
 
-        Returns whether it can: not round a reversal, nor where the arm is too near to slow down for the arc. Raises
-        MotionError where the line's end is out of reach.
+        Returns False at a reversal, or if the arm is too near to slow down for the arc. Raises MotionError if the end
+        of the line is out of reach.
         """
         before, after = self._last, _Straight(line)
         last = self._pieces[-1]
@@ -203,8 +203,8 @@ class ProcessPath(CartesianMove):
     def _move_on(self, seconds: float) -> None:
         piece = self._pieces[0]
         a = piece.acceleration
-        # The highest speed from which the piece's end can be met at the speed that is admitted there, when the speed
-        # changes evenly during this step.
+        # The highest speed from which the piece's end is reached at the speed admitted there, if the speed changes
+        # linearly during this step.
         out = _admitted(self._pieces[1:], 0.0)
         half = 0.5 * a * seconds
         room = half**2 + out**2 + 2.0 * a * (piece.length - self._at) - a * self._speed * seconds
@@ -221,7 +221,7 @@ class ProcessPath(CartesianMove):
 
 
 def _limited(shape: _Straight | _Corner, length: float, line: Line, speed: float, acceleration: float) -> _Piece:
-    """A piece whose speed and acceleration keep the limits of the tool, its turning as that of `line`."""
+    """A piece whose speed and acceleration keep the tool's limits, if the tool turns as on `line`."""
     turn = max(line.angle / line.length, 1e-9)
     return _Piece(
         shape,
@@ -232,8 +232,8 @@ def _limited(shape: _Straight | _Corner, length: float, line: Line, speed: float
 
 
 def _admitted(pieces: list[_Piece], at: float) -> float:
-    """The highest speed in m/s, `at` m into the first piece, from which all that follows can be kept; zero at the
-    end of none.
+    """The highest speed in m/s, `at` m into the first piece, from which all pieces' limits and rest at the end can be
+    kept; zero without pieces.
     """
     speed = 0.0
     for number in reversed(range(len(pieces))):

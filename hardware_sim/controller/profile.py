@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """Trapezoidal velocity profile from rest to rest; triangular where the length is short."""
+    """Trapezoidal velocity profile from rest to rest; triangular if the length is short."""
 
     length: float
     speed: float
@@ -16,8 +16,9 @@ class Trapezoid:
     def planned(
         cls, length: float, speed: float, acceleration: float, seconds: float, fastest: float, hardest: float
     ) -> "Trapezoid":
-        """The profile of a move of `length`: lasting `seconds` where that is above zero, else under speed and
-        acceleration; never above the limits `fastest` and `hardest`, for which the time grows where it must.
+        """Plans a move of `length` that lasts `seconds`, or if that is zero, has this speed and acceleration.
+
+        It never exceeds the limits `fastest` and `hardest`, for which the time is lengthened if necessary.
         """
         if length <= 0.0:
             return cls(0.0, speed, acceleration)
@@ -35,7 +36,7 @@ class Trapezoid:
 
     @property
     def ramp(self) -> float:
-        """Seconds of the acceleration, and of the braking."""
+        """Seconds of acceleration, which equal those of braking."""
         return self.speed / self.acceleration if self.length > 0.0 else 0.0
 
     def position(self, t: float) -> float:
@@ -58,7 +59,7 @@ class Trapezoid:
 
 
 class LinearDecay:
-    """A speed that falls evenly to zero within `seconds`, whatever the speed is of."""
+    """A speed of any kind that falls linearly to zero within `seconds`."""
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
@@ -70,8 +71,8 @@ class LinearDecay:
         return self._time >= self._seconds
 
     def advance(self, dt: float) -> tuple[float, float]:
-        """Advances by `dt` seconds: the distance covered since the start, in seconds of the first speed, and the share
-        of that speed that is left.
+        """Advances by `dt` seconds. Returns the distance covered since the start, in seconds at the first speed, and
+        the remaining share of that speed.
         """
         self._time = min(self._time + dt, self._seconds)
         if self._seconds <= 0.0:

@@ -1,11 +1,12 @@
 """Execution of a compiled program: cooperative threads with time slots.
 
-One turn per tick: every thread runs until it gives up its slot. The first thread's end is the program's end.
+There is one turn per tick, in which every thread runs until it gives up its slot. The program ends with its first
+thread.
 
-Inside a critical section a thread is not interrupted: where its share of a tick runs out there, no other thread runs
-before it goes on. What waits by itself (`join`, `sync`, `sleep`, moves, reads from sockets) lets the others run there
-too: UR's manual says no more than the keywords' names, and scripts of its drivers servo, read and join other threads
-inside critical sections, which could never end otherwise.
+A thread is not interrupted inside a critical section: if its share of a tick runs out there, no other thread runs
+before it continues. A function that waits by itself (`join`, `sync`, `sleep`, moves, reads from sockets) lets the
+others run there too. UR's manual gives no more than the keywords' names, and scripts of its drivers servo, read and
+join other threads inside critical sections, which could never end otherwise.
 """
 
 import re
@@ -100,7 +101,7 @@ class Program:
 
     @property
     def line(self) -> int:
-        """The line of the URScript on which the first thread waits, 0 where none."""
+        """The URScript line on which the first thread waits, 0 if there is none."""
         line, thread = 0, self._threads.get(self._main)
         steps: Any = None if thread is None else thread.steps
         while isinstance(steps, GeneratorType):
@@ -110,7 +111,7 @@ class Program:
         return line
 
     def _line(self, error: BaseException) -> int:
-        """The line of the URScript on which an error arose."""
+        """The URScript line on which an error arose."""
         line, trace = 0, error.__traceback__
         while trace is not None:
             if trace.tb_frame.f_code.co_filename == f"<{self.name}>":
@@ -130,12 +131,12 @@ class Program:
         if len(self._threads) >= _MAX_THREADS:
             raise ScriptError("too many threads")
         self._last_handle += 1
-        # A function that cannot wait has done its work already; its handle lives for one turn.
+        # A function that cannot wait has done its work already, so its handle lives for one turn.
         self._threads[self._last_handle] = _Thread(name, steps if isinstance(steps, GeneratorType) else None)
         return self._last_handle
 
     def _kill(self, handle: Any) -> None:
-        # 0 and the handles of dead threads are harmless: the control script kills them as a matter of course.
+        # 0 and the handles of ended threads are ignored: the control script kills them as a matter of course.
         if isinstance(handle, int) and handle in self._threads:
             self._end(handle)
 

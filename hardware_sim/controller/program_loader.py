@@ -1,8 +1,8 @@
-"""Loader of uploaded programs: compiled in a child process, started in the order of arrival.
+"""Loader of uploaded programs, which compiles them in a child process and starts them in the order of arrival.
 
-Compiling the library's control script takes tens of milliseconds, a path of thousands of points a second. A thread
-would not do: Python's own compiler holds the interpreter's lock all the while, and the tick waits. The process is
-forked before any port is open; it ends with its parent, whose death is the end of its socket.
+Compiling the library's control script takes tens of milliseconds, and a path of thousands of points a second. A thread
+would delay the tick, because Python's compiler holds the interpreter's lock all the while. The process is forked before
+any port is open. It ends with its parent, whose death closes its socket.
 """
 
 import logging
@@ -20,7 +20,7 @@ from hardware_sim.controller.functions import VOCABULARY
 from hardware_sim.controller.syntax import ScriptSyntaxError
 
 LOG = logging.getLogger("hardware_sim.controller")
-_SIZE = struct.Struct(">I?")  # and whether it is a statement
+_SIZE = struct.Struct(">I?")  # size, and whether it is a statement
 Answer = CompiledProgram | ScriptSyntaxError
 _MOST_WAITING = 32  # programs
 _NICENESS = 5  # above that of the ticks
@@ -31,7 +31,7 @@ class ProgramLoader:
     """The programs that one controller has received and not yet started."""
 
     def __init__(self, controller: Controller) -> None:
-        """Forks the process that compiles."""
+        """Forks the compiling process."""
         self._controller = controller
         self._waiting: deque[Callable[[Answer], None]] = deque()
         self._unsent: deque[bytes] = deque()
@@ -45,12 +45,12 @@ class ProgramLoader:
         self._link.setblocking(False)
 
     def add(self, text: str) -> None:
-        """Has a program compiled and started."""
+        """Queues a program to be compiled and started."""
         if not self.compile(text, self._start, statement=False):
             self._controller.report(f"program refused: {_MOST_WAITING} others wait to be compiled")
 
     def compile(self, text: str, done: Callable[[Answer], None], *, statement: bool) -> bool:
-        """Has a program or a statement of the interpreter mode compiled for `done`; False where too many wait."""
+        """Queues a program or statement to be compiled and passed to `done`; returns False if too many wait."""
         if len(self._waiting) >= _MOST_WAITING:
             return False
         self._waiting.append(done)
@@ -66,7 +66,7 @@ class ProgramLoader:
             self._controller.start(answer)
 
     def start_compiled(self) -> None:
-        """Starts what is compiled; called in every tick, never waits."""
+        """Starts compiled programs; it is called in every tick and never waits."""
         if not self._waiting:
             return
         self._send()
@@ -99,14 +99,14 @@ class ProgramLoader:
                 self._unsent.popleft()
 
     def close(self) -> None:
-        """Ends the process, whatever it compiles."""
+        """Ends the process, even while it compiles."""
         self._link.close()
         os.kill(self._process, signal.SIGKILL)
         os.waitpid(self._process, 0)
 
 
 def _compile_until_the_end(link: socket.socket) -> None:
-    """The forked process: text in, code or the reason against it out; never returns."""
+    """Runs in the forked process: reads text, writes code or the reason for a refusal; never returns."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:

@@ -1,6 +1,6 @@
-"""Programs and installations that clients load by name or path: files in a folder, which stands for `/programs`.
+"""Programs and installations that clients load by name or path, from a folder that stands for `/programs`.
 
-A real `.urp` file is PolyScope's own format; here `name.urp` holds the script itself, which is what matters to clients.
+A real `.urp` file has PolyScope's own format; here `name.urp` holds the script itself, which matters to clients.
 """
 
 import time
@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-_ROOTS = ("/programs/", "/ursim/programs/", "/")  # of a robot, and of UR's own simulator
+_ROOTS = ("/programs/", "/ursim/programs/", "/")  # on a robot, and in UR's own simulator
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class LoadedProgram:
 
 
 def _inside(folder: Path | None, name: str) -> Path | None:
-    """What a name or absolute path leads to; None without a folder, and where it leads out of it."""
+    """The path of a name or absolute path inside the folder; None without a folder, or if it leads out of it."""
     if folder is None:
         return None
     path = (folder / next((name.removeprefix(root) for root in _ROOTS if name.startswith(root)), name)).resolve()
@@ -42,13 +42,13 @@ def find(folder: Path | None, name: str) -> LoadedProgram | None:
 
 
 def has_installation(folder: Path | None, name: str) -> bool:
-    """Whether there is such an installation; the default one always exists."""
+    """Whether an installation of this name exists; the default one always does."""
     path = _inside(folder, name)
     return name.endswith(".installation") and (Path(name).stem == "default" or (path is not None and path.is_file()))
 
 
 def support_file(folder: Path | None, directory: str, serial: str, messages: Iterable[str]) -> str | None:
-    """Writes an archive of the log into a directory; returns its name, None without directory. Raises OSError."""
+    """Writes an archive of the log into a directory; returns its name, or None without directory. Raises OSError."""
     inside = _inside(folder, directory)
     if inside is None or not inside.is_dir():
         return None

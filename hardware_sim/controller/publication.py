@@ -1,7 +1,7 @@
 """Publication of the controller's state as RTDE variables.
 
-Encoders are not simulated: they stay 0, temperatures and voltages at what an idle arm has. What follows from the arm's
-masses is published by `dynamics`, where somebody reads it.
+Encoders are not simulated and stay 0; temperatures and voltages stay at the values of an idle arm. `dynamics` publishes
+the variables that follow from the arm's masses, if a client reads them.
 """
 
 from hardware_sim.controller import poses
@@ -13,7 +13,7 @@ from hardware_sim.controller.robot import Robot
 _STEADY_VALUES: dict[str, tuple[float, ...]] = {
     "joint_temperatures": (28.0,) * 6,
     "actual_joint_voltage": (48.0,) * 6,
-    "actual_current_window": (2.0,) * 6,  # A off the target that a controller allows
+    "actual_current_window": (2.0,) * 6,  # A, deviation from the target that a controller permits
     "actual_main_voltage": (48.0,),
     "actual_robot_voltage": (48.0,),
     "actual_robot_current": (0.5,),
@@ -23,13 +23,13 @@ _STEADY_VALUES: dict[str, tuple[float, ...]] = {
 
 
 def steady(registers: Registers) -> None:
-    """Sets what never changes here: temperatures and supply."""
+    """Sets the variables that never change here: temperatures and supply."""
     for name, values in _STEADY_VALUES.items():
         registers.set(name, *values)
 
 
 def pose(arm: Arm, registers: Registers) -> None:
-    """Sets joints, speeds and tool pose; only needed when they changed."""
+    """Sets joints, speeds and tool pose; needed only if they have changed."""
     put = registers.set
     tool = poses.to_ur(arm.base_from_tool)
     for kind in ("actual", "target"):
@@ -43,9 +43,9 @@ def pose(arm: Arm, registers: Registers) -> None:
 
 
 def modes(robot: Robot, pace: float) -> None:
-    """Sets what may change in every tick; `pace` is the share of the programmed speed that is in force.
+    """Sets the variables that may change in every tick; `pace` is the present share of the programmed speed.
 
-    Single values are written straight into the list: this is most of what a tick of a resting arm costs.
+    Single values are written straight into the list, because this function is most of the cost of an idle arm's tick.
     """
     put, arm, inputs, outputs = robot.registers.set, robot.arm, robot.inputs, robot.outputs
     values, at, safety = robot.registers.values, OFFSETS, robot.safety

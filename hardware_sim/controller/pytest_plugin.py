@@ -1,6 +1,6 @@
 """Fixtures of pytest: a simulated controller at a loopback address of its own.
 
-The distribution `lightpose-ur-sim` registers this module, so a test has only to name them:
+The distribution `lightpose-ur-sim` registers this module, so a test only has to name them:
 
     @pytest.mark.ur_controller(model="ur20", speed=10.0)   # fields of `options.ControllerOptions`
     def test_robot_moves(ur_controller):
@@ -33,13 +33,13 @@ class UrController:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Makes the marker known."""
+    """Registers the marker."""
     config.addinivalue_line("markers", _MARKER)
 
 
 @pytest.fixture
 def start_ur_controller() -> Iterator[Callable[..., UrController]]:
-    """A function that starts a controller with fields of ControllerOptions; all end with the test."""
+    """A function that starts a controller with fields of ControllerOptions; all controllers end with the test."""
     with ExitStack() as stack:
 
         def start(**options: Any) -> UrController:
@@ -53,6 +53,6 @@ def start_ur_controller() -> Iterator[Callable[..., UrController]]:
 
 @pytest.fixture
 def ur_controller(request: pytest.FixtureRequest, start_ur_controller: Callable[..., UrController]) -> UrController:
-    """One controller, started with what the test's marker `ur_controller` says."""
+    """One controller, started with the options of the test's marker `ur_controller`."""
     marker = request.node.get_closest_marker("ur_controller")
     return start_ur_controller(**(marker.kwargs if marker else {}))

@@ -72,7 +72,7 @@ class RegisterFunctions(FunctionGroup):
         self._values[DOUBLE_OUT + integer_below(address, _NUMBER, REGISTERS)] = number(value, "the value")
 
     def write_output_integer_register(self, address: int, value: int) -> None:
-        # A float is cut to an integer, as `ur-rtde`'s own scripts rely on; a truth value is not.
+        # A float is truncated to an integer, on which `ur-rtde`'s own scripts rely; a truth value is refused.
         integer = int(number(value, "the value"))
         if not -(2**31) <= integer < 2**31:
             raise ScriptError(f"{value} does not fit an integer register")
@@ -96,7 +96,7 @@ class RegisterFunctions(FunctionGroup):
 
 
 class InterpreterFunctions(FunctionGroup):
-    """What a program and its statements say to the interpreter."""
+    """Functions by which a program and its statements control the interpreter."""
 
     def interpreter_mode(
         self, namespace: dict[str, Any], clearQueueOnEnter: bool = True, clearOnEnd: bool = True

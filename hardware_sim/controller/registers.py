@@ -1,10 +1,10 @@
 """RTDE variables and registers: names, types and present values (UR RTDE guide).
 
-Names and types are those of PolyScope 5.11, `tcp_offset`, which the guide left out until later, among them (UR client
-library, pull requests 110 and 213). What came later (`collision_detection_ratio`, `time_scale_source`,
-`actual_current_as_torque`, …) is absent here too, because clients tell versions apart by that.
+Names and types are those of PolyScope 5.11. They include `tcp_offset`, which the guide left out until later (UR client
+library, pull requests 110 and 213). Later variables (`collision_detection_ratio`, `time_scale_source`,
+`actual_current_as_torque`, …) are absent, because clients tell versions apart by them.
 
-All outputs live in one flat list; a recipe is then an `itemgetter` and a precompiled `struct`, so that 500 packets a
+All outputs are in one flat list. A recipe is then an `itemgetter` and a precompiled `struct`, so that 500 packets a
 second with 180 numbers each cost little.
 """
 
@@ -43,7 +43,7 @@ _OUTPUTS = {
     "INT32": "robot_mode safety_mode safety_status tool_output_voltage encoder0_raw encoder1_raw",
     "VECTOR6INT32": "joint_mode",
 }
-"""What the controller reports, by type; numbered ones stand side by side."""
+"""Variables that the controller reports, by type; numbered ones are adjacent."""
 _INPUTS = {
     "UINT32": "speed_slider_mask",
     "DOUBLE": "speed_slider_fraction standard_analog_output_0 standard_analog_output_1",
@@ -77,7 +77,7 @@ DOUBLE_IN = OFFSETS["input_double_register_0"]
 
 
 class Registers:
-    """The flat list of values, a zero at its end; registers keep theirs over programs, as on the real controller."""
+    """The flat list of values, with a zero at its end; registers keep theirs between programs, as on a real controller."""
 
     def __init__(self) -> None:
         self.values: list[float] = [
@@ -95,7 +95,7 @@ class Registers:
         return self.values[at : at + TYPES[OUTPUT_TYPES[name]][1]]
 
     def bit(self, bank: str, number: int) -> bool:
-        """A boolean register of the bank "input" or "output": the first 64 share two words, the others stand alone."""
+        """A boolean register of the bank "input" or "output"; the first 64 share two words, the others are separate."""
         slot, shift = _bit(bank, number)
         return bool(int(self.values[slot]) >> shift & 1)
 

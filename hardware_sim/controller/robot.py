@@ -1,7 +1,7 @@
-"""What publication, trace and URScript functions need of the controller, as Protocols.
+"""Protocol of what publication, trace and URScript functions need of the controller.
 
-The controller imports these three to run them; were they to name its class, the imports would run in a circle. So they
-name what they use of it, and a test can hand them a stand-in.
+The controller imports these three, so they cannot import its class without a circular import. They name what they use
+of it instead, and a test can pass them a stand-in.
 """
 
 import logging
@@ -20,7 +20,7 @@ from hardware_sim.controller.watchdogs import Watchdogs
 
 
 class Robot(Protocol):
-    """The state that clients and records see, and what a program may order: `controller.Controller`."""
+    """The state that clients and records see, and the actions that a program may order: `controller.Controller`."""
 
     arm: Arm
     registers: Registers

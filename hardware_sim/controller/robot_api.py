@@ -1,8 +1,8 @@
-"""Robot API of PolyScope X (REST over HTTP, port 80): what stands for the dashboard, which PolyScope X does not have.
+"""Robot API of PolyScope X (REST over HTTP, port 80), in place of the dashboard, which PolyScope X does not have.
 
 Paths, actions and bodies are those of UR's C++ client library (`dashboard_client_implementation_x.cpp`, its tests) and
-of the API's description 5.0.107 (PolyScope 10.14). In local control whatever changes something gets 403; only a person
-at the pendant switches to remote control. Safety modes beyond the five published ones have RTDE's names.
+of the API's description 5.0.107 (PolyScope 10.14). In local control every request that changes something gets 403; only
+a person at the pendant switches to remote control. Safety modes beyond the five published ones have RTDE's names.
 """
 
 import json
@@ -37,7 +37,7 @@ class RobotApiConnection(Connection):
         self._buffer = b""
 
     def received(self, data: bytes) -> None:
-        """Answers each request that is complete; a client that sends none is given up."""
+        """Answers each complete request; a client that sends too many bytes without one is disconnected."""
         self._buffer += data
         while not self.closed and b"\r\n\r\n" in self._buffer:
             head, _, rest = self._buffer.partition(b"\r\n\r\n")
@@ -85,7 +85,7 @@ def _get(**fields: Callable[[Controller], Any]) -> Callable[[Controller, dict[st
 
 
 def _acting(**actions: Callable[[Controller], object]) -> Callable[[Controller, dict[str, Any]], Answer]:
-    """An action by its name; one that returns False or a reason cannot be done in the present state."""
+    """Carries out an action by name; False or a reason from it means that the present state does not permit it."""
 
     def act(controller: Controller, content: dict[str, Any]) -> Answer:
         action = actions.get(str(content.get("action")))

@@ -1,10 +1,10 @@
 """Real-Time Data Exchange (UR RTDE guide), protocol version 2, port 30004: recipes, owned registers, data at 500 Hz.
 
-A frame is a big-endian uint16 size, a uint8 type and the payload. Nothing is ever sent between a request and its reply:
-clients read exactly one frame and take it for the reply. So texts, too, reach only clients that have started. What
-cannot be done is refused in the reply; bad frames are logged and ignored; only a size below the header's, after which
-no frame can be delimited any more, ends the connection. Before version 2 is agreed upon, set-ups are refused: a real
-controller would take them for version 1, whose frames differ.
+A frame is a big-endian uint16 size, a uint8 type and the payload. Nothing is ever sent between a request and its reply,
+because clients read exactly one frame and take it as the reply. For the same reason texts reach only clients that have
+started. An impossible request is refused in its reply; bad frames are logged and ignored. Only a size below the
+header's ends the connection, since no later frame could be delimited. Set-ups are refused until version 2 is agreed
+upon: a real controller would take them as version 1, whose frames differ.
 """
 
 import logging
@@ -28,7 +28,7 @@ PORT = 30004
 FREQUENCY = 500.0  # Hz
 _HEADER = struct.Struct(">HB")
 _MOST_RECIPES = 255
-_LONGEST_LIST = 2048  # bytes of names in one set-up, the limit that the protocol's guide states
+_LONGEST_LIST = 2048  # bytes of names in one set-up, a limit of the protocol's guide
 _REFUSED = b"\x00"
 _SOURCE = b"Controller"
 
@@ -57,9 +57,9 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class OutputRecipe:
-    """An output recipe of one client: how to pick it from the flat list of values and how to pack it.
+    """An output recipe of one client: how to pick its values from the flat list and how to pack them.
 
-    The last value is picked, too, and left out again: a getter of a single one would return no tuple.
+    The list's last value is picked too and left out again, because a getter of a single value would return no tuple.
     """
 
     names: tuple[str, ...]
@@ -74,7 +74,7 @@ class OutputRecipe:
 
 @dataclass(frozen=True)
 class InputRecipe:
-    """What one client writes: the layout, where registers go, and outputs by name."""
+    """An input recipe of one client: its layout, the slots of registers, and outputs by name."""
 
     names: frozenset[str]
     layout: struct.Struct
@@ -83,23 +83,23 @@ class InputRecipe:
 
 
 def _split(payload: bytes) -> list[str]:
-    """The names of a list; none where it is longer than allowed."""
+    """The names of a list; none if it is longer than allowed."""
     if len(payload) > _LONGEST_LIST:
         LOG.warning("RTDE list of %d bytes refused: at most %d", len(payload), _LONGEST_LIST)
         return []
-    # ur_rtde ends its lists with a comma, UR's own client does not.
+    # ur_rtde ends its lists with a comma; UR's own client does not.
     return [name for name in payload.decode("latin-1").split(",") if name]
 
 
 def text_frame(text: str, level: Level) -> bytes:
-    """A text message; its length is a single byte, so the end of a long one is lost."""
-    message = text.encode()[:255].decode(errors="ignore").encode()  # no half character at the end
+    """A text message, cut to 255 bytes, because its length is a single byte."""
+    message = text.encode()[:255].decode(errors="ignore").encode()  # without half a character at the end
     payload = bytes([len(message)]) + message + bytes([len(_SOURCE)]) + _SOURCE + bytes([level])
     return _HEADER.pack(_HEADER.size + len(payload), Kind.TEXT) + payload
 
 
 def read_text(payload: bytes) -> str:
-    """What a client's text message says, with its source and level. Raises ValueError where it is cut short."""
+    """A client's text message with its source and level. Raises ValueError if it is cut short."""
     source_at = 1 + payload[0] if payload else 0
     level_at = source_at + 1 + payload[source_at] if 0 < source_at < len(payload) else len(payload)
     if level_at >= len(payload):
@@ -114,7 +114,7 @@ class RtdeConnection(Connection):
     """One RTDE client."""
 
     def __init__(self, stream: socket.socket, controller: Controller, owners: dict[str, object]) -> None:
-        """`owners`: which connection owns which input, of all clients; freed when it closes."""
+        """`owners` maps each input to the connection that owns it, of all clients; freed when that closes."""
         super().__init__(stream)
         self.started = False
         self.output: OutputRecipe | None = None
@@ -126,7 +126,7 @@ class RtdeConnection(Connection):
         self._buffer = b""
 
     def ended(self) -> None:
-        """Frees its inputs at once: the library reconnects within milliseconds."""
+        """Frees its inputs at once, because the library reconnects within milliseconds."""
         for name in [name for name, owner in self._owners.items() if owner is self]:
             del self._owners[name]
 
@@ -148,11 +148,11 @@ class RtdeConnection(Connection):
 
     @property
     def reads_dynamics(self) -> bool:
-        """Whether it is sent any of the variables that `dynamics` computes."""
+        """Whether it receives any of the variables that `dynamics` computes."""
         return self.started and self.output is not None and self.output.dynamic
 
     def due(self, ticks: int) -> bool:
-        """Whether this tick's values go to the client: so many of 500 ticks as its frequency says, evenly spread."""
+        """Whether this tick's values go to the client: `frequency` of 500 ticks a second do, evenly spread."""
         packets = ticks * self.frequency // FREQUENCY
         return self.started and packets != (ticks - 1) * self.frequency // FREQUENCY
 
@@ -236,7 +236,7 @@ class RtdeConnection(Connection):
             return
         recipe = self._inputs[number - 1]
         if len(payload) - 1 != recipe.layout.size:
-            # The library really sends packets longer than their recipe: their first bytes count.
+            # The library does send packets longer than their recipe; their first bytes count.
             LOG.info("RTDE data of %d bytes for recipe %d of %d", len(payload) - 1, number, recipe.layout.size)
             if len(payload) - 1 < recipe.layout.size:
                 return
@@ -250,7 +250,7 @@ class RtdeConnection(Connection):
 
 
 def apply_outputs(controller: Controller, written: dict[str, Any]) -> None:
-    """Carries out what a packet says about outputs and the speed slider."""
+    """Applies a packet's values of outputs and the speed slider."""
     outputs = controller.outputs
     for bank, first, width in (("standard", 0, 8), ("configurable", 8, 8), ("tool", 16, 2)):
         mask, levels = f"{bank}_digital_output_mask", f"{bank}_digital_output"
@@ -290,7 +290,7 @@ def broadcast(connections: Sequence[RtdeConnection], controller: Controller) -> 
 
 
 def announce(connections: Sequence[RtdeConnection], message: str) -> None:
-    """Tells every started client of a program's runtime exception."""
+    """Sends a program's runtime exception to every started client."""
     frame = text_frame(message, Level.EXCEPTION)
     for connection in connections:
         if connection.started:

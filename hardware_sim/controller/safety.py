@@ -1,8 +1,8 @@
 """State machine of robot mode, safety mode and remote control.
 
-No arm and no program here: the controller asks whether they may run and carries out what a stop means for them.
-Powering on, releasing brakes and booting take time, as on a real controller (some seconds each there, shorter here), so
-that a client that does not wait for the mode fails here too.
+It does not know arm and program: the controller asks whether they may run, and applies stops to them. Powering on,
+releasing brakes and booting take time, as on a real controller (some seconds each there, shorter here), so that a
+client that does not wait for the mode fails here too.
 """
 
 import math
@@ -42,7 +42,7 @@ class Safety:
         return self.robot_mode is RobotMode.RUNNING and self.safety_mode in (SafetyMode.NORMAL, SafetyMode.REDUCED)
 
     def tick(self, now: float) -> None:
-        """Follows time: what was begun ends when it is due."""
+        """Advances time; a transition that has begun ends when it is due."""
         self._now = now
         if now >= self._due:
             self._due, self.robot_mode = math.inf, self._next
@@ -50,7 +50,7 @@ class Safety:
                 self.release_brakes()
 
     def stop(self, mode: SafetyMode, why: str) -> bool:
-        """Enters a protective or safeguard stop; False where no program may run anyway."""
+        """Enters a protective or safeguard stop; returns False if no program may run anyway."""
         if not self.may_run:
             return False
         self.safety_mode = mode
@@ -59,7 +59,7 @@ class Safety:
         return True
 
     def unlock(self) -> str | None:
-        """Ends a protective stop and closes its popup; returns why not, or None when done."""
+        """Ends a protective stop and closes its popup; returns the reason if it cannot, else None."""
         if self.safety_mode is not SafetyMode.PROTECTIVE_STOP:
             return "Cannot unlock protective stop: there is none"
         if self._now - self._stopped_at < UNLOCK_AFTER:
@@ -73,7 +73,7 @@ class Safety:
             self._normal()
 
     def emergency(self, mode: SafetyMode, why: str) -> None:
-        """Enters an emergency stop, a violation or a fault: without power until somebody has cleared it."""
+        """Enters an emergency stop, a violation or a fault; the arm has no power until that is cleared."""
         self.safety_mode = mode
         self.safety_popup = f"{mode.name}: {why}"
         self.power_off()
@@ -84,7 +84,7 @@ class Safety:
             self._normal()
 
     def restart(self) -> bool:
-        """Ends a violation or a fault by starting the safety system anew, which ends without power."""
+        """Ends a violation or a fault by restarting the safety system, which leaves the arm without power."""
         if self.safety_mode not in (SafetyMode.VIOLATION, SafetyMode.FAULT):
             return False
         self._normal()
@@ -92,14 +92,14 @@ class Safety:
         return True
 
     def boot(self) -> None:
-        """What a controller does after it was switched on; it ends without power."""
+        """Boots as after the controller was switched on, which leaves the arm without power."""
         self.remote_control = True
         self.popup = None
         self._normal()
         self._boot(BOOT_SECONDS)
 
     def reset(self) -> None:
-        """Powered, released and normal at once."""
+        """Makes the arm powered, its brakes released and the safety mode normal at once."""
         self._due = math.inf
         self.robot_mode = RobotMode.RUNNING
         self.remote_control = True
@@ -119,7 +119,7 @@ class Safety:
             self._after(POWER_ON_SECONDS, RobotMode.IDLE)
 
     def release_brakes(self) -> None:
-        """Begins to open the brakes, powering on first where needed."""
+        """Begins to open the brakes, after powering on if needed."""
         self.power_on()
         if self.robot_mode is RobotMode.POWER_ON:
             self._release_after_power = True

@@ -2,7 +2,7 @@
 
 import socket
 
-_MOST_UNREAD = 1 << 20  # bytes; beyond, the server waits
+_MOST_UNREAD = 1 << 20  # bytes, beyond which the server has to wait
 
 
 class ScriptLink:
@@ -14,7 +14,7 @@ class ScriptLink:
         self.ended = False
 
     def fill(self) -> None:
-        """Takes what has arrived."""
+        """Reads the bytes that have arrived."""
         while not self.ended and len(self.unread) < _MOST_UNREAD:
             try:
                 data = self.stream.recv(1 << 16)
@@ -32,16 +32,16 @@ class ScriptLink:
         return data
 
     def take_to(self, end: bytes) -> bytes | None:
-        """Removes what comes before `end`, and that too; None where it has not arrived."""
+        """Removes all up to and including `end`, and returns what precedes it; None if `end` has not arrived."""
         at = self.unread.find(end)
         return None if at < 0 else self.take(at + len(end))[:at]
 
 
 class ScriptLinks(dict[str, ScriptLink]):
-    """The connections of the program that runs, by name."""
+    """The connections of the running program, by name."""
 
     def close(self, name: str) -> None:
-        """Closes one, if it is open."""
+        """Closes a connection if it is open."""
         link = self.pop(name, None)
         if link is not None:
             link.stream.close()

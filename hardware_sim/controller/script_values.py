@@ -1,4 +1,4 @@
-"""Argument checks of URScript's functions: a wrong value is a runtime exception that names it."""
+"""Argument checks of URScript's functions: a wrong value raises a runtime exception that names it."""
 
 import math
 from typing import Any
@@ -9,11 +9,11 @@ from hardware_sim.controller.robot import Robot
 from hardware_sim.controller.semantics import ScriptError, script_text
 
 STEP_TIME = 0.002  # s
-_SMALLEST = 1e-6  # of speeds and accelerations: below, a move would outlast the robot
+_SMALLEST = 1e-6  # of speeds and accelerations, below which a move would outlast the robot
 
 
 def number(value: Any, what: str) -> float:
-    """`value` as a finite number; a truth value is none. Raises ScriptError naming `what`."""
+    """`value` as a finite number, which a truth value is not. Raises ScriptError naming `what`."""
     if type(value) is not float and type(value) is not int:
         raise ScriptError(f"{what} must be a number, not {script_text(value)}")
     if not math.isfinite(value):
@@ -64,7 +64,7 @@ class FunctionGroup:
     def __init_subclass__(cls) -> None:
         for name, member in vars(cls).items():
             if "<locals>" in getattr(member, "__qualname__", ""):
-                member.__qualname__ = name  # what Python's messages call it
+                member.__qualname__ = name  # its name in Python's messages
 
     def __init__(self, robot: Robot) -> None:
         self.robot = self._robot = robot

@@ -1,9 +1,9 @@
-"""What clients send to the primary, secondary and real-time ports: programs as text, and raw commands.
+"""Input of the primary, secondary and real-time ports: programs as text, and raw commands.
 
-A program has no length and no terminator: it is complete when its blocks are closed again; what a client leaves half
-sent is forgotten when it closes. A raw command is a line outside a program that UR's client library sends in place of a
-dashboard's (`primary_client.cpp`); it does what that does, and is refused in local control as well. With PolyScope X a
-connection that was opened in local control stays read-only. What these ports send is in `streams`.
+A program has no length and no terminator: it is complete when its blocks are closed again. A program that is only half
+sent is dropped when the client closes. A raw command is a line outside a program that UR's client library sends in
+place of a dashboard command (`primary_client.cpp`). It has the same effect, and is refused in local control as well.
+With PolyScope X a connection opened in local control stays read-only. The output of these ports is in `streams`.
 """
 
 import logging
@@ -25,14 +25,14 @@ _RAW_COMMANDS = {
     "stop program": "stop",
     "pause program": "pause",
 }
-"""Raw commands and the dashboard's that do the same."""
+"""Raw commands and the dashboard commands of the same effect."""
 
 
 class ReadOnlyConnection(Connection):
-    """One client that only listens: what it sends is dropped."""
+    """One client that only listens; its data are dropped."""
 
     def received(self, data: bytes) -> None:
-        """Drops it."""
+        """Drops the data."""
 
 
 class ScriptConnection(LineConnection):
@@ -48,7 +48,7 @@ class ScriptConnection(LineConnection):
         self._size = 0
 
     def line(self, text: str) -> None:
-        """Collects lines until the depth of blocks is back to none, then hands the program over."""
+        """Collects lines until all blocks are closed, then passes the program on."""
         if self._read_only:
             return
         if not self._lines:
@@ -64,7 +64,7 @@ class ScriptConnection(LineConnection):
         self._size += len(text)
         self._depth += depth_change(text)
         if self._size > _LONGEST_PROGRAM:
-            # Its other lines would be read as programs of their own.
+            # Its remaining lines would be read as separate programs.
             LOG.warning("a program of more than %d characters: connection closed", _LONGEST_PROGRAM)
             self.closed = True
         elif self._depth <= 0:

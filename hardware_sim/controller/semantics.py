@@ -1,7 +1,7 @@
 """Semantics of URScript's values and operators (UR script manual).
 
-Lists, poses and structs are values: assignment and passing make a copy. Types are never mixed silently: what Python
-would do with a negative index, with a truth value in a sum or with a list times a number is an error here or has
+Lists, poses and structs are values: assignment and passing make a copy. Types are never mixed silently. A negative
+index, a truth value in a sum or a list times a number does not do what it does in Python: it is an error or has
 URScript's meaning.
 """
 
@@ -21,11 +21,11 @@ class ScriptError(Exception):
 
 
 class Pose(list[float]):
-    """A pose value of URScript, a type of its own beside lists of six numbers."""
+    """A pose value of URScript, a type distinct from lists of six numbers."""
 
 
 class Struct(dict[str, Any]):
-    """A value with named members, which are those it was made with."""
+    """A value with named members, whose names are fixed when it is made."""
 
 
 _NUMBERS = frozenset((int, float))
@@ -33,7 +33,7 @@ _CONTAINERS = frozenset((list, Pose, Struct))
 
 
 def copy_of(value: Any) -> Any:
-    """A copy of a value, so that changing one does not change the other. Raises ScriptError where it is too large."""
+    """A copy of a value, so that changing one does not change the other. Raises ScriptError if it is too large."""
     kind: Any = type(value)
     if kind is Pose:
         return Pose(value)
@@ -82,7 +82,7 @@ def truth(value: Any) -> bool:
 
 
 def integer(value: Any) -> Any:
-    """An integer result of an operation, checked. Raises ScriptError where 32 bits do not hold it."""
+    """Checks an integer result of an operation. Raises ScriptError if it does not fit 32 bits."""
     if not _LEAST_INTEGER <= value <= _MOST_INTEGER:
         raise ScriptError(f"the integer {value} does not fit 32 bits" if abs(value) < 10**20 else "overflow")
     return value
@@ -133,7 +133,7 @@ def _refuse(sign: str, a: Any, b: Any) -> NoReturn:
 
 
 def _arithmetic(sign: str, operation: Operation) -> Operation:
-    """An operator between numbers; lists of numbers element by element, also with a number."""
+    """An operator between numbers; with lists of numbers it works element by element, also with a number."""
 
     def calculate(a: Any, b: Any) -> Any:
         if type(a) in _NUMBERS and type(b) in _NUMBERS:
@@ -154,7 +154,7 @@ def _arithmetic(sign: str, operation: Operation) -> Operation:
 
 
 def _comparison(sign: str, operation: Operation) -> Operation:
-    """An order between numbers."""
+    """A comparison of numbers by order."""
 
     def compare(a: Any, b: Any) -> bool:
         if type(a) in _NUMBERS and type(b) in _NUMBERS:
@@ -175,4 +175,4 @@ OPERATIONS: dict[str, Operation] = {
     ">": _comparison(">", operator.gt),
     ">=": _comparison(">=", operator.ge),
 }
-"""By their signs; `==` and `!=` are Python's own, which compare by value."""
+"""Operators by their signs; `==` and `!=` are Python's own, which compare by value."""

@@ -1,9 +1,9 @@
 """Event loop of the controller: sockets between ticks, ticks on absolute deadlines, one thread.
 
-One thread needs no locks and gives every packet the values of exactly one tick; what takes long is done elsewhere.
-After a delay the missed ticks are caught up, so that time stamps stay 2 ms × ticks; after a long freeze (a stopped
-process) the time is lost instead. A real controller has a machine of its own: while this process has no core, its
-clients, on the same machine, have none either, so that their watchdogs do not count that time.
+One thread needs no locks and gives every packet the values of exactly one tick; long tasks run elsewhere. After a delay
+the missed ticks are caught up, so that time stamps stay 2 ms × ticks. After a long freeze (a stopped process) the time
+is lost instead. A real controller has a machine of its own. While this process has no core, its clients on the same
+machine have none either, so their watchdogs do not count that time.
 """
 
 import logging
@@ -38,7 +38,7 @@ from hardware_sim.controller.trace import Recorder
 
 LOG = logging.getLogger("hardware_sim.controller")
 _LONGEST_CATCH_UP = 1.0  # s
-_FROZEN = 0.05  # s; a loop as late as this had no core meanwhile
+_FROZEN = 0.05  # s; a loop that is later than this had no core meanwhile
 _SWEEP = 50  # ticks
 _STATES = (streams.PRIMARY, streams.SECONDARY)
 _STREAMS = (*_STATES, streams.REAL_TIME)
@@ -51,7 +51,7 @@ class Server:
     def __init__(
         self, controller: Controller, address: str, *, for_urx: bool = False, robot_api_port: int | None = None
     ) -> None:
-        """`robot_api_port`: of PolyScope X, in place of the dashboard. Raises OSError where a port is in use."""
+        """`robot_api_port` is that of PolyScope X, in place of the dashboard. Raises OSError if a port is in use."""
         self.controller = controller
         self._poll = select.epoll()
         self._owners: dict[str, object] = {}
@@ -96,7 +96,7 @@ class Server:
         return take
 
     def numbers(self) -> list[int]:
-        """The ports of a real controller; the control port cannot be cut."""
+        """The ports of a real controller, without the control port, which cannot be cut."""
         return [number for number in self._ports if number != control_port.PORT]
 
     def cut(self, port: int) -> None:
@@ -126,7 +126,7 @@ class Server:
         self._off = True
 
     def restart(self) -> None:
-        """Ends all connections and boots: the ports open again half-way through the boot, which ends without power."""
+        """Ends all connections and boots, which leaves the arm without power; the ports open half-way through that."""
         self.controller.reboot()
         self._reopen_at = time.monotonic() + BOOT_SECONDS / 2
         self._off = True
@@ -160,7 +160,7 @@ class Server:
                 # select waits in microseconds, epoll only in milliseconds.
                 select.select([self._poll.fileno()], [], [], wait)
             late = time.monotonic() - deadline
-            if late > _FROZEN:  # before what has arrived meanwhile is read
+            if late > _FROZEN:  # before the data that have arrived meanwhile are read
                 self.controller.watchdogs.postpone(late)
             for descriptor, event in self._poll.poll(0, _AT_ONCE):
                 if descriptor == stop_descriptor:
@@ -214,12 +214,12 @@ class Server:
                 connection.offer(streams.message(said, controller.timestamp))
 
     def _readers(self, number: int) -> list[Connection]:
-        """The clients of a stream and of its read-only twin that have read what was sent to them."""
+        """The clients of a stream and of its read-only twin that have read everything sent to them."""
         ports = (self._ports[number], self._ports[number + streams.READ_ONLY])
         return [c for port in ports if not port.stalled for c in port.connections.values() if not c.unsent]
 
     def _publish(self) -> None:
-        """Sends the tick's values, computing and packing only what somebody reads."""
+        """Sends the tick's values; only those that a client reads are computed and packed."""
         controller = self.controller
         port = self._ports[rtde.PORT]
         clients = [] if port.stalled else self._rtde_connections()
@@ -257,11 +257,11 @@ def serve(
 ) -> None:
     """Runs a controller until `stop` returns True, `stop_descriptor` ends or the process is interrupted.
 
-    With `real_time` its ticks come before what else the machine does, as on a machine of its own.
+    With `real_time` its ticks come before the machine's other work, as on a machine of its own.
 
-    Prints `ready <address>` when it can be connected to. Never call it in a process that also holds `ur-rtde` objects:
-    the library's constructors hold the interpreter lock while they wait for this loop. Raises OSError where a port is
-    in use or a file cannot be opened, ValueError where one is not what it should be.
+    Prints `ready <address>` when clients can connect. Never call it in a process that also holds `ur-rtde` objects: the
+    library's constructors hold the interpreter lock while they wait for this loop. Raises OSError if a port is in use
+    or a file cannot be opened, and ValueError if a file is invalid.
     """
     recorder = None if options.record is None else Recorder(options.record)
     controller = Controller(

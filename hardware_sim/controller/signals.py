@@ -1,9 +1,9 @@
 """Digital and analogue inputs and outputs, with the installation's setting "low when not running".
 
-Inputs are set by a test at the control port, as wires would; programs and clients read them.
+A test sets inputs at the control port, in place of wires; programs and clients read them.
 
-The lamp hangs on such an output: on a real controller it is the installation's setting "low when not running", and it
-is what puts the lamp out when the program, the driver or the service dies.
+The lamp is switched by an output with that setting, as on a real controller. The setting switches the lamp off when the
+program, the driver or the service dies.
 """
 
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ class Inputs:
 
     def __init__(self) -> None:
         self.levels = 0
-        self.analog = [0.0] * 4  # V, or A where the input is set to current
+        self.analog = [0.0] * 4  # V, or A if the input is set to current
         self.analog_is_voltage = [True] * 4
 
     def set_level(self, number: int, level: bool) -> None:
@@ -26,7 +26,7 @@ class Inputs:
 
 
 class Outputs:
-    """Levels as bits, the time of each last change, and what holds an output against its writer."""
+    """Levels as bits, the time of each output's last change, and the levels at which outputs are stuck."""
 
     def __init__(self, low_when_stopped: Iterable[int], now: float) -> None:
         self.levels = 0
@@ -50,11 +50,11 @@ class Outputs:
         self.write(1 << number, int(level) << number)
 
     def hold_low_when_stopped(self, number: int, low: bool) -> None:
-        """Has an output go low whenever no program plays, or stay as it is."""
+        """Makes an output go low whenever no program plays, or keep its level."""
         self._low_mask = (self._low_mask & ~(1 << number)) | low << number
 
     def stick(self, number: int, level: bool | None) -> None:
-        """Holds an output at a level whatever is written; None lets it go."""
+        """Holds an output at a level, whatever is written; None releases it."""
         if level is None:
             self.stuck.pop(number, None)
         else:
@@ -62,7 +62,7 @@ class Outputs:
         self._apply()
 
     def tick(self, now: float, playing: bool) -> None:
-        """Follows time and the program."""
+        """Takes the present time, and applies a change of whether a program plays."""
         self._now = now
         if playing != self._playing:
             self._playing = playing
@@ -70,7 +70,7 @@ class Outputs:
 
     def _apply(self) -> None:
         if not self._playing:
-            # Forgotten, not hidden: the output must not come back by itself with the next program.
+            # Cleared, not masked: the output must not come back by itself with the next program.
             self._requested &= ~self._low_mask
         levels = self._requested
         for number, level in self.stuck.items():
@@ -82,7 +82,7 @@ class Outputs:
                 self.changed_at[number] = self._now
 
     def analog(self, number: int) -> float:
-        """An analogue output as reported: V, or A where it is set to current."""
+        """An analogue output as reported: V, or A if it is set to current."""
         ratio = self.analog_ratio[number]
         if self.analog_is_voltage[number]:
             return ratio * _VOLTS

@@ -1,9 +1,9 @@
 """URScript's socket functions (UR script manual, module interfaces): the program as a client of servers.
 
-Real TCP sockets, to loopback addresses only: a test's program must not reach a machine that it was not written for.
-None of them blocks the tick: a call that waits gives up its time slot. Time-outs count ticks; zero or less waits for
-ever. A read that fails returns what the manual says (a count of 0, or an empty string), and so does each read after the
-server has hung up. The sockets end with the program.
+They are real TCP sockets, to loopback addresses only: a test's program must not reach a machine that it was not written
+for. None of them blocks the tick, because a call that waits gives up its time slot. Time-outs count ticks; zero or less
+waits for ever. A read that fails returns the manual's value (a count of 0, or an empty string), and so does each read
+after the server has hung up. The sockets end with the program.
 """
 
 import errno
@@ -32,7 +32,7 @@ _ESCAPES = {"\\n": "\n", "\\r": "\r", "\\t": "\t"}
 def _read(
     links: ScriptLinks, name: Any, timeout: Any, take: Callable[[ScriptLink], Read | None], failed: Read
 ) -> Generator[None, None, Read]:
-    """What `take` finds; `failed` where it finds nothing for `timeout` s, or the server is gone."""
+    """Waits for what `take` finds; returns `failed` if it finds nothing for `timeout` s, or the server is gone."""
     seconds = number(timeout, "timeout")
     left = _ticks(seconds) if seconds > 0.0 else math.inf
     while (link := links.get(_text(name))) is not None:
@@ -45,7 +45,7 @@ def _read(
         left -= 1
         yield
     if link is None or link.ended:
-        yield  # a program that reads on and on must not use up its share of the tick
+        yield  # a program that reads again and again must not use up its share of the tick
     return failed
 
 
@@ -88,7 +88,7 @@ class SocketFunctions(FunctionGroup):
         stream = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         stream.setblocking(False)
         stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        links[socket_name] = link = ScriptLink(stream)  # the program's end closes it from now on
+        links[socket_name] = link = ScriptLink(stream)  # from now on the program's end closes it
         left = _ticks(_PATIENCE)
         while (error := stream.connect_ex(target)) in _PENDING and left > 0 and links.get(socket_name) is link:
             left -= 1

@@ -1,8 +1,8 @@
 """Non-blocking ports and connections: one epoll loop reads, ticks and writes, without threads.
 
-A tick must never wait for a client: replies are collected while a client's bytes are read and sent in one go; what its
-socket does not take is kept (replies) or dropped (data packets). Each read is small, so that the loop gets back to the
-clock soon however fast somebody sends. A port can be stalled or cut, as faults on demand.
+A tick must never wait for a client. Replies are collected while a client's bytes are read, and then sent at once; what
+its socket does not accept is kept (replies) or dropped (data packets). Each read is small, so that the loop returns to
+the clock soon, however fast a client sends. A port can be stalled or cut, as faults on demand.
 """
 
 import logging
@@ -14,10 +14,10 @@ from collections.abc import Callable
 from hardware_sim.controller.delay import Delay, Pipe
 
 LOG = logging.getLogger("hardware_sim.controller")
-_READ = 4096  # bytes: the smallest frames and lines in it are answered within a few ms
-_MOST_PENDING = 1 << 20  # bytes of unread replies after which a client is given up
+_READ = 4096  # bytes: even if full of the smallest frames or lines, it is answered within a few ms
+_MOST_PENDING = 1 << 20  # bytes of unread replies after which a client is disconnected
 _MOST_CLIENTS = 64  # per port
-# A peer that vanished without a word, as at a pulled cable, is given up within half a minute.
+# A peer that vanished silently, as at a pulled cable, is disconnected within half a minute.
 _KEEPALIVE = (
     (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
     (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 10),
@@ -28,7 +28,7 @@ _KEEPALIVE = (
 
 
 class Connection(ABC):
-    """One client; subclasses speak a protocol in `received`."""
+    """One client; subclasses implement a protocol in `received`."""
 
     def __init__(self, stream: socket.socket) -> None:
         self.stream = stream
@@ -41,11 +41,11 @@ class Connection(ABC):
     def received(self, data: bytes) -> None:
         """Takes bytes from the client."""
 
-    def ended(self) -> None:  # noqa: B027 - most protocols have nothing to give back
+    def ended(self) -> None:  # noqa: B027 - most protocols have nothing to release
         """Called once when the connection is over."""
 
     def send(self, data: bytes) -> None:
-        """Keeps a reply until all bytes at hand are read; then the port flushes."""
+        """Keeps a reply until all bytes at hand are read; the port then flushes it."""
         if not self.closed:
             self.unsent += data
             if len(self.unsent) + self.outgoing.held > _MOST_PENDING:
@@ -53,18 +53,18 @@ class Connection(ABC):
                 self.closed = True
 
     def offer(self, data: bytes) -> None:
-        """Sends a packet that may be lost: dropped when the client has not read the ones before."""
+        """Sends a packet that may be lost: it is dropped if the client has not read the ones before."""
         if not self.unsent and not self.closed and self.outgoing.held <= _MOST_PENDING - len(data):
             self._send_now(data)
 
     def flush(self) -> None:
-        """Sends what is kept; what the socket does not take now follows later."""
+        """Sends the kept bytes; those that the socket does not accept now follow later."""
         if self.unsent:
             data, self.unsent = bytes(self.unsent), bytearray()
             self._send_now(data)
 
     def pass_on(self, now: float) -> None:
-        """Lets through what a delay has held back for long enough."""
+        """Passes on the bytes whose delay is over."""
         for data in self.incoming.arrived(now):
             if not self.closed:
                 self.received(data)
@@ -80,7 +80,7 @@ class Connection(ABC):
                 self.wants_write()
 
     def _transmit(self, data: bytes) -> bytes:
-        """Sends; returns what the socket does not take now."""
+        """Sends bytes; returns those that the socket does not accept now."""
         try:
             return data[self.stream.send(data) :]
         except BlockingIOError:
@@ -101,7 +101,7 @@ class Port:
     def __init__(
         self, poll: select.epoll, address: str, number: int, accept: Callable[[socket.socket], Connection]
     ) -> None:
-        """Raises OSError where the port is in use."""
+        """Raises OSError if the port is in use."""
         self.number = number
         self.connections: dict[int, Connection] = {}
         self.stalled = False
@@ -186,7 +186,7 @@ class Port:
         try:
             data = connection.stream.recv(_READ)
             if data and self.quick_acknowledge:
-                # The library loses its TCP_NODELAY: its next packet waits for our acknowledgement, 40 ms by default.
+                # The library loses its TCP_NODELAY, so its next packet awaits this acknowledgement, 40 ms by default.
                 connection.stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         except BlockingIOError:
             return
@@ -202,18 +202,18 @@ class Port:
             connection.closed = True
 
     def delay(self, delay: Delay | None) -> None:
-        """Slows all connections of the port down, those to come too; None ends it."""
+        """Delays all present and future connections of the port; None ends the delay."""
         self.delayed = delay
         for connection in self.connections.values():
             connection.incoming.delay = connection.outgoing.delay = delay
 
     def pass_on(self, now: float) -> None:
-        """Lets through what was held back for long enough."""
+        """Passes on the bytes of all connections whose delay is over."""
         for connection in self.connections.values():
             connection.pass_on(now)
 
     def shut(self) -> None:
-        """Closes the port, as a controller that is off."""
+        """Closes the port, like a controller that is off."""
         self.cut()
         self._poll.unregister(self.listener.fileno())
         self.listener.close()
@@ -230,12 +230,12 @@ class Port:
             self._drop(descriptor)
 
     def cut(self) -> None:
-        """Closes all connections, as a pulled cable that comes back at once."""
+        """Closes all connections, like a cable that is pulled and plugged in again at once."""
         for descriptor in list(self.connections):
             self._drop(descriptor)
 
     def stall(self, stalled: bool) -> None:
-        """Freezes reading, accepting and sending, or thaws them."""
+        """Stops reading, accepting and sending, or resumes them."""
         self.stalled = stalled
         if not self.open:
             return
@@ -246,7 +246,7 @@ class Port:
 
     def close(self) -> None:
         self.cut()
-        self.listener.close()  # harmless where it is shut
+        self.listener.close()  # has no effect if it is shut
 
     def _drop(self, descriptor: int) -> None:
         connection = self.connections.pop(descriptor)
@@ -266,7 +266,7 @@ class LineConnection(Connection):
         self._buffer = b""
 
     def received(self, data: bytes) -> None:
-        """Splits into lines; a line without end is given up with its client."""
+        """Splits data into lines; a client whose line is too long is disconnected."""
         *lines, self._buffer = (self._buffer + data).split(b"\n")
         for line in lines:
             if not self.closed:
@@ -277,4 +277,4 @@ class LineConnection(Connection):
 
     @abstractmethod
     def line(self, text: str) -> None:
-        """Takes one line without its end."""
+        """Handles one line, without its end."""

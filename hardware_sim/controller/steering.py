@@ -13,7 +13,7 @@ _AT_REST: Joints = [0.0] * 6
 
 
 def stopping_time(speeds: Sequence[float], deceleration: float) -> float:
-    """Seconds in which the fastest joint (rad/s) comes to rest, at most as hard as drives brake."""
+    """Seconds in which the fastest joint (rad/s) comes to rest, at a deceleration that drives can give."""
     return max(map(abs, speeds)) / min(deceleration, limits.JOINT_ACCELERATION)
 
 
@@ -29,7 +29,7 @@ class _Brake:
 
 
 class JointBrake(_Brake):
-    """All joints come to rest together, the fastest at the deceleration asked for (`stopj`)."""
+    """Brings all joints to rest together, the fastest at the requested deceleration (`stopj`)."""
 
     def __init__(self, joints: Sequence[float], speeds: Sequence[float], deceleration: float) -> None:
         self._start, self._speeds = list(joints), list(speeds)
@@ -43,12 +43,12 @@ class JointBrake(_Brake):
 
 
 class LinearBrake(_Brake):
-    """The tool comes to rest on the straight line of its present velocity (`stopl`)."""
+    """Brings the tool to rest on the straight line of its present velocity (`stopl`)."""
 
     def __init__(
         self, follower: Follower, start: Frame, velocity: Sequence[float], speeds: Sequence[float], deceleration: float
     ) -> None:
-        """Deceleration in m/s², in rad/s² where the tool only turns; `speeds` (rad/s) of the joints bound it."""
+        """`deceleration` is in m/s², or in rad/s² if the tool only turns; the joints' `speeds` (rad/s) limit it."""
         self._follower = follower
         self._start, self._first = start, tuple(velocity)
         self.velocity = tuple(velocity)
@@ -73,7 +73,7 @@ def pose_after(base_from_tool: Frame, velocity: Sequence[float], seconds: float)
 
 
 class _SteeredJoints:
-    """Joints led to a target that may change at any time."""
+    """Joints that are steered to a target, which may change at any time."""
 
     velocity: Twist | None = None
     finished = False
@@ -85,7 +85,7 @@ class _SteeredJoints:
 
 
 class JointSpeed(_SteeredJoints):
-    """Joint speeds led to a target at an acceleration (`speedj`)."""
+    """Steers joint speeds to a target at an acceleration (`speedj`)."""
 
     acceleration = 1.0
 
@@ -100,7 +100,7 @@ class JointSpeed(_SteeredJoints):
 
 
 class ToolSpeed:
-    """Tool velocity led to a target at an acceleration (`speedl`)."""
+    """Steers the tool's velocity to a target at an acceleration (`speedl`)."""
 
     finished = False
 
@@ -121,7 +121,7 @@ class ToolSpeed:
 
 
 def _stepped_towards(values: Sequence[float], target: Sequence[float], greatest: float) -> list[float]:
-    """`values` brought nearer to `target` in a straight line, no component by more than `greatest`."""
+    """Moves `values` towards `target` on a straight line, no component by more than `greatest`."""
     change = [t - v for v, t in zip(values, target, strict=True)]
     largest = max(abs(w) for w in change)
     if largest <= greatest:
@@ -130,10 +130,10 @@ def _stepped_towards(values: Sequence[float], target: Sequence[float], greatest:
 
 
 class JointServo(_SteeredJoints):
-    """Joints pulled to a target (`servoj`), at first to where they are.
+    """Pulls joints to a target (`servoj`), initially their own position.
 
-    A low-pass of time constant `lookahead`, its speeds and accelerations limited; the gain stiffens it in proportion to
-    its default.
+    It is a low-pass of time constant `lookahead` with limited speeds and accelerations. Its rate grows with the square
+    root of the gain relative to its default.
     """
 
     lookahead = 0.1
@@ -144,7 +144,7 @@ class JointServo(_SteeredJoints):
         self.target = list(joints)
 
     def step(self, dt: float, pace: float) -> State:
-        # Critically damped, so that speeds stay continuous and a standing target is reached without overshoot.
+        # Critically damped, so that speeds stay continuous and a fixed target is reached without overshoot.
         rate = 2.0 / self.lookahead * math.sqrt(self.gain / 300.0) * pace
         joints, speeds = self._joints, self._speeds
         decay = math.exp(-rate * dt)
@@ -154,7 +154,7 @@ class JointServo(_SteeredJoints):
             slope = speeds[i] + rate * away
             position = self.target[i] + (away + slope * dt) * decay
             speed = (slope - rate * (away + slope * dt)) * decay
-            # Not faster than the limit, nor than it can still brake before its target.
+            # No faster than the limit, and slow enough to brake before its target.
             fastest = min(limit, math.sqrt(2.0 * limits.JOINT_ACCELERATION * abs(away)))
             if abs(position - joints[i]) > fastest * dt or abs(speed - speeds[i]) > change:
                 speed = max(-fastest, min(fastest, speed))

@@ -1,12 +1,12 @@
 """Messages of the primary, secondary and real-time interfaces (30001–30003, read-only at 30011–30013), software 5.11.
 
-Layouts: UR's client interface manual, `Version5.10` and `RealTime5.10` (1220 bytes), the last before 5.11 that changed
-one. Sub-packages that it leaves out as internal (9, 10) have the sizes of the robot state of a UR5e that UR's client
-library holds (`tests/test_primary_parser.cpp`), and zeros; sources of messages are those recorded there, too. The
-messages on global variables (type 25) are not sent.
+Layouts are from UR's client interface manual, `Version5.10` and `RealTime5.10` (1220 bytes), the last change of one
+before 5.11. Sub-packages that the manual leaves out as internal (9, 10) hold zeros; they have the sizes in the robot
+state of a UR5e recorded in UR's client library (`tests/test_primary_parser.cpp`). Sources of messages are also as
+recorded there. Messages on global variables (type 25) are not sent.
 
-Everything is written down as a `struct` layout beside the names of the RTDE variables that fill it, so that no stream
-can differ from another. All numbers are big-endian.
+Each layout is a `struct` format beside the names of the RTDE variables that fill it, so that no stream can differ from
+another. All numbers are big-endian.
 """
 
 import math
@@ -22,7 +22,7 @@ from hardware_sim.controller.registers import OFFSETS, OUTPUT_TYPES, TYPES, Regi
 from hardware_sim.controller.robot import Robot
 
 PRIMARY, SECONDARY, REAL_TIME = 30001, 30002, 30003
-READ_ONLY = 10  # added to a port's number: the same stream, to clients that only listen
+READ_ONLY = 10  # added to a port's number: the same stream for clients that only listen
 STATE_TICKS = 50  # 10 Hz
 
 _HEADER = struct.Struct(">iB")
@@ -41,7 +41,7 @@ _REAL_TIME_FIELDS = """timestamp target_q target_qd target_qdd target_current ta
     safety_mode 6 actual_tool_accelerometer 6 speed_scaling actual_momentum 2 actual_main_voltage actual_robot_voltage
     actual_robot_current actual_joint_voltage actual_digital_output_bits runtime_state elbow_position elbow_velocity
     safety_status 3 payload payload_cog payload_inertia"""
-"""The real-time packet after its size: variables, each number a double, and counts of doubles that are UR's own."""
+"""The real-time packet after its size: variables, each number a double, and counts of doubles for UR's own use."""
 _OF_EACH_JOINT = """actual_q target_q actual_qd actual_current actual_joint_voltage joint_temperatures
     joint_temperatures joint_mode"""
 
@@ -59,7 +59,7 @@ _REAL_TIME = struct.Struct(">i152d")
 
 
 def real_time_packet(registers: Registers) -> bytes:
-    """What the real-time interface sends in each tick."""
+    """The packet that the real-time interface sends in each tick."""
     return _REAL_TIME.pack(_REAL_TIME.size, *_pick_real_time(registers.values))
 
 
@@ -146,14 +146,14 @@ def _robot_message(kind: int, body: bytes, timestamp: float, source: int = _FROM
 
 
 def version_message(version: tuple[int, int, int, int], timestamp: float) -> bytes:
-    """What every client of the primary and secondary interfaces receives first."""
+    """The message that every client of the primary and secondary interfaces receives first."""
     name = b"URControl"
     body = struct.pack(">B9sBBii", len(name), name, *version) + _BUILD_DATE
     return _robot_message(_VERSION_MESSAGE, body, timestamp)
 
 
 def message(said: RobotMessage, timestamp: float) -> bytes:
-    """A robot message of the primary interface; a runtime exception's has the line that its text names, or −1."""
+    """A robot message of the primary interface; for a runtime exception it holds the line in its text, or −1."""
     text, source = said.text.encode(), _FROM_INTERFACE
     title = said.title.encode()[:255]
     match said.type:

@@ -1,14 +1,14 @@
 """Solid bodies round the arm, as the world passes them to the controller: one npz file.
 
-Half-spaces, capsules, boxes, cones and convex hulls are exact. The object has no formula: it is points all over its
-surface, about `OBJECT_SPACING_M` from the next, each with a ball of `OBJECT_BALL_M` round it that closes the gaps.
-Names go into the log: what did the arm touch?
+Half-spaces, capsules, boxes, cones and convex hulls are exact. The object has no formula. It is represented by points
+that cover its surface, about `OBJECT_SPACING_M` apart, each with a ball of `OBJECT_BALL_M` round it that closes the
+gaps. The log states a collision by the bodies' names.
 
 Arrays of the file (m, base frame unless stated; any may be empty): `tool` (T, 7) capsules in the flange frame: start,
 end, radius; `half_spaces` (K, 4) outward normal and offset; `capsules` (L, 7); `boxes` (M, 15) centre, axes (rows),
-half extents; `cones` (C, 9) middle of the foot, axis, height, radii of foot and top; `hull_faces` (F, 10) corners of
-triangles all round the convex hulls, and the number of the hull; `names` (K + L + M + C + H,) in this order;
-`object_points` (P, 3) in the object's frame; `base_from_object` (4, 4).
+half extents; `cones` (C, 9) centre of the foot, axis, height, radii of foot and top; `hull_faces` (F, 10) corners of
+the convex hulls' triangles, and the number of the hull; `names` (K + L + M + C + H,) in this order; `object_points`
+(P, 3) in the object's frame; `base_from_object` (4, 4).
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ _ARRAYS = ("tool", "half_spaces", "capsules", "boxes", "cones", "hull_faces", "o
 
 @dataclass(frozen=True)
 class Surroundings:
-    """All that the arm can touch but itself; see the module's docstring for the arrays."""
+    """All that the arm can touch except itself; see the module's docstring for the arrays."""
 
     tool: FloatArray = field(default_factory=lambda: np.zeros((0, 7)))
     half_spaces: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
@@ -58,7 +58,7 @@ class Surroundings:
 
     @cached_property
     def _hulls(self) -> list[FloatArray]:
-        """Of each hull the triangles (F, 3, 3), the corners in the order that lets their normals point outwards."""
+        """Triangles (F, 3, 3) of each hull, with corners in the order that makes their normals point outwards."""
         hulls: list[FloatArray] = []
         for number in np.unique(self.hull_faces[:, 9]):
             triangles = self.hull_faces[self.hull_faces[:, 9] == number, :9].reshape(-1, 3, 3)
@@ -70,7 +70,7 @@ class Surroundings:
         return hulls
 
     def nudged(self, shift_m: Sequence[float], turn_rad: float) -> "Surroundings":
-        """The same with the object shifted by (3,) m and turned about its own z axis."""
+        """A copy with the object shifted by (3,) m and turned about its own z axis."""
         cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
         pose = self.base_from_object.copy()
         pose[:3, :3] = pose[:3, :3] @ np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
@@ -84,7 +84,7 @@ class Surroundings:
 
 
 def load(path: Path) -> Surroundings:
-    """Reads the npz file. Raises OSError, ValueError where it is none or an array is missing."""
+    """Reads the npz file. Raises OSError, and ValueError if it is no such file or lacks an array."""
     with np.load(path, allow_pickle=False) as file:
         if not hasattr(file, "files"):
             raise ValueError(f"{path} is not a file of surroundings")
@@ -118,7 +118,7 @@ def _to_segment(points: FloatArray, start: FloatArray, end: FloatArray) -> Float
 
 
 def _to_cone(points: FloatArray, row: FloatArray) -> FloatArray:
-    """Distances (N,) to a cone or its stump, negative inside: in the plane of point and axis it is a trapezium."""
+    """Distances (N,) to a cone or frustum, negative inside; in the plane of point and axis it is a trapezium."""
     (height, foot, top), away = row[6:], points - row[:3]
     along = away @ row[3:6]
     across = np.linalg.norm(away - along[:, None] * row[3:6], axis=1)
@@ -138,7 +138,7 @@ def _to_hull(points: FloatArray, triangles: FloatArray) -> FloatArray:
     outside = result > 0.0
     shape = (np.count_nonzero(outside), len(triangles))
     over, nearest = np.ones(shape, dtype=bool), np.full(shape, np.inf)
-    for corner in range(3):  # the nearest point lies on an edge, or over the triangle where it is inwards of all edges
+    for corner in range(3):  # the nearest point is on an edge, or in the face if the point is inside all edges
         start, end = triangles[:, corner], triangles[:, (corner + 1) % 3]
         along, away = end - start, points[outside, None] - start
         share = np.clip(np.einsum("nfi,fi->nf", away, along) / np.einsum("fi,fi->f", along, along), 0.0, 1.0)

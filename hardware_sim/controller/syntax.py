@@ -1,8 +1,8 @@
 """Recursive-descent parser of URScript: from text to a syntax tree.
 
-New lines mean nothing to the language: the control script of `ur-rtde` has an expression that goes on after a comment
-and two statements on one line without a separator. So the parser reads tokens, and statements end where no operator
-follows.
+New lines have no meaning in the language: the control script of `ur-rtde` has an expression that continues after a
+comment, and two statements on one line without a separator. So the parser reads tokens, and a statement ends where no
+operator follows.
 """
 
 import re
@@ -13,7 +13,7 @@ from hardware_sim.controller import syntax_tree as tree
 
 
 class ScriptSyntaxError(Exception):
-    """The text is not URScript that this controller reads; the message names the line."""
+    """The text is not valid URScript for this controller; the message names the line."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ _PRECEDENCE = (
     ("operator", {"+", "-"}),
     ("operator", {"*", "/", "%"}),
 )
-"""Kinds and texts of the operators, from those that bind least; all but `not` stand between two values."""
+"""Kinds and texts of the operators, from the lowest precedence up; all but `not` are binary."""
 _POSE_ITEMS = 6
 
 
 def tokens(text: str) -> list[Token]:
-    """Tokenises a program. Raises ScriptSyntaxError at a character that belongs to none."""
+    """Tokenises a program. Raises ScriptSyntaxError at a character that belongs to no token."""
     result: list[Token] = []
     line = 1
     for match in _TOKEN.finditer(text):
@@ -78,15 +78,15 @@ _BLOCK_TOKEN = re.compile(r"#.*|\"[^\"]*\"|'[^']*'|\b(?:def|thread|sec|if|while|
 
 
 def depth_change(line: str) -> int:
-    """By how much one line of text opens (+) or closes (−) blocks; comments and strings do not count."""
+    """Number of blocks that one line of text opens, minus those it closes; comments and strings do not count."""
     words = _BLOCK_TOKEN.findall(line)
     return sum(1 for w in words if w in _OPENERS) - sum(1 for w in words if w == "end")
 
 
 def parse(text: str) -> tree.Function:
-    """Reads one program: a `def` or `sec`, or bare statements, which become a program of their own.
+    """Parses one program: a `def` or `sec`, or bare statements, which become a program of their own.
 
-    Raises ScriptSyntaxError, also where the text is nested too deeply.
+    Raises ScriptSyntaxError, also if the text is nested too deeply.
     """
     parser = _Parser(tokens(text))
     try:
@@ -215,7 +215,7 @@ class _Parser:
         return tree.Assign(line, target, self._expression(), qualifier)
 
     def _label(self) -> tree.Node:
-        """`$ 3 "MoveJ"`: PolyScope's label of the node that the following lines come from."""
+        """`$ 3 "MoveJ"`: PolyScope's label of the node from which the following lines come."""
         token = self._next()
         label = _LABEL.match(token.text)
         if label is None:
@@ -241,14 +241,14 @@ class _Parser:
         return [self._expression() for _ in self._separated(closer)]
 
     def _separated(self, closer: str) -> Iterator[None]:
-        """A round for each item of a list, between commas and up to its closer."""
+        """Yields once for each item of a list, between commas and up to its closer."""
         while not self._accept(closer):
             yield
             if self.peek().text != closer:
                 self._expect(",")
 
     def _expression(self, level: int = 0) -> tree.Node:
-        """An expression of operators that bind at least as closely as those of `_PRECEDENCE[level]`."""
+        """An expression of operators with at least the precedence of `_PRECEDENCE[level]`."""
         if level == len(_PRECEDENCE):
             return self._unary()
         kind, signs = _PRECEDENCE[level]
@@ -278,7 +278,7 @@ class _Parser:
             self._expect("[")
             indices = self._items("]")
             if isinstance(node, tree.Name) and node.name == "p" and len(indices) == _POSE_ITEMS:
-                # `p` is an ordinary variable too; only the number of items tells a pose from an index.
+                # `p` may also be an ordinary variable; only the number of items tells a pose from an index.
                 node = tree.ListLiteral(node.line, indices, pose=True)
             else:
                 node = tree.Index(node.line, node, indices)

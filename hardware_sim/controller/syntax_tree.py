@@ -1,4 +1,4 @@
-"""Nodes of URScript's abstract syntax tree; `line` is where each began."""
+"""Nodes of URScript's abstract syntax tree; `line` is the line on which a node begins."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from typing import Any, dataclass_transform
 @dataclass_transform(frozen_default=True)
 @dataclass(frozen=True)
 class Node:
-    """A part of the tree and the line it began on; each kind of it is a frozen dataclass."""
+    """A node of the tree and the line on which it begins; each kind of node is a frozen dataclass."""
 
     line: int
 
@@ -16,7 +16,7 @@ class Node:
         dataclass(frozen=True)(cls)
 
     def children(self) -> Iterator["Node"]:
-        """The nodes right below it, in no order that matters."""
+        """The nodes directly below it, in no particular order."""
         values: list[Any] = list(vars(self).values())
         while values:
             value = values.pop()
@@ -39,7 +39,7 @@ class Name(Node):
 
 
 class ListLiteral(Node):
-    """A list, or a pose where `pose` is set."""
+    """A list, or a pose if `pose` is set."""
 
     items: list[Node]
     pose: bool
@@ -97,7 +97,7 @@ class Binary(Node):
 
 
 class Assign(Node):
-    """`[global | local] target = value`, the target a variable, an element or a member."""
+    """`[global | local] target = value`, where the target is a variable, an element or a member."""
 
     target: Name | Index | Member
     value: Node

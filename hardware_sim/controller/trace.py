@@ -3,9 +3,8 @@
 Format: the magic `LPTICKS1`, then rows of 88 bytes, little-endian: float64 time stamp (the controller's, s); 6 float64
 true joints (rad); 6 float32 true TCP pose (x, y, z in m, rotation vector in rad; base frame); uint32 digital outputs
 (bits 0–7 standard, 8–15 configurable, 16–17 tool); uint8 safety mode, robot mode, runtime state (the numbers of
-`modes`); uint8 1 while the arm touches something. Every tick has a row, at rest too, 44 kB a second: how long the arm
-stood is part of the record. Where motion is faster than life a tick may have several rows, none more than 8 ms of
-motion after the last.
+`modes`); uint8 1 while the arm touches something. Every tick has a row (44 kB a second), also at rest, because the time
+at rest is part of the record. With a speed factor above 1 a tick may have several rows, at most 8 ms of motion apart.
 """
 
 import struct
@@ -80,7 +79,7 @@ class Trace:
 
 
 def read_trace(path: Path) -> Trace:
-    """Reads a record; a row cut off by a kill is left out. Raises OSError, ValueError where it is no record."""
+    """Reads a record without a last row cut off by a kill. Raises OSError, and ValueError if it is no record."""
     import numpy as np  # noqa: PLC0415 - the controller itself does without
 
     data = path.read_bytes()

@@ -14,7 +14,7 @@ _BITS = 32
 
 
 def _of_numbers(name: str, function: Callable[..., float]) -> Callable[..., float]:
-    """A function of numbers alone, as a method whose errors name it."""
+    """Makes a method of a function of numbers; its errors name the function."""
 
     def method(self: FunctionGroup, *arguments: Any) -> float:
         del self

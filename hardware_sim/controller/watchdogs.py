@@ -11,13 +11,13 @@ class _Watchdog:
 
 
 class Watchdogs:
-    """Those of one program; times are time.monotonic()."""
+    """The watchdogs of one program; times are time.monotonic()."""
 
     def __init__(self) -> None:
         self._by_variable: dict[str, _Watchdog] = {}
 
     def set(self, variable: str, frequency: float, action: str, now: float) -> None:
-        """Arms one; frequency in Hz, action `stop`, `pause` or `ignore`."""
+        """Arms a watchdog; frequency in Hz, action `stop`, `pause` or `ignore`."""
         self._by_variable[variable] = _Watchdog(1.0 / frequency, action, now)
 
     def clear(self) -> None:
@@ -30,12 +30,12 @@ class Watchdogs:
                 watchdog.last = now
 
     def postpone(self, seconds: float) -> None:
-        """Lets all expire that much later: for so long this process has just had no core."""
+        """Lets all expire later by `seconds`, for which this process has had no core."""
         for watchdog in self._by_variable.values():
             watchdog.last += seconds
 
     def expired(self, now: float) -> tuple[str, str] | None:
-        """The action of one whose variable is late, and why; each period once."""
+        """The action of a watchdog whose variable is late, and the reason; once for each period."""
         for variable, watchdog in self._by_variable.items():
             if now - watchdog.last > watchdog.period:
                 watchdog.last = now
