@@ -4,10 +4,10 @@ A frame is requested by `{"exposure_s": 0.05, "attempt": 0, "number": 7}`. The a
 (always `<u2`), exposure_s, attempt, taken_at (the middle of the exposure, seconds since 1970, UTC) and the number if
 one was given. Then width · height · 2 bytes follow, row 0 first.
 
-Other requests are answered by a line alone: `{"info": true}`; `{"place": "mirror-sphere"}`, which puts another object
-or target into the cell, by `{"placed": label}`; `{"fault": "doubled", "count": 2}`, which disturbs the next frames
-(`FrameFaults`). A bad request is answered by `{"error": sentence}` and the connection stays open; a line that is too
-long closes it. Connections are served in turn, request by request.
+Other requests are answered by a line alone: `{"info": true}`; `{"place": "mirror-sphere"}`, which replaces the object
+or target, by `{"placed": label}`; `{"fault": "doubled", "count": 2}`, which disturbs the next frames (`FrameFaults`). A
+bad request is answered by `{"error": sentence}` and the connection stays open; a line that is too long closes it.
+Frames are taken one at a time, whichever connection asks.
 """
 
 import json

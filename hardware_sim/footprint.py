@@ -2,12 +2,9 @@
 
 A camera's pixel averages the light of its footprint, and so do the simulator's images. If the footprint covers the top
 of a step and its wall, no number of lights determines the normal at the pixel's centre. The angle between the average
-and that normal is then an error neither of the solver nor of the lights.
-
-The rule uses the true geometry alone, never an estimate or an error. The centre of a pixel and eight points of its
-outline show one surface if none of the eight has a normal far from the centre's or lies off its tangent plane. The
-permitted angle is wide, because fine relief bends within pixels too and has to be graded. The rims of the smallest
-objects need no rule of their own, because the grading that uses this mask leaves the silhouette out.
+and that normal is then an error neither of the solver nor of the lights. The rule uses the true geometry alone, never
+an estimate or an error. Its angle is wide, because fine relief bends within pixels too and has to be graded. The rims
+of small objects need no rule, because the grading that uses this mask leaves the silhouette out.
 """
 
 import numpy as np
@@ -29,9 +26,9 @@ OUTLINE = tuple((down, right) for down in (-0.5, 0.0, 0.5) for right in (-0.5, 0
 def one_surface(seen: Samples, scene: SceneObject, tracer: Tracer, lens: Lens) -> BoolArray:
     """Mask (H, W) of the pixels whose footprint shows one smooth surface of the object; `seen` is what centres hit.
 
-    A point of the outline is on the centre's surface if its normal is within `WIDEST_BEND_DEG` of the centre's and its
-    distance from the centre's tangent plane is below the size of a pixel there. False where the centre misses the
-    object.
+    A pixel's centre and eight points of its outline show one surface if the normal of each of the eight is within
+    `WIDEST_BEND_DEG` of the centre's and its distance from the centre's tangent plane is below the size of a pixel
+    there. False where the centre misses the object.
     """
     rows, columns = np.divmod(seen.pixels.astype(float), lens.width)
     pixel_m = np.linalg.norm(seen.points - lens.eye, axis=1) / lens.matrix[0, 0]

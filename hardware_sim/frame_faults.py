@@ -1,7 +1,6 @@
 """Faults of the simulated camera and its link: frames that are lost, late, doubled or damaged, a bumped dial, a reset.
 
-Each fault is ordered for a number of the next frames. A frame has at most one fault; faults occur in the order in which
-they were ordered.
+Each fault is ordered for a number of the next frames. A frame has one fault at most, in the order of the orders.
 """
 
 import time

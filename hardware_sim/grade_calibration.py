@@ -1,9 +1,8 @@
 """Errors of a found calibration against the truth of the simulated cell, and that truth as a calibration.
 
 The truth is read from `calibration_truth.json`, which no calibration reads. Positions are compared in the frame in
-which they are stated: the camera's in the arm's base frame, the lamp's in the tool's. Their purpose is the direction
-from the object to the lamp as the camera sees it (`direction_deg`); there all errors act together, with those of the
-arm's joint offsets.
+which they are stated: the camera's in the arm's base frame, the lamp's in the tool's. What matters is the direction
+from the object to the lamp as the camera sees it (`direction_deg`), in which all errors and the joint offsets add up.
 """
 
 import json
@@ -78,7 +77,7 @@ def error_probabilities(found: Calibration, truth: dict[str, Any]) -> dict[str, 
     """Probability, by the stated covariances, of errors no larger than the actual ones.
 
     It is uniform over 0–1 if the covariances are right. Computed for the lamp's position, the camera's pose (six
-    parameters at once) and the flat field's terms, for each of these whose covariance is stated.
+    parameters at once) and the flat field's terms, as far as covariances are stated.
     """
     camera = geometry.inverse(np.array(truth["base_from_camera"])) @ np.array(found.base_from_camera)
     motion = np.concatenate([camera[:3, 3], Rotation.from_matrix(camera[:3, :3]).as_rotvec()])

@@ -1,8 +1,7 @@
 """Description of the object in the simulated cell: built-in, mesh file, random family or calibration target.
 
-The command line, the cell and the world's process all pass on this one description. Each that needs the object builds
-it; the same seed gives the same object. `check` refuses everything that can be refused in the calling process, before
-any other process is started.
+The command line, the cell and the world's process pass on this one description. Each that needs the object builds it;
+the same seed gives the same object. `check` refuses all invalid ones in the calling process, before it starts another.
 """
 
 import json

@@ -58,9 +58,8 @@ class Lens:
 class Lamp:
     """Near point light: position (3,) m, axis (3,), object frame; power 1 gives 1 at `reference_m` on the axis.
 
-    Its relative intensity towards a unit direction d is ahead^`lobe_exponent` · profile(ahead) · (1 + tilt · d), where
-    ahead is the cosine to the axis. `profile` (K,) is sampled at cosines equally spaced from 0 to 1; `tilt` (3,) is
-    perpendicular to the axis.
+    Towards a unit direction d it sends ahead^`lobe_exponent` · profile(ahead) · (1 + tilt · d); ahead is the cosine to
+    the axis. `profile` (K,) is sampled at cosines equally spaced from 0 to 1; `tilt` (3,) is normal to the axis.
     """
 
     position: FloatArray
@@ -244,9 +243,8 @@ def scattered(view: View, image: FloatArray, scatter_m: float) -> FloatArray:
     """Diffuse image (H, W) after subsurface scatter with exponential path lengths along the surface, mean `scatter_m`.
 
     Light leaves at a distance r from where it entered with density exp(−r / ℓ) / (2 π ℓ r) per area. The image is
-    averaged over the object's pixels, and lengths are converted to pixels at the object's mean distance. Hence a
-    slanted surface scatters too far by 1 / cosine, and light passes between surfaces that are neighbours only in the
-    image.
+    averaged over the object's pixels, with lengths at the object's mean distance. Hence a slanted surface scatters too
+    far by 1 / cosine, and light passes between surfaces that are neighbours only in the image.
     """
     if len(view.surface.pixels) == 0:
         return image

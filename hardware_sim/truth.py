@@ -13,11 +13,9 @@ from acquisition.models.errors import ErrorCode, RigError
 
 @dataclass(frozen=True)
 class Truth:
-    """Truth at the pixel centres of the true camera, zero outside the mask.
-
-    Normals (H, W, 3) in the nominal view frame, depth (H, W) in m along the nominal OpenCV z, albedo (H, W), mask
-    (H, W) of the object. `one_surface` (H, W): pixels whose footprint shows one smooth surface, so that they have one
-    normal (`footprint`); None if not known."""
+    """Truth at the pixel centres of the true camera: normals (H, W, 3) in the nominal view frame, depth (H, W) in m
+    along the nominal OpenCV z, albedo (H, W), mask (H, W) of the object; zero outside the mask. `one_surface` (H, W):
+    pixels whose footprint shows one smooth surface, and so one normal (`footprint`); None if not known."""
 
     normals: Float32Array
     depth: Float32Array

@@ -1,9 +1,8 @@
 """Factory calibration of an arm: deviations of its Denavit–Hartenberg parameters from the nominal ones.
 
 A real controller knows the measured chain of its own arm; its clients do not. Nominal kinematics are therefore wrong by
-millimetres, while the controller's tool pose is right. Each link gets errors of its lengths and angles, sampled from a
-seed. They are scaled so that the flange's distance from its nominal position has the requested root mean square over
-poses.
+millimetres, while the controller's tool pose is right. Each link gets errors of lengths and angles sampled from a seed,
+scaled to the requested root mean square, over poses, of the flange's distance from its nominal position.
 """
 
 import math

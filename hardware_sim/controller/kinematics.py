@@ -217,9 +217,8 @@ def _nominal_solutions(
 
 
 def newton_solution(arm: ArmModel, base_from_flange: Frame, joints: Sequence[float]) -> list[float] | None:
-    """Inverse kinematics of the calibrated arm by Newton's method from `joints`.
-
-    Returns the joints (6) in rad that reach a flange pose to 1e-9 m and rad, or None if it does not converge.
+    """Solves the inverse kinematics of the calibrated arm by Newton's method from `joints`: joints (6) in rad that
+    reach a flange pose to 1e-9 m and rad; None if it does not converge.
     """
     solution = list(joints)
     error = math.inf

@@ -16,9 +16,8 @@ class Trapezoid:
     def planned(
         cls, length: float, speed: float, acceleration: float, seconds: float, fastest: float, hardest: float
     ) -> "Trapezoid":
-        """Plans a move of `length` that lasts `seconds`, or if that is zero, has this speed and acceleration.
-
-        It never exceeds the limits `fastest` and `hardest`, for which the time is lengthened if necessary.
+        """Plans a move of `length` that lasts `seconds`, or if that is zero, has this speed and acceleration. The time
+        is lengthened if the limits `fastest` and `hardest` would be exceeded.
         """
         if length <= 0.0:
             return cls(0.0, speed, acceleration)

@@ -1,7 +1,6 @@
 """Execution of a compiled program: cooperative threads with time slots.
 
-There is one turn per tick, in which every thread runs until it gives up its slot. The program ends with its first
-thread.
+Once per tick every thread runs until it gives up its slot. The program ends with its first thread.
 
 A thread is not interrupted inside a critical section: if its share of a tick runs out there, no other thread runs
 before it continues. A function that waits by itself (`join`, `sync`, `sleep`, moves, reads from sockets) lets the

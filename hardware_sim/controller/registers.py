@@ -77,7 +77,7 @@ DOUBLE_IN = OFFSETS["input_double_register_0"]
 
 
 class Registers:
-    """The flat list of values, with a zero at its end; registers keep theirs between programs, as on a real controller."""
+    """The flat list of values, ending in a zero; registers keep theirs between programs, as on a real controller."""
 
     def __init__(self) -> None:
         self.values: list[float] = [

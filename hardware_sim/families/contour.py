@@ -55,8 +55,7 @@ def contour(field: Field, half_size: FloatArray, spacing: float) -> Mesh:
 def _quads(inside: BoolArray, number: Faces, axis: int) -> tuple[Faces, FloatArray, BoolArray]:
     """Lattice edges (E) along an axis that cross the surface.
 
-    Returns the four cells round each edge, counter-clockwise from outside, its first lattice point, and whether that
-    point is inside.
+    Returns the four cells round each, counter-clockwise from outside, its first lattice point, whether that is inside.
     """
     first, cells = np.moveaxis(inside, axis, 0), np.moveaxis(number, axis, 0)
     i, j, k = np.nonzero(first[:-1, 1:-1, 1:-1] != first[1:, 1:-1, 1:-1])
