@@ -2,12 +2,11 @@
 
 A frame is requested by `{"exposure_s": 0.05, "attempt": 0, "number": 7}`. The answer's line holds width, height, dtype
 (always `<u2`), exposure_s, attempt, taken_at (the middle of the exposure, seconds since 1970, UTC) and the number if
-one was given. Then width · height · 2 bytes follow, row 0 first.
+one was given. Then width · height · 2 bytes follow, row 0 first. Frames are taken one at a time.
 
 Other requests are answered by a line alone: `{"info": true}`; `{"place": "mirror-sphere"}`, which replaces the object
 or target, by `{"placed": label}`; `{"fault": "doubled", "count": 2}`, which disturbs the next frames (`FrameFaults`). A
 bad request is answered by `{"error": sentence}` and the connection stays open; a line that is too long closes it.
-Frames are taken one at a time, whichever connection asks.
 """
 
 import json

@@ -26,9 +26,8 @@ OUTLINE = tuple((down, right) for down in (-0.5, 0.0, 0.5) for right in (-0.5, 0
 def one_surface(seen: Samples, scene: SceneObject, tracer: Tracer, lens: Lens) -> BoolArray:
     """Mask (H, W) of the pixels whose footprint shows one smooth surface of the object; `seen` is what centres hit.
 
-    A pixel's centre and eight points of its outline show one surface if the normal of each of the eight is within
-    `WIDEST_BEND_DEG` of the centre's and its distance from the centre's tangent plane is below the size of a pixel
-    there. False where the centre misses the object.
+    Each of eight points of a pixel's outline must have a normal within `WIDEST_BEND_DEG` of the centre's, and be nearer
+    to the centre's tangent plane than the size of a pixel there. False where the centre misses the object.
     """
     rows, columns = np.divmod(seen.pixels.astype(float), lens.width)
     pixel_m = np.linalg.norm(seen.points - lens.eye, axis=1) / lens.matrix[0, 0]

@@ -1,4 +1,4 @@
-"""Angular errors of estimated normals against the simulator's true ones; only this module sees both.
+"""Angular errors of estimated normals against the simulator's true ones; only graders see both.
 
 By default the graded pixels are those whose true normal lies within 78° of the viewing ray, in the object's mask eroded
 by one pixel. A narrower grading takes those of them whose footprint shows one surface, a wider one every pixel of the

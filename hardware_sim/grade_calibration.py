@@ -74,10 +74,9 @@ def errors(found: Calibration, truth: dict[str, Any]) -> CalibrationErrors:
 
 
 def error_probabilities(found: Calibration, truth: dict[str, Any]) -> dict[str, float]:
-    """Probability, by the stated covariances, of errors no larger than the actual ones.
+    """Probability, by the stated covariances, of errors up to the actual ones; uniform over 0–1 if these are right.
 
-    It is uniform over 0–1 if the covariances are right. Computed for the lamp's position, the camera's pose (six
-    parameters at once) and the flat field's terms, as far as covariances are stated.
+    Computed for the lamp's position, the camera's pose (six at once) and the flat field's terms, where they are stated.
     """
     camera = geometry.inverse(np.array(truth["base_from_camera"])) @ np.array(found.base_from_camera)
     motion = np.concatenate([camera[:3, 3], Rotation.from_matrix(camera[:3, :3]).as_rotvec()])

@@ -48,7 +48,7 @@ class ControllerState:
             client.surround(path)
 
     def state(self) -> CellState:
-        """The state now. Raises RigError device.disconnected; the next call connects anew."""
+        """The present state. Raises RigError device.disconnected; the next call connects again."""
         with as_rig_errors():
             if self._client is None:
                 self._client = ControlClient(self._address)

@@ -63,7 +63,7 @@ class Collisions:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets the present contacts, so that what the arm touches when it may run again counts again."""
+        """Forgets the present contacts when the arm may run again, so that they count as new ones."""
         self._known.clear()
         self._check_at_rest = True
         if self._check is not None:
