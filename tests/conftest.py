@@ -1,7 +1,7 @@
 """Keeps the suite away from real arms: this process and its children connect to loopback only.
 
-Tests of real processes over real sockets race a clock that a busy machine does not keep: one that fails is run once
-more, and the summary names it. What depends on no clock fails at once, and what measures for minutes counts as it is.
+Tests of real processes over real sockets depend on a clock that a busy machine does not keep. One that fails is run
+once more, and the summary names it. Tests without a clock, and long ones, are not repeated.
 """
 
 import gc
@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-# The same examples in every run, however long one takes: `--hypothesis-profile=default` draws others.
+# The same examples in every run, without a time limit; `--hypothesis-profile=default` draws others.
 settings.register_profile("suite", deadline=None, derandomize=True)
 settings.load_profile("suite")
 
@@ -25,18 +25,18 @@ NO_CLOCK = tuple(TESTS / "acquisition" / name for name in ("calibrate", "normals
 os.environ["LIGHTPOSE_LOOPBACK_ONLY"] = "1"  # inherited by driver processes, which refuse any other address
 
 if "PYTEST_XDIST_WORKER" in os.environ:
-    # Workers fill the cores. Small kernels whose threads wait for one another then take several times as long.
+    # Workers fill the cores, so small kernels whose threads wait for one another take several times as long.
     for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
 
-# Modules and tests stay until the end: to look for garbage among them takes a fifth of collection's time, and some of
-# each test's.
+# Modules and tests stay until the end. Searching them for garbage takes a fifth of collection's time, and some of each
+# test's.
 gc.disable()
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Leaves what collection has made out of the search for garbage."""
+    """Excludes the objects made by collection from the search for garbage."""
     try:
         return (yield)
     finally:
@@ -45,7 +45,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Lets tests of the default suite that race a clock run a second time."""
+    """Lets tests of the default suite that depend on a clock run a second time."""
     for item in items:
         if item.get_closest_marker("long") is None and not any(map(item.path.is_relative_to, NO_CLOCK)):
             item.add_marker(pytest.mark.flaky(reruns=1))

@@ -240,7 +240,7 @@ def _add_captures(command: argparse.ArgumentParser, azimuths: int, out: Path) ->
 
 
 def _faults(text: str | None) -> list[str | None]:
-    """Names of faults, None for a capture without; `all` is that and every fault."""
+    """Names of faults, with None for a capture without one; `all` gives None and every fault."""
     if text == "all":
         return [None, *faults.ALL]
     return [None] if text is None else [None if name == "none" else name for name in text.split(",")]

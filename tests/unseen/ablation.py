@@ -1,8 +1,8 @@
-"""What each stage of the near solver buys: the same captures solved with one stage off at a time, and with all on.
+"""Ablation of the near solver: the same captures are solved with one stage off at a time, and with all stages on.
 
-A run writes one JSON line for each solve, as the bench's `run` does, with the key `stage`: the name of the one that is
-off, or none. It goes on where an earlier one with the same file stopped. Figures are paired by scene: the error without
-a stage over that with it, and how σ compares with the error, without and with.
+A run writes one JSON line for each solve, as the bench's `run` does, with the key `stage`: the name of the stage that
+is off, or none. It continues where an earlier run with the same file stopped. Figures are paired by scene: the error
+without a stage divided by that with it, and the ratio of error to σ without and with it.
 """
 
 import itertools
@@ -24,13 +24,13 @@ from tests.unseen.scenes import Scene
 from tests.unseen.stages import Captures, Stage
 
 WITH_STAGE = (*IDENTITY, "stage")
-"""Keys that name one solve and the stage that is off."""
+"""Keys that identify one solve and the stage that is off."""
 
 BY_NAME = {stage.name: stage for stage in stages.STAGES}
 
 
 def asked(plan: Plan, names: Sequence[str], family: str, seed: int) -> list[Line]:
-    """One scene's solves, with all stages on and without each of the named ones, on the captures that these ask for."""
+    """One scene's solves, with all stages on and without each named stage, on the captures that the stages require."""
     lines: list[Line] = []
     for captures in dict.fromkeys(BY_NAME[name].captures for name in names):
         of_these = [name for name in names if BY_NAME[name].captures == captures]
@@ -46,19 +46,19 @@ def _seeds(plan: Plan, captures: Captures | None) -> Sequence[int]:
 
 
 def all_seeds(plan: Plan, names: Sequence[str]) -> list[int]:
-    """The plan's seeds and those that stages ask for."""
+    """The plan's seeds, and those that stages require."""
     return sorted({seed for name in names for seed in _seeds(plan, BY_NAME[name].captures)})
 
 
 def of_plan(plan: Plan, names: Sequence[str]) -> list[Line]:
-    """What the plan's file holds of what is asked."""
+    """The requested solves that the plan's file holds."""
     pairs = itertools.product(plan.families, all_seeds(plan, names))
     wanted = run.done([line for family, seed in pairs for line in asked(plan, names, family, seed)], WITH_STAGE)
     return [line for line in run.read(plan.out) if run.done([line], WITH_STAGE) <= wanted]
 
 
 def run_scene(plan: Plan, names: Sequence[str], family: str, seed: int) -> int:
-    """Solves what is asked of a scene and not done, and appends it to the plan's file; how many solves there were."""
+    """Does a scene's missing solves and appends them to the plan's file; returns their number."""
     known = run.done(run.read(plan.out), WITH_STAGE)
     left = [line for line in asked(plan, names, family, seed) if not run.done([line], WITH_STAGE) <= known]
     if not left:
@@ -90,14 +90,12 @@ def solve_without(stage: Stage | None, scene: Scene, captured: Capture) -> Norma
 
 
 def run_all(plan: Plan, names: Sequence[str], jobs: int) -> int:
-    """Solves all scenes with all stages and without each of the named ones, in `jobs` processes; how many lines were
-    added."""
+    """Solves all scenes with all stages and without each named one, in `jobs` processes; returns how many solves."""
     return run.over_scenes(partial(run_scene, plan, names), plan.families, all_seeds(plan, names), jobs)
 
 
 def all_tables(lines: Sequence[Line], grading: str) -> str:
-    """Tables in Markdown: over all families, then error, rms e/σ and P(e < σ) of each; stages in the order of what they
-    buy."""
+    """Tables in Markdown: over all families, then error, rms e/σ and P(e < σ) by family; most useful stages first."""
     good, failed = _by_stage(lines, refused=False), _by_stage(lines, refused=True)
     base = good.pop(None, [])
     if not base or not good:
@@ -141,7 +139,7 @@ def all_tables(lines: Sequence[Line], grading: str) -> str:
 
 
 def page(command: str, lines: Sequence[Line], grading: str) -> str:
-    """The documentation's page of the tables: command, date, commit, and what each switch does."""
+    """The documentation's page of the tables, with command, date, commit, and the effect of each switch."""
     commits = " and ".join(sorted({f"`{line.get('commit', 'unknown')}`" for line in lines}))
     scenes = len({(line["family"], line["seed"]) for line in lines})
     switches = _markdown(
@@ -174,7 +172,7 @@ def page(command: str, lines: Sequence[Line], grading: str) -> str:
 
 
 def _materials(lines: Sequence[Line]) -> str:
-    """How many scenes of which kind of reflectance."""
+    """The number of scenes of each kind of reflectance."""
     kinds = Counter(
         kind for *_, kind in {(n["family"], n["seed"], str(n.get("material")).split(":")[0]) for n in lines}
     )
@@ -224,14 +222,14 @@ def _by_stage(lines: Sequence[Line], *, refused: bool) -> dict[object, list[Line
 
 
 def _ratios(some: Sequence[Line], base: Sequence[Line], grading: str) -> dict[tables.Cell, float]:
-    """Error over that of `base`, of scenes; only captures that both have solved count."""
+    """Each scene's error divided by that of `base`, over captures that both have solved."""
     common = run.done(some) & run.done(base)
     pair = [[line for line in group if run.done([line]) <= common] for group in (some, base)]
     return tables.paired(*(tables.by_scene(group, grading, lambda _: True) for group in pair))
 
 
 def _change(some: Sequence[Line], base: Sequence[Line], key: str) -> str:
-    """The mean of a figure over the captures that both have, without → with: over families of means over solves."""
+    """Means of a figure without → with, over captures that both have: first over solves, then over families."""
     common = run.done([line for line in some if key in line]) & run.done([line for line in base if key in line])
     if not common:
         return ""

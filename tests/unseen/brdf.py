@@ -1,7 +1,7 @@
 """Reflectance of the path tracer: Lambert or Oren–Nayar plus a GGX lobe, evaluated and sampled.
 
-Values are π f, so that a white Lambertian surface has 1. Nothing here is shared with solver or simulator, whose own
-formulas would agree with themselves whatever they say; a `Reflectance` only names the numbers.
+Values are π f, so that a white Lambertian surface has 1. The code shares nothing with solver or simulator, whose own
+formulas would agree with themselves even if wrong. A `Reflectance` serves only to name the numbers.
 
 Sources: M. Oren and S. K. Nayar, SIGGRAPH 1994 (the qualitative model); B. Walter et al., EGSR 2007 (GGX, Smith's
 separable masking); C. Schlick, Eurographics 1994; E. Heitz, JCGT 2018 (visible normals).
@@ -17,15 +17,15 @@ from hardware_sim.reflectance import Reflectance
 
 DIELECTRIC_F0, METAL_F0 = 0.04, 0.9
 ALBEDO_RAYS = 20_000
-"""Pairs of directions by which the share of light that a surface sends back is integrated, once per reflectance."""
+"""Number of pairs of directions for the integral of the share of reflected light, once per reflectance."""
 
 
 @dataclass(frozen=True)
 class Brdf:
-    """π f = ρ·diffuse·(a + b max(0, cos Δφ) sin α tan β) + tint·π D G F/(4 cosᵢ cosₒ), α of GGX 0: no lobe.
+    """π f = ρ·diffuse·(a + b max(0, cos Δφ) sin α tan β) + tint·π D G F/(4 cosᵢ cosₒ); no lobe if GGX's α is 0.
 
-    F is Schlick's between f0 and f90; tint is the albedo ρ where `tinted`, else 1; where `layered`, the diffuse part is
-    what the lobe's layer lets in and out, (1 − F(cosᵢ))(1 − F(cosₒ)).
+    F is Schlick's between f0 and f90. The tint is the albedo ρ if `tinted`, else 1. If `layered`, the diffuse part is
+    multiplied by the layer's transmission in and out, (1 − F(cosᵢ))(1 − F(cosₒ)).
     """
 
     diffuse: float = 1.0
@@ -39,7 +39,7 @@ class Brdf:
 
     @property
     def parameters(self) -> np.ndarray:
-        """What the kernels read (8,)."""
+        """The parameters as the kernels read them (8,)."""
         flags = float(self.tinted), float(self.layered)
         return np.array([self.diffuse, self.a, self.b, self.alpha, self.f0, self.f90, *flags])
 
@@ -49,16 +49,16 @@ class Brdf:
 
     @property
     def lobe(self) -> "Brdf":
-        """Its GGX lobe alone."""
+        """The GGX lobe alone."""
         return replace(self, diffuse=0.0)
 
     @property
     def base(self) -> "Brdf":
-        """Its diffuse part alone."""
+        """The diffuse part alone."""
         return replace(self, alpha=0.0)
 
     def hemispherical_albedo(self) -> float:
-        """Share of light from all sides that goes back to all sides, for albedo 1, by Monte Carlo integration."""
+        """Bihemispherical reflectance at albedo 1, by Monte Carlo integration."""
         rng = np.random.default_rng(0)
         pairs = [cosine_directions(rng.random((ALBEDO_RAYS, 2))) for _ in range(2)]
         up = np.broadcast_to([0.0, 0.0, 1.0], pairs[0].shape)
@@ -120,8 +120,8 @@ def values(parameters, albedo, normal, outward, inward):
 
 @numba.njit(cache=True)
 def falloff(lobe, cosine):
-    """Radiant intensity at an angle off the lamp's axis, 1 on it: 1/(1 + m t² + (1 − m) t⁴), t = θ/h; h 0: the same all
-    round. `lobe`: h in rad, m."""
+    """Radiant intensity at an angle off the lamp's axis, 1 on it: 1/(1 + m t² + (1 − m) t⁴), t = θ/h; isotropic if h is
+    0. `lobe`: h in rad, m."""
     if lobe[0] <= 0:
         return 1.0
     if cosine <= 0:
@@ -132,7 +132,7 @@ def falloff(lobe, cosine):
 
 @numba.njit(cache=True)
 def irradiance(lamp, lobe, reference_m, p):
-    """Direction from p to the lamp and the irradiance across it, 1 on the axis at reference_m; lamp: position, axis."""
+    """Direction from p to the lamp, and irradiance normal to it, 1 on the axis at reference_m; lamp: position, axis."""
     x, y, z = lamp[0] - p[0], lamp[1] - p[1], lamp[2] - p[2]
     r = sqrt(x * x + y * y + z * z)
     x, y, z = x / r, y / r, z / r
@@ -142,7 +142,7 @@ def irradiance(lamp, lobe, reference_m, p):
 
 @numba.njit(cache=True)
 def lit(parameters, lamp, lobe, reference_m, point, normal, outward, albedo, visible):
-    """Radiance (N,), in units of a white Lambertian at the reference, that points send along `outward`."""
+    """Radiance (N,) that points send along `outward`, in units of a white Lambertian surface at the reference."""
     out = np.zeros(len(albedo))
     for k in range(len(albedo)):
         if visible[k]:
@@ -167,7 +167,7 @@ def received(lamp, lobe, reference_m, point, normal, visible):
 
 
 def cosine_directions(square: np.ndarray) -> np.ndarray:
-    """Directions (N, 3) about z, their density as the cosine, from points (N, 2) of the unit square."""
+    """Cosine-distributed directions (N, 3) about z from points (N, 2) of the unit square."""
     r, angle = np.sqrt(square[:, 0]), 2 * np.pi * square[:, 1]
     return np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1 - square[:, 0])], axis=1)
 
@@ -193,7 +193,7 @@ def scattered(normal: np.ndarray, square: np.ndarray) -> np.ndarray:
 def reflected(
     brdf: Brdf, albedo: np.ndarray, normal: np.ndarray, outward: np.ndarray, square: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (N, 3) by the GGX lobe's visible normals, and π f cos over π times their density: the weights (N,)."""
+    """Samples directions (N, 3) by the GGX lobe's visible normals, with weights (N,) π f cos / (π density)."""
     s, t = frames(normal)
     local = np.stack([np.sum(outward * axis, axis=1) for axis in (s, t, normal)], axis=1)
     local[:, 2] = np.maximum(local[:, 2], 1e-4)
@@ -202,7 +202,7 @@ def reflected(
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     t1, t2 = frames(v)
     r, angle = np.sqrt(square[:, 0]), 2 * np.pi * square[:, 1]
-    # Any tangents serve but t1 must be level, so that the half of the disc seen edge-on is squeezed the right way.
+    # t1 must be level, so that the half of the disc that is seen edge-on is compressed in the right direction.
     level = np.stack([-v[:, 1], v[:, 0], np.zeros(len(v))], axis=1)
     length = np.linalg.norm(level, axis=1, keepdims=True)
     t1 = np.where(length > 1e-6, level / np.maximum(length, 1e-12), t1)

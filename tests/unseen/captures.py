@@ -1,7 +1,7 @@
-"""Captures of a scene: lamp errors, exposure, sensor and faults on its images, as the solver's input or as a folder.
+"""Captures of a scene: its images with lamp errors, exposure, sensor and faults, as the solver's input or as a folder.
 
-Errors and noise are drawn for a scene, a draw and a lamp's place, so that a light that several patterns share gives
-them the same image: differences between patterns are paired.
+Errors and noise depend on the scene, the draw and the lamp's position. A light that several patterns share therefore
+has the same image in all of them, and differences between patterns are paired.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from tests.unseen.scenes import INTENSITY_SIGMA, POSITION_SIGMA_M, TARGET, Scene
 
 @dataclass(frozen=True)
 class Capture:
-    """Solver input of a scene: images and nominal lights, exact camera; the true log intensities (F,)."""
+    """Solver input of a scene (images, nominal lights, exact camera), and the true log intensities (F,)."""
 
     stack: Images
     calibration: Calibration
@@ -42,7 +42,7 @@ class Capture:
 
 
 def capture(scene: Scene, positions: np.ndarray, draw: int = 0, fault: Fault = NONE) -> Capture:
-    """Captures lamps at positions (F, 3), m, view frame; the solver gets the nominal places, 1 mm off, and 1 %."""
+    """Captures lamps at positions (F, 3), m, view frame; the solver's lamps are off by 1 mm and 1 % (1 σ)."""
     y = scene.images(positions)
     streams = [_stream(scene, draw, position) for position in positions]
     log_intensity = np.array([rng.normal(0, INTENSITY_SIGMA) for rng in streams])

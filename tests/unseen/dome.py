@@ -1,10 +1,10 @@
 """The plan of a dome of 96 lamps against random choices: `python -m tests.unseen dome …`, one JSON line each choice.
 
-A scene is rendered under all lamps and written as a near-light folder; `lightpose plan FOLDER --pilot … --count …`
-names further lamps, the rest of the folder being its candidates, and the images of pilot and plan are solved as
-`lightpose solve` solves them. Random choices of the same folder are solved likewise: of `any` lamps, or of the
-`pilot`'s and any further ones. What counts is the share of random choices with a smaller error than the plan's. A run
-goes on where an earlier one with the same file stopped.
+A scene is rendered under all lamps and written as a near-light folder. `lightpose plan FOLDER --pilot … --count …`
+names further lamps; its candidates are the rest of the folder. The images of pilot and plan are solved as by
+`lightpose solve`. Random choices from the same folder are solved likewise: of `any` lamps, or of the `pilot`'s and any
+further ones. The result is the share of random choices with a smaller error than the plan's. A run continues where an
+earlier one with the same file stopped.
 """
 
 import json
@@ -44,7 +44,7 @@ ROOT = Path(__file__).parents[2]
 
 @dataclass(frozen=True)
 class Replay:
-    """What a run solves: of each scene the plan of `count` images in all, the pilot alone, and random choices."""
+    """The solves of a run: for each scene the plan of `count` images in all, the pilot alone, and random choices."""
 
     families: Sequence[str]
     seeds: Sequence[int]
@@ -58,7 +58,7 @@ class Replay:
     done: frozenset[tuple[object, ...]] = field(default=frozenset())
 
     def of_scene(self, family: str, seed: int) -> Iterator[Line]:
-        """The choices of one scene that are not done, the plan first."""
+        """The missing choices of one scene, the plan first."""
         drawn = [(PLANNED, 0), (PILOT, 0), *((kind, k) for k in range(self.choices) for kind in self.kinds)]
         for kind, choice in drawn:
             values = (family, seed, self.reflectance, self.pixels, self.count, kind, choice)
@@ -74,13 +74,13 @@ def lamps(scene: Scene) -> np.ndarray:
 
 
 def pilot_numbers(scene: Scene) -> list[int]:
-    """The dome's lamps that match the recipe's pilot best."""
+    """Numbers of the dome's lamps that match the recipe's pilot best."""
     dome = CandidateLights(lamps(scene), scene.center)
     return dome.numbers(pilot.pattern(Recipe(pilot_lights=PILOT_LIGHTS), dome))
 
 
 def planned(folder: Path, first: Sequence[int], count: int) -> tuple[list[int], float]:
-    """Numbers of `count` further lamps that the command line's plan names, and the mean error that it expects."""
+    """Numbers of `count` further lamps that the command line's plan names, and the mean error that it forecasts."""
     command = [sys.executable, "-m", "api.cli", "plan", str(folder), "--count", str(count), "--json"]
     command += ["--pilot", ",".join(map(str, first))]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -91,7 +91,7 @@ def planned(folder: Path, first: Sequence[int], count: int) -> tuple[list[int], 
 
 
 def random_choice(line: Line, first: Sequence[int], count: int) -> list[int]:
-    """Numbers of `count` lamps, the same for a scene's choice on every machine."""
+    """Numbers of `count` random lamps, which the scene and the choice determine."""
     rng = np.random.default_rng([int(str(line["seed"])), KINDS.index(str(line["kind"])), int(str(line["choice"]))])
     kept = list(first) if line["kind"] == "pilot" else []
     free = np.setdiff1d(np.arange(LAMPS), kept)
@@ -99,7 +99,7 @@ def random_choice(line: Line, first: Sequence[int], count: int) -> list[int]:
 
 
 def solved(images: ImageSet, scene: Scene, numbers: Sequence[int]) -> Line:
-    """Grades of the folder's images with these numbers; a refusal stands in `error` and counts as unsolved."""
+    """Grades of a solve of the folder's images with these numbers; a refusal is stored in `error`, as unsolved."""
     refused: Line = {}
     try:
         mapped = near_light.solve(images.only(numbers), SolveSettings())
@@ -111,7 +111,7 @@ def solved(images: ImageSet, scene: Scene, numbers: Sequence[int]) -> Line:
 
 
 def run_scene(run: Replay, family: str, seed: int) -> int:
-    """Solves one scene's choices and appends them to the run's file; how many there were."""
+    """Solves one scene's missing choices and appends them to the run's file; returns their number."""
     lines = list(run.of_scene(family, seed))
     if not lines:
         return 0
@@ -135,13 +135,12 @@ def run_scene(run: Replay, family: str, seed: int) -> int:
 
 
 def run_all(run: Replay, jobs: int) -> int:
-    """Solves all scenes in `jobs` processes; how many lines were added."""
+    """Solves all scenes in `jobs` processes; returns the number of added lines."""
     return over_scenes(partial(run_scene, run), run.families, run.seeds, jobs)
 
 
 def table(lines: Sequence[Line], grading_name: str) -> str:
-    """Of each scene, the share of random choices with a smaller error than the plan's, and errors; then the means over
-    families."""
+    """Table of each scene's errors and share of random choices with a smaller error than the plan's; family means."""
     scenes_errors: dict[tuple[object, ...], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for line in lines:
         scene = tuple(line.get(name) for name in IDENTITY[:5])

@@ -1,7 +1,7 @@
-"""Faults of a capture, by name: what users' data has wrong and no residual need tell.
+"""Faults of a capture, by name: errors in users' data that residuals need not show.
 
-A fault changes the light on the object, the exposed signal, the encoding of the file, or what is said of the lamps.
-Faults of the reflectance (Oren–Nayar, GGX, metal) are scenes' own: `scene(…, reflectance="oren-nayar:0.35")`.
+A fault changes the light on the object, the exposed signal, the encoding of the file, or the stated lamps. Deviations
+of the reflectance (Oren–Nayar, GGX, metal) belong to scenes: `scene(…, reflectance="oren-nayar:0.35")`.
 """
 
 from collections.abc import Callable
@@ -28,11 +28,11 @@ def _same_lamps(positions: np.ndarray, scene: "Scene", rng: np.random.Generator)
 
 @dataclass(frozen=True)
 class Fault:
-    """What a capture has wrong.
+    """A fault of a capture.
 
-    `light` changes values y (F, H, W) before the exposure is set, `signal` shares of full scale (F, H, W) after it;
-    `encoding` stored values; `lamps` takes the nominal positions (F, 3) and gives those that are written down and the
-    factors (F,) by which intensities are overstated.
+    `light` changes values y (F, H, W) before the exposure is set, `signal` shares of full scale (F, H, W) after it, and
+    `encoding` stored values. `lamps` takes the nominal positions (F, 3) and returns the stated ones, with the factors
+    (F,) by which intensities are overstated.
     """
 
     light: Change = _same
@@ -49,7 +49,7 @@ BLUR_PX = 2.5
 
 
 def named(name: str | None) -> Fault:
-    """The fault of a name; None: no fault. Raises ValueError that says which there are."""
+    """The fault of a name, or no fault for None. Raises ValueError that lists the faults."""
     if not name:
         return NONE
     if name not in ALL:
@@ -58,13 +58,13 @@ def named(name: str | None) -> Fault:
 
 
 def _offset(level: float) -> Fault:
-    """The same value everywhere, of what a white surface gives: stray light in the lens, a black level left in; below
-    zero too much subtracted."""
+    """The same value everywhere, as a share of a white surface's: stray light in the lens, a remaining black level, or
+    below zero, too much subtracted."""
     return Fault(light=lambda y, scene, rng: y + np.float32(level))
 
 
 def _ambient(level: float) -> Fault:
-    """Light from all round, as a share of what the lamp gives on a white surface: follows albedo and hollows."""
+    """Light from all round, as a share of the lamp's on a white surface; it depends on albedo and hollows."""
     return Fault(light=lambda y, scene, rng: y + np.float32(level) * scene.ambient())
 
 
@@ -88,7 +88,7 @@ def _mirrored(axis: int) -> Fault:
 
 
 def _turned(degrees: float) -> Fault:
-    """The lamps' frame turned about the camera's axis."""
+    """Turns the lamps' frame about the camera's axis."""
 
     def lamps(positions: np.ndarray, scene: "Scene", rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
@@ -99,7 +99,7 @@ def _turned(degrees: float) -> Fault:
 
 
 def _swapped(positions: np.ndarray, scene: "Scene", rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Two lamps at least 40° apart exchanged."""
+    """Exchanges two lamps at least 40° apart."""
     unit = (positions - scene.center) / np.linalg.norm(positions - scene.center, axis=1, keepdims=True)
     apart = np.argwhere(np.triu(unit @ unit.T < np.cos(np.radians(40))))
     one, other = apart[rng.integers(len(apart))]
@@ -123,7 +123,7 @@ def _intensities(positions: np.ndarray, scene: "Scene", rng: np.random.Generator
 
 
 def _moved(pixels: float) -> Fault:
-    """The second half of the images shows the object shifted by so many pixels."""
+    """Shifts the object by this many pixels in the second half of the images."""
 
     def light(y: np.ndarray, scene: "Scene", rng: np.random.Generator) -> np.ndarray:
         angle = rng.uniform(0, 2 * np.pi)
@@ -137,7 +137,7 @@ def _moved(pixels: float) -> Fault:
 
 
 def _one(change: Callable[[np.ndarray, "Scene"], np.ndarray], *, exposed: bool) -> Fault:
-    """One image of all, drawn at random, is another."""
+    """Changes one image, drawn at random."""
 
     def apply(values: np.ndarray, scene: "Scene", rng: np.random.Generator) -> np.ndarray:
         number, out = int(rng.integers(len(values))), values.copy()
@@ -148,7 +148,7 @@ def _one(change: Callable[[np.ndarray, "Scene"], np.ndarray], *, exposed: bool) 
 
 
 def _flash(y: np.ndarray, scene: "Scene") -> np.ndarray:
-    """A lamp at the camera lights up too."""
+    """Adds the light of a lamp at the camera."""
     return y + FLASH * scene.images(np.array([[0.0, 0.0, 0.0]]))[0]
 
 

@@ -1,8 +1,8 @@
-"""Errors of captures with a value that kernels compile in: each solved in a process that starts with that value.
+"""Errors of captures for a value that kernels compile in; each value is solved in a process that starts with it.
 
 `python -m tests.unseen.fresh_process NAME VALUE CAPTURES PIXELS` replaces a field of the shared settings of
-`acquisition.photometry` before any other module of the solver is imported. Numba's cache does not know what constants a
-kernel was compiled with, so a process with another value compiles into a folder of its own.
+`acquisition.photometry` before any other module of the solver is imported. Numba's cache does not distinguish the
+constants of a kernel, so a process with another value compiles into a folder of its own.
 """
 
 import json
@@ -13,11 +13,11 @@ import tempfile
 from dataclasses import replace
 
 Errors = dict[str, float]
-"""A scene's errors, by quantity in words."""
+"""A scene's errors by the name of their quantity."""
 
 
 def errors(name: str, value: float, captures: str, pixels: int) -> list[Errors]:
-    """Each capture's errors with a value of a field of the shared settings."""
+    """Each capture's errors for a value of a field of the shared settings."""
     command = [sys.executable, "-m", "tests.unseen.fresh_process", name, str(value), captures, str(pixels)]
     with tempfile.TemporaryDirectory() as cache:
         environment = dict(os.environ) | {"NUMBA_CACHE_DIR": cache}
@@ -26,7 +26,7 @@ def errors(name: str, value: float, captures: str, pixels: int) -> list[Errors]:
 
 
 def start(name: str, value: float) -> None:
-    """Changes a field of the shared settings. Raises RuntimeError where the solver is imported already."""
+    """Changes a field of the shared settings. Raises RuntimeError if the solver is imported already."""
     if any(one.startswith("acquisition.normals") for one in sys.modules):
         raise RuntimeError("the solver is imported already, with the value as it is")
     from acquisition import photometry

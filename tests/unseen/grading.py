@@ -1,4 +1,4 @@
-"""Grades of a normal map against the truth, and the plain least squares that it is compared with."""
+"""Grades of a normal map against the truth, and the plain least squares with which it is compared."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ UNSOLVED_DEG = 90.0
 
 
 def errors(normals: np.ndarray, mask: np.ndarray, true: Truth) -> dict[str, float]:
-    """Mean, median and 95th percentile of the error in each grading; pixels without a normal count with 90°."""
+    """Mean, median and 95th percentile of the error in each grading; a pixel without a normal counts as 90°."""
     error = np.where(mask, true.error_deg(normals), UNSOLVED_DEG)
     out: dict[str, float] = {}
     for name in GRADINGS:
@@ -24,8 +24,8 @@ def errors(normals: np.ndarray, mask: np.ndarray, true: Truth) -> dict[str, floa
 
 
 def sigma(normal_map: NormalMap, true: Truth) -> dict[str, float]:
-    """How σ compares with the error: P(e < σ), P(e < 2σ), rms e/σ over pixels within 78° that are not doubtful, and
-    (`.all`) over every solved one of the object; mean σ, share of doubtful and of solved pixels within 78°."""
+    """Compares σ with the error: P(e < σ), P(e < 2σ) and rms e/σ over pixels within 78° that are not doubtful, and
+    (`.all`) over all solved pixels of the object; mean σ and error, shares of doubtful and solved pixels within 78°."""
     error, s = true.error_deg(normal_map.normals), normal_map.sigma_deg
     doubtful = normal_map.doubtful
     known = normal_map.mask & np.isfinite(s) & (s > 0)
@@ -48,7 +48,7 @@ def sigma(normal_map: NormalMap, true: Truth) -> dict[str, float]:
 
 
 def least_squares(stack: Images, known: Calibration, depth_m: float, mask: np.ndarray) -> np.ndarray:
-    """Normals (H, W, 3) by plain near-light least squares over all images, the object taken flat at `depth_m`."""
+    """Estimates normals (H, W, 3) by plain near-light least squares over all images, for a flat object at `depth_m`."""
     rays = photometry.rays(known, stack.rows, stack.columns)[:, mask]
     point = photometry.points(rays, np.full(rays.shape[1], depth_m, np.float32))
     light = photometry.light_vectors(point, photometry.lamps(stack.lights), known).astype(float)

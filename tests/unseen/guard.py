@@ -1,11 +1,11 @@
-"""Two checkouts' results on the same captures: a fixed set is solved and stored, and compared with another's.
+"""Compares two checkouts' results on the same captures: a fixed set is solved, stored, and compared with another's.
 
     python -m tests.unseen guard --out /tmp/before                       # in the one checkout
-    python -m tests.unseen guard --out /tmp/after --against /tmp/before  # in the other; fails where results differ
+    python -m tests.unseen guard --out /tmp/after --against /tmp/before  # in the other; fails if results differ
 
-Every way into the solver is in the set: a bench capture of each kind of reflectance and a fault, a near-light folder,
-distant lights, a session of release 0.1, and a plan with its forecast. Captures are those of the bench, so that both
-checkouts have the same images as long as neither changes how they are drawn.
+The set covers every entry point of the solver: a bench capture of each kind of reflectance and one with a fault, a
+near-light folder, distant lights, a session of release 0.1, and a plan with its forecast. The captures are the bench's,
+so both checkouts have the same images, unless one of them changes how they are drawn.
 """
 
 import hashlib
@@ -32,8 +32,8 @@ FLOOR_DEG = 1e-6
 
 @dataclass(frozen=True)
 class Result:
-    """What a case gave: normals (H, W, 3), σ and depth (H, W), error (H, W) in degrees, NaN where it is not graded, and
-    a plan's positions and forecast where there is one."""
+    """A case's result: normals (H, W, 3), σ and depth (H, W), error (H, W) in degrees, NaN where it is not graded, and
+    positions and forecast of a plan, if there is one."""
 
     normals: np.ndarray
     sigma_deg: np.ndarray
@@ -43,12 +43,12 @@ class Result:
 
     @property
     def digest(self) -> str:
-        """Of all bytes but the error's."""
+        """Hash of all arrays except the error."""
         parts = (self.normals, self.sigma_deg, self.depth, self.plan)
         return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest()[:12]
 
     def figures(self) -> tuple[float, float, float]:
-        """Mean error and σ, degrees, and rms e/σ, of the graded pixels."""
+        """Mean error and σ, degrees, and rms e/σ over the graded pixels."""
         graded = np.isfinite(self.error_deg) & np.isfinite(self.sigma_deg) & (self.sigma_deg > 0)
         error, sigma = self.error_deg[graded], self.sigma_deg[graded]
         if not len(error):
@@ -57,7 +57,7 @@ class Result:
 
 
 def _result(solved: NormalMap, truth: np.ndarray | None, graded: np.ndarray, plan: np.ndarray | None = None) -> Result:
-    """The result of a solve, graded against normals (H, W, 3) where `graded` and solved."""
+    """The result of a solve, graded against normals (H, W, 3) at solved pixels of `graded`."""
     error = np.full(solved.mask.shape, np.nan)
     if truth is not None:
         cosine = np.clip(np.sum(solved.normals * truth, axis=-1), -1, 1)
@@ -146,8 +146,8 @@ def read(folder: Path, name: str) -> Result:
 
 
 def differences(one: Result, other: Result) -> tuple[float, float, float]:
-    """Mean rotation of the normals, degrees; mean relative change of σ over pixels that both solved; greatest change of
-    the plan, m or degrees. Infinite where the shapes differ, or other pixels are solved."""
+    """Mean rotation of the normals, degrees; mean relative change of σ over solved pixels; greatest change of the plan,
+    m or degrees. All are infinite if shapes or solved pixels differ."""
     solved, also = (np.isfinite(each.sigma_deg) for each in (one, other))
     if one.plan.shape != other.plan.shape or solved.shape != also.shape or np.any(solved != also):
         return float("inf"), float("inf"), float("inf")
@@ -159,7 +159,7 @@ def differences(one: Result, other: Result) -> tuple[float, float, float]:
 
 
 def compare(folder: Path, against: Path, names: list[str], within_deg: float, within_share: float) -> bool:
-    """Prints how two folders' results differ; whether all are within the bounds, on rotation, and on σ and plan."""
+    """Prints how two folders' results differ; returns whether all keep the bounds on rotation, and on σ and plan."""
     sound = True
     for name in names:
         one, other = read(folder, name), read(against, name)

@@ -1,7 +1,7 @@
 """Random height fields before tables, on black cloth and beside a grey tile, and depth of objects with steps.
 
-Errors are overlaps of masks (IoU), of lamps' intensities and of depth. Images are those of `tests.acquisition.scenes`,
-whose marching of rays and shadows shares nothing with the solver.
+Results are overlaps of masks (IoU), errors of lamps' intensities and errors of depth. Images are those of
+`tests.acquisition.scenes`, whose ray marching and shadows share nothing with the solver.
 """
 
 from collections.abc import Callable
@@ -37,7 +37,7 @@ LAMP_POINTS = 9
 
 
 def height(rng: np.random.Generator, pieces: int = 0) -> Height:
-    """A heap of steep caps within 55 mm of the middle, with waves on it, and small caps that lie apart from it."""
+    """A heap of steep caps within 55 mm of the middle, with waves on it, and `pieces` small caps apart from it."""
     caps = [(*rng.uniform(-0.022, 0.022, 2), rng.uniform(0.015, 0.033), rng.uniform(0.01, 0.06)) for _ in range(4)]
     angles = rng.uniform(0, 2 * np.pi, pieces)
     caps += [(0.07 * np.cos(a), 0.07 * np.sin(a), rng.uniform(0.002, 0.012), rng.uniform(0.004, 0.012)) for a in angles]
@@ -55,7 +55,7 @@ def height(rng: np.random.Generator, pieces: int = 0) -> Height:
 
 
 def before_table(seed: int) -> Callable[[], Errors]:
-    """An object on a grained table, or in a region that holds it alone."""
+    """An object on a grained table; for every fourth seed the region holds the object alone."""
     rng = np.random.default_rng([seed, 41])
     known = scenes.calibration(PIXELS)
     true = scenes.scene(height(rng), known, rng.uniform(0.3, 0.7), rng.uniform(0.08, 0.25))
@@ -99,7 +99,7 @@ def on_black(seed: int) -> Callable[[], Errors]:
 
 
 def beside_tile(seed: int) -> Callable[[], Errors]:
-    """A tile on which a wide lamp casts the object's soft shadow, to which other surfaces send some light."""
+    """A tile with the object's soft shadow, cast by a wide lamp, and some indirect light."""
     rng = np.random.default_rng([seed, 47])
     known = scenes.calibration(TILE_PIXELS, intensity_sigma=0.01, lamp_position_sigma_m=0.001)
     side = int(rng.integers(5, 13))
@@ -135,7 +135,7 @@ def beside_tile(seed: int) -> Callable[[], Errors]:
 
 
 def with_steps(seed: int) -> Callable[[], Errors]:
-    """Depth from noisy true normals of an object with steps."""
+    """Depth integrated from noisy true normals of an object with steps."""
     scene = unseen.scene(families.NAMES[seed % len(families.NAMES)], 40 + seed // len(families.NAMES))
     rng, truth = np.random.default_rng([seed, 53]), scene.truth
     noisy = truth.normals + np.radians(NOISE_DEG) / np.sqrt(2) * rng.normal(size=truth.normals.shape)
@@ -157,7 +157,7 @@ def _overlap(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _wide(true: scenes.Scene, light: Light, radius_m: float, rng: np.random.Generator) -> np.ndarray:
-    """Values under a lamp that is a disc: the mean over points of it, drawn anew."""
+    """Values under a wide lamp: the mean over its points, which are drawn at random."""
     away = rng.normal(size=(LAMP_POINTS, 3))
     away -= away.mean(axis=0)
     away *= radius_m / np.sqrt(np.mean(np.sum(away**2, axis=1)))
@@ -169,7 +169,7 @@ def _session(
     known: Calibration, lights: list[Light], signal: np.ndarray, window: tuple[slice, slice],
     rng: np.random.Generator,
 ) -> Observations:  # fmt: skip
-    """Images of one exposure, in which only the tile is lit by values (F, h, w), and a lamp-off frame."""
+    """Images of one exposure, with values (F, h, w) at the tile and no light elsewhere, and a lamp-off frame."""
     level = float(rng.uniform(0.2, 0.7))
     seconds = level / (known.lamp_intensity * float(signal.max()))
     frames = scenes.Frames()

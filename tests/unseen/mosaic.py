@@ -1,11 +1,11 @@
-"""What a mosaic sensor loses against a monochrome one of the same noise: paired solves of grey and coloured scenes.
+"""Compares a mosaic sensor with a monochrome one of the same noise, by paired solves of grey and coloured scenes.
 
     python -m tests.unseen mosaic --families all --seeds 0:2 --lights 10
 
-Colours are linear sRGB reflectances, which light and sensor mix: a channel sees its share of the three bands, as a
-camera's does under a white LED (`hardware_sim.spectra`); the monochrome sensor sees the mean over a cell. Each band is
-path-traced, interreflections included, so that light between coloured surfaces has their colour. Exposures follow from
-each sensor's own images, errors of lamps are the same.
+Colours are linear sRGB reflectances. A channel's value is a weighted sum of the three bands, as for a camera under a
+white LED (`hardware_sim.spectra`); the monochrome sensor sees the mean over a cell. Each band is path-traced with
+interreflections, so that light between coloured surfaces has their colour. Exposures follow from each sensor's own
+images; lamp errors are the same.
 """
 
 import itertools
@@ -35,12 +35,12 @@ KINDS: tuple[Kind, ...] = ("grey", "coloured")
 IDENTITY = ("family", "seed", "kind", "lights", "sensor")
 
 SATURATION = 0.75
-"""Most by which a coloured scene's bands differ from its grey albedo, a fraction of it."""
+"""Greatest relative deviation of a coloured scene's bands from its grey albedo."""
 
 
 @dataclass(frozen=True)
 class Tinted:
-    """One band of a coloured texture: the grey one times 1 ± SATURATION, softly or in patches over the surface."""
+    """One band of a coloured texture: the grey one times 1 ± SATURATION, varying softly or in patches."""
 
     texture: Callable[[np.ndarray], np.ndarray]
     hue: Callable[[np.ndarray], np.ndarray]
@@ -55,19 +55,19 @@ class Tinted:
 
 @dataclass(frozen=True, eq=False)
 class ColourScene(Scene):
-    """A scene whose images are mixed of three bands by the sensor: `sensor.mosaic`, or none for a monochrome one."""
+    """A scene whose sensor mixes images of three bands, by `sensor.mosaic`, or monochrome if that is None."""
 
     bands: tuple[Scene, ...] = ()
 
     @property
     def _mixing(self) -> np.ndarray:
-        """Values (4, 3) by band of red, green and blue sites and of a monochrome sensor."""
+        """Response (4, 3) of red, green and blue sites and of a monochrome sensor to the three bands."""
         rows = spectra.band_response()
         return np.concatenate([rows, [spectra.CELL_SHARES @ rows]])
 
     @property
     def calibration(self) -> Calibration:
-        """What the solver is told, of colours too."""
+        """The solver's calibration, with that of colours."""
         known = super().calibration
         rows = self._mixing[:3]
         white = rows.sum(axis=1)
@@ -95,7 +95,7 @@ class ColourScene(Scene):
 
 
 def scene(family: str, seed: int, kind: Kind, pattern: str | None, reflectance: str) -> ColourScene:
-    """The scene of a family and a seed, its own texture grey or tinted, seen by a mosaic sensor or a monochrome one."""
+    """The scene of a family and a seed, with its texture grey or tinted, and a mosaic sensor or a monochrome one."""
     grey = scenes.scene(family, seed, reflectance)
     bands: tuple[Scene, ...] = (grey,)
     if kind == "coloured":
@@ -124,7 +124,7 @@ def solved(one: ColourScene, count: int) -> Line:
 
 
 def run_scene(out: Path, lights: Sequence[int], reflectance: str, report: bool, family: str, seed: int) -> int:
-    """Solves one scene's captures that the file does not hold; how many there were."""
+    """Solves one scene's captures that are missing in the file; returns their number."""
     kept = run.done(run.read(out), IDENTITY)
     added = 0
     for kind, count, sensor in itertools.product(KINDS, lights, ("monochrome", "rggb")):
@@ -139,7 +139,7 @@ def run_scene(out: Path, lights: Sequence[int], reflectance: str, report: bool, 
 
 
 def table(lines: Sequence[Line], gradings: Sequence[str] = ("one_surface", "within_78_deg", "object")) -> str:
-    """Mean errors by kind of scene, and mosaic over monochrome: geometric mean of the pairs with its standard error."""
+    """Table of mean errors by kind of scene, and of the geometric mean ratio mosaic / monochrome with its error."""
     rows = [
         "scenes | grading | pairs | monochrome | mosaic | ratio | rms e/σ | P(e < σ)",
         "---|---|--:|--:|--:|--:|--:|--:",

@@ -1,9 +1,9 @@
-"""What halving and doubling does where the bench's captures do not tell: each such number has small scenes of its own.
+"""Sensitivity to tuned numbers that the bench's captures do not show: each such number has small scenes of its own.
 
-Some numbers are read in another job (masks, a grey tile, the sensor's noise, depth with steps, a target σ, many distant
-lights, metal), and one is compiled into kernels. Errors are those that a user sees there, of many random scenes of
-design seeds, so that a mean has a standard error. Values stand here, not ratios: some errors are zero, and an overlap
-or a number of images is no error. A bench whose scenes do not read the number is refused.
+Some numbers serve another task (masks, a grey tile, the sensor's noise, depth with steps, a target σ, many distant
+lights, metal), and one is compiled into kernels. Errors are those that a user sees there, over many random scenes of
+design seeds, so that a mean has a standard error. Figures are values, not ratios, because some errors are zero, and an
+overlap or a number of images is no error. A bench whose scenes do not read the number is refused.
 """
 
 import json
@@ -27,17 +27,17 @@ class Bench(Protocol):
 
     @property
     def scenes(self) -> str:
-        """What the scenes are, in words."""
+        """A description of the scenes."""
         ...
 
     def errors(self, number: Number, factor: float | None) -> Sequence[Errors]:
-        """Each scene's errors by quantity, with the number times a factor; None: as it is."""
+        """Each scene's errors by quantity, with the number times a factor; None leaves it unchanged."""
         ...
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """Scenes that are drawn once, each a function that measures its errors with the settings as they then are."""
+    """Scenes that are drawn once; each is a function that measures its errors with the present settings."""
 
     scenes: str
     draw: Callable[[int], Callable[[], Errors]]
@@ -47,7 +47,7 @@ class Drawn:
     _read: set[str] = field(default_factory=set[str])
 
     def errors(self, number: Number, factor: float | None) -> list[Errors]:
-        """Each scene's errors. Raises ValueError where no scene reads the number."""
+        """Each scene's errors. Raises ValueError if no scene reads the number."""
         if not self._drawn:
             self._drawn.extend(self.draw(seed) for seed in range(self.count))
         if factor is None:
@@ -56,7 +56,7 @@ class Drawn:
             return [measure() for measure in self._drawn]
 
     def _unchanged(self, number: Number) -> list[Errors]:
-        """The errors with all numbers as they are, which numbers that share the scenes share."""
+        """The errors with all numbers unchanged, which are the same for all numbers with these scenes."""
         if not self._usual:
             with sensitivity.reading() as read:
                 self._usual.extend(measure() for measure in self._drawn)
@@ -68,8 +68,8 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Fresh:
-    """Captures that are solved in a process which starts with the value, since kernels compile it in; the present one
-    too, since kernels of two compilations differ in their last digits."""
+    """Captures that are solved in a process that starts with the value, because kernels compile it in. This includes
+    the present value, because kernels of two compilations differ in their last digits."""
 
     scenes: str
     captures: str
@@ -132,7 +132,7 @@ BENCHES: dict[str, Bench] = {
         "captures of the solver's figures at 96 pixels, each value in a process of its own", sensitivity.CAPTURES, 96
     ),
 }
-"""The numbers that no capture of the bench tells, and what does."""
+"""The benches of the numbers that no capture of the main bench shows."""
 
 
 def numbers() -> list[Number]:
@@ -141,8 +141,8 @@ def numbers() -> list[Number]:
 
 
 def measured(number: Number, bench: Bench) -> dict[str, Any]:
-    """What the page shows of a number: each quantity's mean as the number is; halved and doubled the mean, the
-    standard error of its difference over the scenes, and how many scenes it changes."""
+    """The page's figures of a number: each quantity's mean with the number unchanged; with it halved and doubled, the
+    mean, the standard error of its difference over the scenes, and the number of scenes that change."""
     usual = bench.errors(number, None)
     shown: dict[str, Any] = {"bench": bench.scenes, "scenes": len(usual), "usual": _means(usual)}
     for change, factor in FACTORS.items():
@@ -164,7 +164,7 @@ def _compared(name: str, usual: Sequence[Errors], after: Sequence[Errors]) -> li
 
 
 def measure(chosen: Sequence[Number], write: bool) -> None:
-    """Measures numbers one by one, prints their figures and writes each into the page's figures if asked."""
+    """Measures numbers one by one, prints their figures, and if `write` is set adds each to the page's figures."""
     commit = {"date": datetime.now(UTC).strftime("%Y-%m-%d"), "commit": reports.commit()}
     for number in chosen:
         figures = measured(number, BENCHES[number.key])
@@ -174,7 +174,7 @@ def measure(chosen: Sequence[Number], write: bool) -> None:
 
 
 def _page(number: Number, figures: dict[str, Any]) -> dict[str, Any]:
-    """The section of all numbers with benches of their own, with one measured anew."""
+    """The section of all numbers with benches of their own, with one of them updated."""
     known = json.loads(sensitivity.PAGE.read_text(encoding="utf-8")).get("own", {}).get("numbers", {})
     known = {key: value for key, value in known.items() if key in BENCHES} | {number.key: figures}
     return {"numbers": {key: known[key] for key in sorted(known)}}

@@ -1,7 +1,7 @@
-"""Light patterns of the bench: the planner's, the planner's with the truth for a pilot, and fixed ones, per azimuth.
+"""Light patterns of the bench, per azimuth: the planner's, the planner's from the truth as pilot, and fixed ones.
 
-Every pattern is turned by a share of its own period for each azimuth, so that the mean over azimuths is free of how the
-object happens to lie.
+Every pattern is turned by a share of its own period for each azimuth, so that the mean over azimuths does not depend on
+the object's orientation.
 """
 
 from collections.abc import Sequence
@@ -27,13 +27,13 @@ CANDIDATES = 300
 SLANT_DEG = (8.0, 75.0)
 PILOT_LIGHTS = 4
 LIT_SHARE = 0.08
-"""Of a pixel's brightest value, above which the oracle counts an image as lit."""
+"""Share of a pixel's brightest value above which the oracle takes the pixel as lit."""
 ORACLE_PIXELS = 1500
 ORACLE_SIGMA_DEG = 0.5
 
 
 class Dome:
-    """A reach without an arm: candidates all over the dome, turned by `turn` about the view axis."""
+    """A reach without an arm: candidates cover the dome, turned by `turn` about the view axis."""
 
     def __init__(self, scene: Scene, turn: float = 0.0) -> None:
         cosine = np.linspace(*np.cos(np.radians(SLANT_DEG)), CANDIDATES)
@@ -42,7 +42,7 @@ class Dome:
         self.candidates = self.center + self.radius_m * units
 
     def allows(self, position: np.ndarray) -> Refusal | None:
-        """None above the lowest lights."""
+        """None between the lowest and the highest lights."""
         unit = (np.asarray(position) - self.center) / np.linalg.norm(np.asarray(position) - self.center)
         low, high = np.cos(np.radians([SLANT_DEG[1] + 1, SLANT_DEG[0] - 1]))
         if low <= unit[2] <= high:
@@ -59,7 +59,7 @@ class Planned:
 
 
 def fixed(name: str, scene: Scene, count: int, azimuth: int, azimuths: int) -> np.ndarray:
-    """Positions (count, 3) of a fixed pattern at one azimuth of all."""
+    """Positions (count, 3) of a fixed pattern at one of `azimuths` azimuths."""
     turn = azimuth / azimuths
     if name == "random":
         reach = Dome(scene)
@@ -80,20 +80,20 @@ def pilot_lights(scene: Scene, azimuth: int, azimuths: int) -> np.ndarray:
 
 
 def planned(scene: Scene, solved: NormalMap, first: Capture, count: int, azimuth: int) -> Planned:
-    """The product's plan of `count` lights in all from the pilot's capture."""
+    """The product's plan of `count` lights in all, pilot included, from the pilot's capture."""
     problem = plan.DesignProblem.of(solved, observations(first), Recipe(seed=azimuth), Dome(scene), first.calibration)
     chosen = plan.choose(problem, count - len(first.stack.lights), certify=False)
     return Planned(places(chosen.lights), chosen.predicted_sigma_deg or float("nan"))
 
 
 def observations(first: Capture) -> Observations:
-    """A pilot's images as the planner knows them."""
+    """A pilot's images in the form that the planner reads."""
     shots = [_shot(light, number, first.seconds[number]) for number, light in enumerate(first.stack.lights)]
     return Observations(shots=shots, darks={}, frames=_NoFrames())
 
 
 def oracle(scene: Scene, solved: NormalMap, first: Capture) -> NormalMap:
-    """The pilot's normal map with the true normals, albedo, depth and shadows in place of the solved ones."""
+    """The pilot's normal map with true normals, albedo, depth and shadows in place of the solved ones."""
     true = scene.truth
     rows, columns = np.nonzero(true.within_78_deg)
     chosen = np.linspace(0, len(rows) - 1, min(len(rows), ORACLE_PIXELS)).astype(int)
@@ -127,7 +127,7 @@ def places(lights: Sequence[Light]) -> np.ndarray:
 
 
 class _NoFrames:
-    """Frames that nobody reads: the planner needs none."""
+    """Frames that cannot be read, because the planner needs none."""
 
     def rows(self, frame: FrameRef, start: int, stop: int) -> np.ndarray:
         raise LookupError(frame.path)

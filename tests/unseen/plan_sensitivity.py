@@ -1,8 +1,8 @@
-"""What halving and doubling each of the planner's numbers does to plans, judged on the true shape without an image.
+"""Sensitivity of plans to halving and doubling each of the planner's numbers, judged on the true shape without images.
 
-A scene's pilot is captured and solved once. Its plan with one number changed is evaluated with the numbers as they are,
-on the oracle's design problem: the mean σ there of the lights that are planned (`error`), with the time that they take
-where exposures are planned. `forecast` is the mean σ that the plan itself states.
+A scene's pilot is captured and solved once. A plan with one number changed is evaluated with unchanged numbers on the
+oracle's design problem: `error` is the mean σ there of the planned lights, weighted with their time if exposures are
+planned. `forecast` is the mean σ that the plan itself states.
 """
 
 import math
@@ -57,8 +57,8 @@ class Planned:
 
 
 def measured(captures: Sequence[tuple[str, int]], lights: int, numbers: Sequence[Number]) -> dict[str, Any]:
-    """What the page of tuned numbers shows of the planner's, by `module.name`; geometric means over the captures of
-    what becomes of each figure, and their standard errors."""
+    """The figures of the planner's numbers on the page of tuned numbers, by `module.name`: geometric means over the
+    captures of each figure's ratio to the unchanged one, and their standard errors."""
     drawn = [Planned(run.scenes.scene(family, seed), lights) for family, seed in captures]
     exposures = {name: Exposure(plan=name) for name in ("fixed", "planned")}
     usual = {name: [one.figures(exposure) for one in drawn] for name, exposure in exposures.items()}

@@ -1,7 +1,7 @@
 """Runs of the bench: solves captures of many scenes by many patterns, one JSON line for each solve.
 
-A run goes on where an earlier one with the same file stopped. Scenes are shared out to processes, each of which renders
-and solves its own; solves of one scene share pilot, renders and truth.
+A run continues where an earlier one with the same file stopped. Scenes are distributed over processes, each of which
+renders and solves its own. Solves of one scene share pilot, renders and truth.
 """
 
 import fcntl
@@ -28,12 +28,12 @@ from tests.unseen.scenes import Scene
 
 Line = dict[str, object]
 IDENTITY = ("family", "seed", "reflectance", "fault", "solver", "pattern", "lights", "azimuth")
-"""Keys that name one solve."""
+"""Keys that identify one solve."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a run solves."""
+    """The solves of a run."""
 
     families: Sequence[str]
     seeds: Sequence[int]
@@ -48,7 +48,7 @@ class Plan:
     done: frozenset[tuple[object, ...]] = field(default=frozenset())
 
     def of_scene(self, family: str, seed: int) -> Iterator[Line]:
-        """The solves of one scene that are not done."""
+        """The missing solves of one scene."""
         for azimuth, pattern, count in itertools.product(range(self.azimuths), self.patterns, self.lights):
             line: Line = {
                 "family": family, "seed": seed, "reflectance": self.reflectance, "fault": self.fault,
@@ -76,7 +76,7 @@ class SceneRun:
         self._pilots: dict[int, tuple[np.ndarray, Capture, NormalMap]] = {}
 
     def positions(self, line: Line) -> tuple[np.ndarray, float]:
-        """Positions of all lights of a line, and the forecast of σ where there is a plan."""
+        """Positions of all lights of a line, and the plan's forecast of σ, NaN without a plan."""
         pattern, count, azimuth = str(line["pattern"]), int(str(line["lights"])), int(str(line["azimuth"]))
         if pattern not in PLANNED:
             return patterns.fixed(pattern, self.scene, count, azimuth, self.run.azimuths), float("nan")
@@ -96,9 +96,9 @@ class SceneRun:
         return self._pilots[azimuth]
 
     def solved(self, line: Line, solver: Callable[[Scene, Capture], NormalMap] = solve) -> Line:
-        """One line's grades. A refusal of planner or solver stands in `error` instead.
+        """One line's grades, or in `error` a refusal of planner or solver.
 
-        `solver` solves the line's capture; plans come from pilots solved by the product.
+        `solver` solves the line's capture; plans are made from pilots that the product has solved.
         """
         start = time.monotonic()
         true = self.scene.truth
@@ -139,13 +139,13 @@ class SceneRun:
 
 
 def drawn(run: Plan, family: str, seed: int) -> Scene:
-    """One of the run's scenes; report seeds only in a report's run."""
+    """One of the run's scenes; report seeds are refused unless it is a report's run."""
     with scenes.report_seeds() if run.report else nullcontext():
         return scenes.scene(family, seed, run.reflectance)
 
 
 def run_scene(run: Plan, family: str, seed: int) -> int:
-    """Solves one scene's lines and appends them to the run's file; how many there were."""
+    """Solves one scene's missing lines and appends them to the run's file; returns their number."""
     lines = list(run.of_scene(family, seed))
     if not lines:
         return 0
@@ -156,12 +156,12 @@ def run_scene(run: Plan, family: str, seed: int) -> int:
 
 
 def run_all(run: Plan, jobs: int) -> int:
-    """Solves all scenes in `jobs` processes; how many lines were added."""
+    """Solves all scenes in `jobs` processes; returns the number of added lines."""
     return over_scenes(partial(run_scene, run), run.families, run.seeds, jobs)
 
 
 def over_scenes(work: Callable[[str, int], int], families: Sequence[str], seeds: Sequence[int], jobs: int) -> int:
-    """Does the work of each scene, named by family and seed, in `jobs` processes; the sum of what it returns."""
+    """Calls `work` for each family and seed, in `jobs` processes; returns the sum of its results."""
     pairs = list(itertools.product(seeds, families))
     if jobs == 1:
         return sum(work(family, seed) for seed, family in pairs)
@@ -170,7 +170,7 @@ def over_scenes(work: Callable[[str, int], int], families: Sequence[str], seeds:
 
 
 def append(path: Path, line: Line) -> None:
-    """Appends a JSON line, whole, whoever else writes to the file."""
+    """Appends a JSON line, undivided even if other processes write to the file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a", encoding="utf-8") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
@@ -178,12 +178,12 @@ def append(path: Path, line: Line) -> None:
 
 
 def read(path: Path) -> list[Line]:
-    """The lines of a run's file; none where there is no file."""
+    """The lines of a run's file; none if there is no file."""
     if not path.exists():
         return []
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
 
 
 def done(lines: Sequence[Line], identity: Sequence[str] = IDENTITY) -> frozenset[tuple[object, ...]]:
-    """What the lines have solved, each named by the values of its `identity` keys."""
+    """The solves that the lines hold, each identified by the values of its `identity` keys."""
     return frozenset(tuple(line.get(key) for key in identity) for line in lines)

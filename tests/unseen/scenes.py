@@ -1,9 +1,9 @@
 """Scenes drawn from a family and a seed: object, camera, dome of lamps, lobe, sensor; their truth and their images.
 
-Seeds below 1000 are for design: whoever tunes may look at them. Those from 1000 on are for the report and refused here,
-unless the bench is told `--report`; what is looked at once is no measure any more of what holds on unseen shapes.
+Seeds below 1000 are design seeds, on which numbers may be tuned. Seeds from 1000 on are report seeds, which are refused
+unless the bench runs with `--report`: results that have been looked at no longer measure what holds on unseen shapes.
 
-Images are kept under build/unseen (or $LIGHTPOSE_UNSEEN_CACHE) by the hash of all that they depend on.
+Images are cached under build/unseen (or $LIGHTPOSE_UNSEEN_CACHE) by the hash of all that they depend on.
 """
 
 import functools
@@ -26,7 +26,7 @@ from tests.unseen.tracer import Lamp, Texture, Tracer
 
 CACHE = Path(os.environ.get("LIGHTPOSE_UNSEEN_CACHE", Path(__file__).parents[2] / "build" / "unseen"))
 VERSION = 2
-"""To be raised when anything in this file changes what is rendered."""
+"""Must be raised when a change in this file changes the rendered images."""
 
 PIXELS = 144
 REPORT_SEEDS_FROM = 1000
@@ -35,19 +35,19 @@ DISTANCE_M = (0.3, 0.9)
 FILL = (0.7, 0.9)
 DOME_M = (0.3, 0.5)
 HALF_ANGLE_DEG = (20.0, 60.0)
-"""Angle off the axis at which the lamps' intensity is half."""
+"""Range of the angle off the axis at which the lamps' intensity is half."""
 NOISE = (0.003, 0.03)
-"""Noise of one pixel at the exposure's target, as a share of the signal."""
+"""Range of a pixel's noise at the exposure's target, as a share of the signal."""
 READ_SHARE = 0.1
-"""Read noise over the shot noise of a full well."""
+"""Ratio of the read noise to the shot noise of a full well."""
 TARGET = 0.8
-"""Where the exposure puts the 99.5th percentile of the object, of full scale."""
+"""Share of full scale at which the exposure puts the 99.5th percentile of the object."""
 INTENSITY_SIGMA, POSITION_SIGMA_M = 0.01, 0.001
 ROUGH_DEPTH_M = 0.01
-"""Greatest error of the depth that the solver starts from."""
+"""Greatest error, m, of the solver's initial depth."""
 GRADED_DEG, CREASE_DEG, TENTH = 78.0, 20.0, 0.1
 SURFACE_DEG = 45.0
-"""Angle between the normals of a pixel's middle and of another of its points up to which they are of one surface."""
+"""Greatest angle between the normals at a pixel's middle and at another of its points on the same surface."""
 GRADINGS = ("one_surface", "within_78_deg", "object")
 
 _report_seeds_allowed = False
@@ -55,7 +55,7 @@ _report_seeds_allowed = False
 
 @contextmanager
 def report_seeds() -> Iterator[None]:
-    """Lets `scene` draw report seeds; for the bench's `--report` alone."""
+    """Lets `scene` draw report seeds; only for the bench's `--report`."""
     global _report_seeds_allowed  # noqa: PLW0603 - a guard against looking by mistake, for one process
     _report_seeds_allowed = True
     try:
@@ -69,8 +69,8 @@ class Truth:
     """Ground truth of each pixel of an (H, W) image: normals (H, W, 3), view frame; depth (H, W) along OpenCV's z; and
     the pixels of the three gradings.
 
-    `object`: all that the camera sees of it; `within_78_deg`: seen no more than 78° from the normal, eroded by one
-    pixel; `one_surface`: of these, pixels none of whose surroundings is steep, and that straddle no crease of 20°.
+    `object`: all pixels that show it. `within_78_deg`: those whose normal is within 78° of the viewing ray, eroded by
+    one pixel. `one_surface`: of these, pixels without steep surroundings that straddle no crease of 20°.
     """
 
     normals: np.ndarray
@@ -105,7 +105,7 @@ class Scene:
 
     @functools.cached_property
     def key(self) -> str:
-        """Hash of all that images of lamps at given places depend on."""
+        """Hash of everything except the lamps' positions on which images depend."""
         key = hashlib.sha256(np.ascontiguousarray(self.mesh.triangles).tobytes())
         key.update(np.ascontiguousarray(self.mesh.corner_normals).tobytes())
         key.update(np.asarray(self.texture(self.mesh.triangles[::7].mean(axis=1))).tobytes())
@@ -119,7 +119,7 @@ class Scene:
 
     @property
     def lobe_exponent(self) -> float:
-        """Exponent of cosᵘ that fits the lobe best over the object, which is what a calibration would say."""
+        """Exponent of cosᵘ that fits the lobe best over the object, as a calibration would state it."""
         widest = np.arcsin(np.max(np.linalg.norm(self.mesh.triangles - self.center, axis=-1)) / self.radius_m)
         angle = np.linspace(1e-3, widest, 200)
         cosine = np.log(np.cos(angle))
@@ -128,7 +128,7 @@ class Scene:
 
     @property
     def calibration(self) -> Calibration:
-        """What the solver is told: the exact camera, the best exponent, 1 % and 1 mm."""
+        """The solver's calibration: the exact camera, the best exponent, 1 % and 1 mm."""
         middle = (self.pixels - 1) / 2
         return Calibration(
             width=self.pixels,
@@ -153,7 +153,7 @@ class Scene:
         return axis / np.linalg.norm(axis, axis=1, keepdims=True)
 
     def images(self, positions: np.ndarray) -> np.ndarray:
-        """Noise-free values y (F, H, W) float32 under lamps at (F, 3), m, view frame; from the cache if kept."""
+        """Noise-free values y (F, H, W) float32 under lamps at (F, 3), m, view frame; cached."""
         out = np.empty((len(positions), self.pixels, self.pixels), np.float32)
         for number, (position, axis) in enumerate(zip(positions, self.axes(positions), strict=True)):
             place = np.round(position, 7) + 0.0
@@ -195,7 +195,7 @@ class Scene:
 
 
 def _keep(path: Path, values: np.ndarray) -> None:
-    """Writes an array so that no other process sees half of it."""
+    """Writes an array atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(f".{os.getpid()}")
     with part.open("wb") as file:
@@ -205,7 +205,7 @@ def _keep(path: Path, values: np.ndarray) -> None:
 
 @functools.lru_cache(maxsize=2)
 def scene(family: str, seed: int, reflectance: str | None = None, pixels: int = PIXELS) -> Scene:
-    """Draws the scene of a family and a seed; `reflectance` by name in place of the object's own.
+    """Draws the scene of a family and a seed; `reflectance`, by name, replaces the object's own.
 
     Raises ValueError for a report seed outside `report_seeds`.
     """
@@ -237,7 +237,7 @@ def scene(family: str, seed: int, reflectance: str | None = None, pixels: int = 
 
 
 _made = functools.lru_cache(maxsize=1)(families.make)
-"""Making the last object takes up to 3 s, whatever its reflectance and its images."""
+"""Makes an object and keeps the last one, because making takes up to 3 s, whatever its reflectance and images."""
 
 
 def _camera(corners: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
@@ -245,7 +245,7 @@ def _camera(corners: np.ndarray, rng: np.random.Generator) -> tuple[float, float
     fill, focal = rng.uniform(*FILL), float(np.exp(rng.uniform(*np.log(FOCAL_WIDTHS))))
 
     def distance(focal: float) -> float:
-        # The least z at which every corner is inside: |x| / (z − corner's z) ≤ fill / 2 / focal.
+        # The least z with every corner inside the frame: |x| / (z − corner's z) ≤ fill / 2 / focal.
         return float(np.max(np.abs(corners[:, :2]).max(axis=1) * 2 * focal / fill + corners[:, 2]))
 
     far, near = distance(focal), DISTANCE_M[0]
@@ -265,10 +265,10 @@ def _sensor(noise: float) -> SensorModel:
 
 
 def _truth(one: Scene) -> np.ndarray:
-    """Truth as (H, W, 8): normals, depth, albedo, and the three gradings from the last to the first.
+    """Truth as (H, W, 8): normals, depth, albedo, and the three gradings from the widest to the narrowest.
 
-    A pixel's normal and albedo are the means over those of its 16 points that face within SURFACE_DEG of its middle:
-    of a Lambertian surface, that is what the pixel's mean light tells; the middle's own has aliasing on top.
+    A pixel's normal and albedo are means over its middle and those of its 16 points that face within SURFACE_DEG of it.
+    On a Lambertian surface they determine the pixel's mean light; the middle's own values have aliasing in addition.
     """
     surface, side = tracer.Surface(one.mesh, one.texture), one.pixels
     center, fine = (tracer.camera_rays(side, one.focal_px, samples) for samples in (1, 4))
@@ -295,7 +295,7 @@ def _truth(one: Scene) -> np.ndarray:
     slanted[seen] = -np.sum(normal * _unit(center[seen]), axis=1) >= limit
     out[:, 6] = _eroded(slanted.reshape(side, side)).ravel()
     plain = np.zeros(side**2, bool)
-    # A crease runs through the pixel when a share of it, however small or large, faces another way.
+    # A crease runs through the pixel if a share of it, neither small nor almost all, faces another way.
     other = np.mean(facing < np.cos(np.radians(CREASE_DEG)), axis=1)
     plain[seen] = np.minimum(other, 1 - other) < TENTH
     mostly = np.mean(steep.reshape(-1, 16), axis=1) < TENTH
@@ -308,5 +308,5 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _eroded(mask: np.ndarray) -> np.ndarray:
-    """The mask without its outermost pixels; what the frame cuts off counts as outside."""
+    """The mask eroded by one pixel; everything beyond the frame counts as outside."""
     return cv2.erode(np.pad(mask, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0

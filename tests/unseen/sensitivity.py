@@ -1,8 +1,8 @@
-"""What halving and doubling each tuned number does to error and σ: the same captures solved with one number changed.
+"""Sensitivity of error and σ to halving and doubling each tuned number: the same captures, solved with one changed.
 
-A number is changed by putting another value into its module's frozen `SETTINGS`. Captures whose unchanged solve does
-not read the number are not solved again: nothing changes there. One JSON line for each solve names number and factor;
-a run goes on where an earlier one with the same file stopped.
+A number is changed by replacing its module's frozen `SETTINGS`. Captures whose unchanged solve does not read the number
+are not solved again, because nothing changes there. One JSON line for each solve names number and factor; a run
+continues where an earlier one with the same file stopped.
 """
 
 import importlib
@@ -31,10 +31,10 @@ from tests.unseen.stages import Patch, Stage
 
 FACTORS = {"halved": 0.5, "doubled": 2.0}
 CHANGED = (*IDENTITY, "number", "change")
-"""Keys that name one solve and what is changed."""
+"""Keys that identify one solve and the change."""
 
 CAPTURES = "turned:40,relief:40,machined:45,vessel:41,cluster:21,blob:42,knot:22,sheet:21"
-"""One capture of each family, solved in a few seconds each: Lambertian, rough, glossy and translucent ones."""
+"""One capture of each family, each solved in a few seconds: Lambertian, rough, glossy and translucent ones."""
 
 RATIOS = ("share", "cosine", "probability", "quantile", "of the peak", "of the images")
 """Units of numbers that cannot exceed 1."""
@@ -44,8 +44,8 @@ KEYS = {"error": "within_78_deg.mean", "rms": "rms"}
 
 
 def named(names: str) -> list[Number]:
-    """The tuned numbers of solver and shared photometry (`all`), those of the `planner`, or of the named modules, or
-    single ones as `module.name`."""
+    """The tuned numbers of solver and shared photometry (`all`), of the `planner`, of named modules, or single ones as
+    `module.name`. Raises ValueError for an unknown name."""
     found = tuned_numbers.settings()
     if names in ("all", "planner"):
         return [one for one in found if of_planner(one) == (names == "planner")]
@@ -57,12 +57,12 @@ def named(names: str) -> list[Number]:
 
 
 def of_planner(number: Number) -> bool:
-    """Whether plans read the number, and solves do not."""
+    """Whether the number belongs to the planner, so that solves do not read it."""
     return _module(number).__name__.startswith("acquisition.plan.")
 
 
 def scaled(value: Any, factor: float, unit: str) -> Any:
-    """A setting times a factor: members of tuples and dataclasses each, integers by at least one, ratios up to 1."""
+    """A setting times a factor: each member of tuples and dataclasses, integers by at least 1, ratios up to 1."""
     if factor == 1:
         return value
     if isinstance(value, tuple):
@@ -76,9 +76,9 @@ def scaled(value: Any, factor: float, unit: str) -> Any:
 
 
 def solve(captures: Sequence[tuple[str, int]], lights: int, numbers: Sequence[Number], out: Path) -> int:
-    """Solves what is not in the file yet, unchanged and then with each number halved and doubled; how many solves.
+    """Does the solves missing in the file, unchanged and with each number halved and doubled; returns their number.
 
-    Numbers that modules read while they are imported are left out: their uses would not see another value.
+    Numbers that modules read while they are imported are left out, because their uses would not see another value.
     """
     plans = [Plan((family,), (seed,), (lights,), ("two-rings",), 1, out) for family, seed in captures]
     drawn = [SceneRun(run.drawn(one, one.families[0], one.seeds[0]), one) for one in plans]
@@ -128,7 +128,7 @@ def value(number: Number, factor: float) -> Any:
 
 
 class _Recorder:
-    """Settings that note which of their fields are read."""
+    """Settings that record which of their fields are read."""
 
     def __init__(self, settings: object, module: str, read: set[str]) -> None:
         self._settings, self._module, self._read = settings, module, read
@@ -140,7 +140,7 @@ class _Recorder:
 
 @contextmanager
 def reading() -> Generator[set[str]]:
-    """The numbers, `module.name`, that are read while the context lasts, kernels' compiled ones not among them."""
+    """The numbers, as `module.name`, that are read within the context, except those compiled into kernels."""
     read: set[str] = set()
     modules = {one.module: _module(one) for one in tuned_numbers.settings()}
     patches = [Patch(module, "SETTINGS", _Recorder(module.SETTINGS, name, read)) for name, module in modules.items()]
@@ -155,7 +155,7 @@ def read_by(lines: Iterable[Line], capture: Line) -> list[str]:
 
 
 def moved(lines: Sequence[Line], numbers: Sequence[Number]) -> dict[str, Any]:
-    """What the page of tuned numbers shows: the change of error and rms e/σ by each number, or why there is none."""
+    """The figures on the page of tuned numbers: changes of error and rms e/σ by each number, or why there is none."""
     good = [line for line in lines if "error" not in line]
     base = [line for line in good if line["number"] is None]
     at_import = tuned_numbers.set_at_import()
@@ -179,8 +179,8 @@ def moved(lines: Sequence[Line], numbers: Sequence[Number]) -> dict[str, Any]:
 
 
 def _ratios(lines: Sequence[Line], base: Sequence[Line], number: str, change: str) -> dict[str, list[float]]:
-    """Geometric mean over captures of each figure over that of the unchanged solve, and its standard error; nothing
-    where a capture that reads the number is not solved."""
+    """Geometric mean over captures of each figure's ratio to the unchanged solve, and its standard error; empty if a
+    capture that reads the number is not solved."""
     solved = {run.done([line]): line for line in lines if (line["number"], line["change"]) == (number, change)}
     pairs = [(solved.get(run.done([one])), one) for one in base]
     if any(line is None and number in one["read"] for line, one in pairs):  # type: ignore[operator]
@@ -193,9 +193,9 @@ def _ratios(lines: Sequence[Line], base: Sequence[Line], number: str, change: st
 
 
 def write(figures: dict[str, Any], section: str = "solver") -> None:
-    """Writes the `solver`'s or `planner`'s figures of what the page of tuned numbers is generated from.
+    """Writes a section of the figures from which the page of tuned numbers is generated.
 
-    What was measured of other numbers on the same captures stays.
+    Figures of other numbers on the same captures are kept.
     """
     known = json.loads(PAGE.read_text(encoding="utf-8")) if PAGE.exists() else {}
     before = known.get(section, {})

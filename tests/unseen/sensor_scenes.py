@@ -1,7 +1,7 @@
-"""Sensors of random gain and read noise, an image of each and its repetition, and what the frames tell of the noise.
+"""Sensors of random gain and read noise, with an image of each and its repetition, from which the noise is estimated.
 
-The error is that of the σ of values, which weighs measurements and scales the σ of normals: it says in one figure how
-wrong gain and read noise are, and what a calibration states counts where nothing is found.
+The error is that of the σ of values, which weights measurements and scales the σ of normals. It states in one figure
+how wrong gain and read noise are. Where nothing is found, the calibration's statement counts.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from tests.unseen.fresh_process import Errors
 
 GAINS, READ_DN = (0.1, 10.0), (0.5, 20.0)
 STATED_SIGMA = 0.3
-"""1 σ of the logarithm of gain and read noise that a calibration states."""
+"""1 σ of the errors of the logarithms of a calibration's gain and read noise."""
 PATTERNS = (0.0, 0.0015)
 WINDOWS_PX = (64, SIZE)
 BLACK_DN = 64.0
@@ -25,7 +25,7 @@ LEVELS = 24
 
 
 def sensor(seed: int) -> Callable[[], Errors]:
-    """A sensor's frames, and the error of its σ."""
+    """The frames of a random sensor, as a function that measures the error of its estimated σ."""
     rng = np.random.default_rng([seed, 37])
     known = _sensor(float(_log_uniform(rng, GAINS)), float(_log_uniform(rng, READ_DN)))
     light = scene(rng)
@@ -58,7 +58,7 @@ def _sensor(gain: float, read_dn: float) -> SensorModel:
 
 
 def _stated(known: SensorModel, rng: np.random.Generator) -> Calibration:
-    """A calibration whose gain and read noise are wrong; the values that pixels clip at are right."""
+    """A calibration with wrong gain and read noise, and the right values at which pixels clip."""
     gain, read = np.exp(rng.normal(0, STATED_SIGMA, 2)).tolist()
     wrong = {
         "gain_e_per_dn": known.gain_e_per_dn * gain,
@@ -69,7 +69,7 @@ def _stated(known: SensorModel, rng: np.random.Generator) -> Calibration:
 
 
 def _sigma_dn(sensor: SensorModel) -> np.ndarray:
-    """1 σ of values at brightnesses from black to full scale, evenly spread over their square roots."""
+    """1 σ of values at brightnesses from black to full scale, with equally spaced square roots."""
     level = sensor.full_scale_dn * np.linspace(0, 1, LEVELS) ** 2
     return np.sqrt(level / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2)
 

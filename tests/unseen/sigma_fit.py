@@ -1,10 +1,10 @@
-"""Fit of σ's constants: the weights of `error_variance`'s components that make the errors of design captures likeliest.
+"""Fits σ's constants, the weights of `error_variance`'s components, to errors of design captures by maximum likelihood.
 
-Each capture gives the components of a sample of its pixels beside their errors. Under Rayleigh's law with a heavy tail
-(bivariate t of TAIL degrees of freedom) the weights maximise the likelihood over all captures without uncorrected
-findings, each capture counting alike; then they are scaled to a stated P(e < σ), because σ is read by its level, not
-by its tail. Of captures with uncorrected findings the likeliest E is stated apart; with a fault (`--fault gamma`) no
-other model is selected, so that it is left in.
+Each capture gives the components of a sample of its pixels, with their errors. Errors follow Rayleigh's law with a
+heavy tail (bivariate t of TAIL degrees of freedom). The weights maximise the likelihood over all captures without
+uncorrected findings, each capture counting alike. They are then scaled to a stated P(e < σ), because σ is read by its
+level, not by its tail. For captures with uncorrected findings the most likely E is stated separately. With a fault
+(`--fault gamma`) no other model is selected, so that the fault stays uncorrected.
 """
 
 import json
@@ -29,29 +29,29 @@ from tests.unseen.patterns import fixed
 from tests.unseen.scenes import Scene
 
 TAIL = 20.0
-"""Degrees of freedom of the bivariate t distribution. The constants depend on it: with fewer, the tail explains large
-errors, which the components then need not (`--tail 8`)."""
+"""Degrees of freedom of the bivariate t distribution. The constants depend on it: with fewer (`--tail 8`), the tail
+explains large errors, so that the components need not."""
 
 SHARE = 0.69
-"""P(e < σ) over the pixels of all captures that the constants are scaled to."""
+"""P(e < σ), over the pixels of all captures, to which the constants are scaled."""
 
 PIXELS = 800
-"""Pixels of each capture."""
+"""Number of pixels in each capture's sample."""
 
 NAMES = ("posterior A", "misfit B", "crease M²", "detail M²", "line 1/2", "few lights E²")
-"""The posterior's is A = 1 where the others are right to scale."""
+"""Components and their constants; the posterior's A is 1 if the others are right to scale."""
 
 CREASES_DEG = (8.0, 12.0, 16.0, 20.0, 24.0)
-"""Δ₀ that are compared."""
+"""Values of Δ₀ that are compared."""
 
 CHANGE = 2
-"""Index of the component that is recorded before Δ₀² is taken off."""
+"""Index of the component that is recorded before Δ₀² is subtracted."""
 
 
 @dataclass(frozen=True)
 class Errors:
-    """A sample of one capture's pixels: errors e (N,), degrees, components (6, N), the third of them Δ²; the σ that the
-    solve gave (N,)."""
+    """A sample of one capture's pixels: errors e (N,) and the solve's σ (N,), degrees, and components (6, N), of which
+    the third is Δ²."""
 
     family: str
     seed: int
@@ -69,7 +69,7 @@ class Errors:
 
 
 def collect(plan: run.Plan, folder: Path, jobs: int) -> None:
-    """Solves the plan's captures and writes each one's sample into the folder; what is there is kept."""
+    """Solves the plan's captures and writes each one's sample into the folder; existing samples are kept."""
     folder.mkdir(parents=True, exist_ok=True)
     run.over_scenes(partial(_collect_scene, plan, folder), plan.families, plan.seeds, jobs)
 
@@ -82,8 +82,8 @@ def read(folder: Path) -> list[Errors]:
 def fit(
     captures: Sequence[Errors], crease_deg: float, without: int | None = None, *, tail: float = TAIL
 ) -> tuple[FloatArray, float]:
-    """Weights (6,) of greatest likelihood over captures without findings, and the mean negative log likelihood; one of
-    the weights held near zero on demand."""
+    """Weights (6,) of greatest likelihood over captures without findings, and the mean negative log-likelihood; the
+    weight of number `without` is held near zero."""
     data = [(one.regressors(crease_deg), one.error_deg**2) for one in captures]
     bounds = [(-12.0, -12.0 if number == without else 6.0) for number in range(len(NAMES))]
 
@@ -101,7 +101,7 @@ def fit(
 
     found = minimize(objective, np.zeros(len(NAMES)), jac=True, method="L-BFGS-B", bounds=bounds)
     weights = np.exp(found.x)
-    # e < σ where e² is below the bounded variance: where 1 / (1/e² − 1/V²) is below that by the images.
+    # e < σ if e² is below the bounded variance, that is, 1 / (1/e² − 1/V²) is below the variance by the images.
     far = 1 / photometry.RANDOM_NORMAL_SIGMA_DEG**2
     ratio = np.concatenate(
         [1 / np.maximum(1 / square - far, 1e-9) / (weights @ parts + 1e-4) for parts, square in data]
@@ -112,9 +112,9 @@ def fit(
 def unsound_sigma_deg(
     captures: Sequence[Errors], weights: FloatArray, crease_deg: float, *, tail: float = TAIL
 ) -> float:
-    """E, degrees, of captures with uncorrected findings: the likeliest of half degrees up to 90°."""
+    """The most likely E, degrees, of captures with uncorrected findings, in steps of 0.5° up to 90°."""
     trials = np.arange(0.0, 90.0, 0.5)
-    level = tail * ((1 - SHARE) ** (-2 / tail) - 1)  # σ² that SHARE of the errors stays below, over that of one axis
+    level = tail * ((1 - SHARE) ** (-2 / tail) - 1)  # σ² below which SHARE of e² lies, over the variance of one axis
 
     def value(trial: float) -> float:
         by_images = [weights @ one.regressors(crease_deg) + trial**2 for one in captures]
@@ -131,7 +131,7 @@ def unsound_sigma_deg(
 
 
 def summary(captures: Sequence[Errors], tail: float = TAIL) -> str:
-    """Fits for each Δ₀, the constants of the best, E, and σ's figures by family and number of lights as solved."""
+    """Fits for each Δ₀, the constants of the best one, E, and figures of the solves' σ by family and light count."""
     sound = [one for one in captures if not one.unsound]
     lines = [f"{len(captures)} captures, {len(captures) - len(sound)} of them with uncorrected findings", ""]
     fits = {crease: fit(sound, crease, tail=tail) for crease in CREASES_DEG}
@@ -153,12 +153,12 @@ def summary(captures: Sequence[Errors], tail: float = TAIL) -> str:
 
 
 def _negative_log_likelihood(variance: FloatArray, square: FloatArray, tail: float) -> float:
-    """Mean over pixels with a variance (N,) along each axis and squared errors (N,), deg²."""
+    """Mean over pixels, for a variance (N,) along each axis and squared errors (N,), deg²."""
     return float(np.mean(np.log(variance) + (tail + 2) / 2 * np.log1p(square / (tail * variance))))
 
 
 def _cells(captures: Sequence[Errors]) -> Iterator[str]:
-    """P(e < σ), P(e < 2σ), rms e/σ of the solves' σ by family and number of lights, means over captures."""
+    """P(e < σ), P(e < 2σ) and rms e/σ of the solves by family and number of lights, as means over captures."""
     cells: dict[tuple[str, int], list[tuple[float, float, float]]] = defaultdict(list)
     for one in captures:
         ratio = one.error_deg / one.sigma_deg
@@ -171,7 +171,7 @@ def _cells(captures: Sequence[Errors]) -> Iterator[str]:
 
 
 def _collect_scene(plan: run.Plan, folder: Path, family: str, seed: int) -> int:
-    """Writes the samples of one scene that are not there; how many there are then."""
+    """Writes the missing samples of one scene; returns the number of its samples."""
     fault = f"-{plan.fault}" if plan.fault else ""
     paths = {count: folder / f"{family}-{seed}-{count}{fault}.npz" for count in plan.lights}
     if all(path.exists() for path in paths.values()):
@@ -192,8 +192,8 @@ def _collect_scene(plan: run.Plan, folder: Path, family: str, seed: int) -> int:
 
 
 def _solve(scene: Scene, count: int, fault: str | None) -> dict[str, np.ndarray]:
-    """Solves two rings of `count` lights, the azimuth by the seed, and samples graded pixels; with a fault by the plain
-    model."""
+    """Solves a capture under two rings of `count` lights, with an azimuth by the seed, and samples graded pixels. A
+    capture with a fault is solved by the plain model."""
     recorded: list[FloatArray] = []
 
     def record(*maps: np.ndarray, capture_deg: float, sharpened: bool) -> ErrorVariance:

@@ -1,7 +1,7 @@
-"""Scenes whose measure is a solve: sessions with a target σ, glossy objects under many distant lights, and metal.
+"""Scenes that are measured by a solve: sessions with a target σ, glossy objects under many distant lights, and metal.
 
-A session goes on as the service's does, pilot, solve, plan, until the stopping rule concludes; solves of the same
-lights are shared, since the rule decides only how many there are.
+A session runs like the service's, by pilot, solve and plan, until the stopping rule ends it. Solves of the same lights
+are shared, because the rule decides only the number of lights.
 """
 
 from collections.abc import Callable
@@ -24,16 +24,16 @@ PIXELS = 64
 MAX_LIGHTS = 20
 CANDIDATES = 100
 RINGS_LIGHTS, TARGETS = (6, 14), (0.9, 1.1)
-"""A target is that share of the mean σ of so many lights by two rings."""
+"""Ranges of the number of lights by two rings, and of a target's ratio to the mean σ under these."""
 MAX_TARGET_DEG = 10.0
-"""What a recipe may ask for."""
+"""Greatest target that a recipe may state."""
 METAL_PIXELS = 96
 METAL = [(family, seed) for seed in (44, 46) for family in ("turned", "blob", "knot", "sheet")]
 GLOSSY_PIXELS, BOUNCES = 40, 12
 
 
 class Session:
-    """A session of one height field: what is solved of which lights."""
+    """A session of one height field, with its solves by their lights."""
 
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng([seed, 31])
@@ -48,7 +48,7 @@ class Session:
         self.target_deg = min(reached * float(rng.uniform(*TARGETS)), MAX_TARGET_DEG)
 
     def solved(self, lights: tuple[Light, ...]) -> tuple[NormalMap, Observations]:
-        """Normal map and images of lights; the images of the first ones are the same, however many follow."""
+        """Normal map and images of lights; the images of the first lights do not depend on how many follow."""
         if lights not in self._solved:
             observations = height_fields.capture(self.true, lights, self.seed)
             place = normals.ObjectPlace(height_fields.TABLE_DEPTH - 0.03)
@@ -57,7 +57,7 @@ class Session:
         return self._solved[lights]
 
     def errors(self) -> Errors:
-        """Images and passes until the rule concludes, and the error of the last result."""
+        """Numbers of images and passes until the rule ends the session, and σ and error of the last result."""
         recipe = Recipe(target_sigma_deg=self.target_deg, max_lights=MAX_LIGHTS)
         lights, passes = self.first, 1
         while True:
@@ -82,7 +82,7 @@ def session(seed: int) -> Callable[[], Errors]:
 
 
 def glossy(seed: int) -> Callable[[], Errors]:
-    """A glossy object under 96 distant lights; a pixel without a normal errs by 90°."""
+    """A glossy object under 96 distant lights; a pixel without a normal counts as an error of 90°."""
     shape = ("figure-side", "vase-side")[seed % 2]
     material = list(gloss_scenes.REFLECTANCES)[seed // 2]
     scene = gloss_scenes.scene(shape, material, GLOSSY_PIXELS, 10 + seed, bounces=BOUNCES)

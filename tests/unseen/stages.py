@@ -1,8 +1,8 @@
-"""Switches of the near solver's stages: what each is, and what is put in place of which name to take it away.
+"""Switches of the near solver's stages: the description of each stage, and the patches that switch it off.
 
-A switch replaces constants or functions of the solver's modules while its context lasts, and nothing else: all other
-stages go on as they are and see what this one no longer does. A stage is off when its result is what the solver starts
-from (nominal lamps, flat depth, stated noise), or when it passes on what it is given.
+A switch replaces constants or functions of the solver's modules while its context lasts, and nothing else. All other
+stages run unchanged, without the effect of this one. A stage is off if its result is the solver's starting value
+(nominal lamps, flat depth, stated noise), or if it passes on its input.
 """
 
 from collections.abc import Generator
@@ -28,7 +28,7 @@ from acquisition.normals.uncertainty.error_variance import ErrorVariance
 
 @dataclass(frozen=True)
 class Patch:
-    """A module's name and what stands in its place."""
+    """A name in a module, and its replacement."""
 
     module: ModuleType
     name: str
@@ -36,7 +36,7 @@ class Patch:
 
     @property
     def target(self) -> str:
-        """Dotted name of what is replaced."""
+        """Dotted name of the replaced object."""
         changed = "" if self.name != "SETTINGS" else f".{self._field()}"
         return f"{self.module.__name__}.{self.name}{changed}"
 
@@ -48,7 +48,7 @@ class Patch:
 
 @dataclass(frozen=True)
 class Captures:
-    """Captures that call for a stage: their reflectance, fault and seeds; none: those of the run."""
+    """Captures that show a stage: reflectance (None: the object's own), fault (None: none), seeds (none: the run's)."""
 
     reflectance: str | None = None
     fault: str | None = None
@@ -61,8 +61,8 @@ class Captures:
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage, what the solver does without it in one sentence, and what switches it off: patches or settings; and the
-    captures on which it is looked at, if only some call for it."""
+    """A stage, one sentence on the solver `without` it, the patches or settings that switch it off, and the captures on
+    which it is compared, if only some show it."""
 
     name: str
     without: str
@@ -73,8 +73,8 @@ class Stage:
 
 @contextmanager
 def off(stage: Stage) -> Generator[None]:
-    """Applies the stage's patches; they are gone afterwards, whatever happens. AttributeError for a name that is not
-    there."""
+    """Applies the stage's patches within the context and always undoes them. Raises AttributeError for a name that does
+    not exist."""
     before = [getattr(patch.module, patch.name) for patch in stage.patches]
     try:
         for patch in stage.patches:
@@ -94,7 +94,7 @@ _gauss_newton_step = self_calibration.gauss_newton_step
 
 
 def _holding(**sigma: float) -> Patch:
-    """A Gauss–Newton step of the shared parameters with some priors' 1 σ at zero, which holds these parameters."""
+    """Patches the Gauss–Newton step of the shared parameters: a prior's 1 σ of zero holds its parameter."""
 
     def step(
         estimate: Estimate, by_depth: Float32Array, values: Float32Array, lamps: Float32Array,
@@ -106,17 +106,17 @@ def _holding(**sigma: float) -> Patch:
 
 
 def _stated_noise(solution: Estimate, values: Float32Array, noise: Noise, stated: Noise, *_: object) -> Noise:
-    """In place of `residual_noise.estimate`."""
+    """Replaces `residual_noise.estimate`."""
     return stated
 
 
 def _unchanged(*_: object) -> float:
-    """In place of what changes its arguments and says by how much the noise is less."""
+    """Replaces functions that change their arguments and return the factor by which the noise falls."""
     return 1.0
 
 
 def _no_shadows(*_: object) -> ShadowEquations:
-    """In place of `shadow_light.equations`."""
+    """Replaces `shadow_light.equations`."""
     return ShadowEquations.none()
 
 
@@ -124,16 +124,16 @@ def _start_depth(
     normals: Float32Array, mask: BoolArray, ray: Float32Array, confidence: Float32Array, start_m: Float32Array,
     **_: object,
 ) -> Float32Array:  # fmt: skip
-    """In place of `integration.depth`."""
+    """Replaces `integration.depth`."""
     return start_m.copy()
 
 
 def _no_discontinuity(*_: object) -> None:
-    """In place of `discontinuity.discontinuous_depth`: the shadows contradict nothing."""
+    """Replaces `discontinuity.discontinuous_depth`, as if no shadow contradicted the depth."""
 
 
 def _not_shown(*_: object) -> bool:
-    """In place of `shadow_light.shadows_show_indirect`."""
+    """Replaces `shadow_light.shadows_show_indirect`."""
     return False
 
 
@@ -142,12 +142,12 @@ def _no_alternative(*_: object) -> list[Alternative]:
 
 
 def _posterior_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> ErrorVariance:
-    """In place of `error_variance.evaluate`."""
+    """Replaces `error_variance.evaluate`."""
     return ErrorVariance(posterior_deg, excess=0.0, typical_excess=0.0, structure_deg=0.0)
 
 
 OPAQUE = tuple(one for one in model_selection.ALTERNATIVES if one is not term_alternatives.translucent_surface)
-"""All alternatives but that of light below the surface."""
+"""All alternatives except that of a translucent surface."""
 
 NO_DISCONTINUITY = Patch(discontinuity, "discontinuous_depth", _no_discontinuity)
 
@@ -256,5 +256,5 @@ STAGES = (
         (Patch(error_variance, "evaluate", _posterior_sigma),),
     ),
 )
-"""The stages of the near solver that the bench's captures reach. Sensor and pixel noise are not among them: the bench
-states the sensor's true noise, so that neither `sensor_estimate` nor `pixel_noise` is reached."""
+"""The stages of the near solver that the bench's captures reach. Sensor and pixel noise are not among them, because the
+bench states the sensor's true noise, so neither `sensor_estimate` nor `pixel_noise` is reached."""

@@ -1,7 +1,7 @@
-"""Tables of the bench's lines: errors by pattern, planned over two rings, σ, and one run against another.
+"""Tables of the bench's lines: errors by pattern, ratios to two rings, σ, and one run against another.
 
-The unit of a draw is a scene: azimuths are averaged first, in numerator and denominator. Means over scenes of a family
-and over families are geometric; standard errors come from resampling scenes within families (bootstrap).
+The statistical unit is a scene: azimuths are averaged first, in numerator and denominator. Means over scenes of a
+family and over families are geometric; standard errors come from resampling scenes within families (bootstrap).
 """
 
 import math
@@ -19,9 +19,9 @@ Line = dict[str, object]
 Cell = tuple[str, int]  # family, seed
 RESAMPLES = 2000
 PUT_RIGHT = 1.3
-"""Error over that without the fault, up to which a fault counts as put right."""
+"""Greatest ratio of the error to that without the fault at which a fault counts as put right."""
 OF_SURFACES = {term_alternatives.TERMS[name][0] for name in ("roughness", "gloss", "metal")} | {translucency.KIND}
-"""Kinds of the findings of what a surface is, not of a fault of its capture."""
+"""Kinds of findings about the surface, not about a fault of the capture."""
 SIGMA_KEYS = (
     "within_1",
     "within_2",
@@ -36,7 +36,7 @@ SIGMA_KEYS = (
 
 
 def all_tables(lines: Sequence[Line], grading: str, older: Sequence[Line] | None) -> str:
-    """Every table that the lines hold values for, as text."""
+    """All tables for which the lines hold values, as text."""
     failed = [line for line in lines if "error" in line]
     good = [line for line in lines if "error" not in line]
     parts = [f"{len(good)} solves, {len(failed)} refused; grading {grading}"]
@@ -51,7 +51,7 @@ def all_tables(lines: Sequence[Line], grading: str, older: Sequence[Line] | None
 
 
 def selection_tables(lines: Sequence[Line]) -> str:
-    """Scores and trials of model selection, by fault, else by material."""
+    """Scores and trials of model selection, by fault, or by material without a fault."""
     return "\n\n".join([trials.score_table(lines, _condition, _table), trials.trial_table(lines, _condition, _table)])
 
 
@@ -70,8 +70,8 @@ def error_table(lines: Sequence[Line], grading: str) -> str:
 
 
 def ratio_table(lines: Sequence[Line], grading: str, baseline: str = "two-rings") -> str:
-    """Each pattern's error over two rings' (mean of azimuths), geometric mean of each family's scenes, then of all
-    families with its standard error; ± of a family over its scenes."""
+    """Each pattern's ratio of error to that of the baseline (means over azimuths): geometric means over each family's
+    scenes, then over all families, each with its standard error over scenes."""
     names = sorted({_text(line, "pattern") for line in lines} - {baseline})
     counts = sorted({_count(line) for line in lines})
     ratios = {
@@ -86,7 +86,7 @@ def ratio_table(lines: Sequence[Line], grading: str, baseline: str = "two-rings"
 
 
 def against_table(lines: Sequence[Line], older: Sequence[Line], grading: str) -> str:
-    """This run's error over the older one's on the same captures, by pattern and number of lights."""
+    """Ratio of this run's error to the older one's on the same captures, by pattern and number of lights."""
     columns = sorted({(_count(line), _text(line, "pattern")) for line in lines})
     ratios: dict[str, dict[Cell, float]] = {}
     for count, pattern in columns:
@@ -101,8 +101,8 @@ def against_table(lines: Sequence[Line], older: Sequence[Line], grading: str) ->
 
 
 def sigma_table(lines: Sequence[Line]) -> str:
-    """σ's figures of each family and number of lights, over all patterns: P(e < σ), P(e < 2σ), rms e/σ within 78°
-    without doubtful pixels; 0.886 mean σ over the mean error found; then over all object pixels."""
+    """Figures of σ by family and number of lights, over all patterns: P(e < σ), P(e < 2σ) and rms e/σ within 78°
+    without doubtful pixels; ratio of 0.886 mean σ to the mean error; then the first three over all object pixels."""
     cells: dict[tuple[str, int], list[Line]] = defaultdict(list)
     for line in lines:
         if "rms" in line:
@@ -116,8 +116,8 @@ def sigma_table(lines: Sequence[Line]) -> str:
 
 
 def forecast_table(lines: Sequence[Line]) -> str:
-    """The mean error that plans expect (0.886 mean σ) over that found: geometric mean of each family's scenes, then of
-    all families."""
+    """Ratio of the mean error that plans forecast (0.886 mean σ) to that found: geometric means over each family's
+    scenes, then over all families."""
     expected = [
         line | {"expected.mean": MEAN_ERROR_PER_SIGMA * _number(line, "predicted_sigma")}
         for line in lines
@@ -136,8 +136,8 @@ def forecast_table(lines: Sequence[Line]) -> str:
 
 
 def fault_table(lines: Sequence[Line], grading: str) -> str:
-    """What becomes of each fault: error over that of the same capture without it, how many are put right (at most
-    PUT_RIGHT times), how many of the others are named, and the mean rms e/σ."""
+    """For each fault: ratio of the error to that of the same capture without it, number of captures put right (ratio at
+    most PUT_RIGHT), number of the others with a finding, and mean rms e/σ."""
 
     def capture_of(line: Line) -> tuple[object, ...]:
         return tuple(line.get(key) for key in ("family", "seed", "reflectance", "pattern", "lights", "azimuth"))
@@ -165,7 +165,7 @@ def fault_table(lines: Sequence[Line], grading: str) -> str:
 
 
 def _condition(line: Line) -> str:
-    """The fault of a capture, else its material."""
+    """The fault of a capture, or its material without one."""
     return str(line.get("fault") or _material(line))
 
 
@@ -175,8 +175,8 @@ def _material(line: Line) -> str:
 
 
 def alarm_table(lines: Sequence[Line]) -> str:
-    """Captures without a fault that are told one, by material: findings that were not put right, with their mean
-    errors, and faults of the capture that were, which it does not have."""
+    """False positives on captures without a fault, by material: uncorrected findings, with their mean errors, and
+    corrected faults of the capture, which it does not have."""
     groups: dict[str, list[Line]] = defaultdict(list)
     for line in lines:
         if "findings" in line:
@@ -202,7 +202,7 @@ def _forecast(line: Line) -> float:
 
 
 def paired(above: dict[Cell, float], below: dict[Cell, float]) -> dict[Cell, float]:
-    """Ratios of the scenes that both have."""
+    """Ratios for the scenes that both have."""
     return {cell: above[cell] / below[cell] for cell in above if cell in below}
 
 
@@ -269,7 +269,7 @@ def _shown(value: float) -> str:
 
 
 def with_error(value: float, error: float) -> str:
-    """A figure ± its standard error; nothing where there is none."""
+    """A figure ± its standard error; empty if there is no figure."""
     if math.isnan(value):
         return ""
     return f"{value:.3f}" if math.isnan(error) else f"{value:.3f} ±{error:.3f}"

@@ -1,4 +1,4 @@
-"""Switches take away what they say and leave nothing behind; tables and page of lines made by hand."""
+"""Switches turn off their stage alone and are undone; tables and page are made from lines written by hand."""
 
 import json
 import math
@@ -18,15 +18,15 @@ from tests.unseen.stages import STAGES, Patch, Stage
 SMALL, LIGHTS = 48, 8
 SELECTION = ablation.BY_NAME["model selection"]
 SELECTED = {"gloss": "gloss", "metal": "metal", "translucent surfaces": "translucent surface"}
-"""Stages of model selection, and the finding that each has where its model is chosen."""
+"""Stages of model selection, and the finding that each gives if its model is chosen."""
 SHADOWS = ablation.BY_NAME["ambient and stray light in shadows"]
 PLAIN = [stage for stage in STAGES if stage not in (SELECTION, SHADOWS) and stage.name not in SELECTED]
-"""Switched off with the plain model: trials of others take ten times as long and take part of the change back."""
+"""Stages switched off with the plain model; trials of others take ten times as long and undo part of the change."""
 
 
 @pytest.fixture(scope="module")
 def part() -> Scene:
-    """A glossy part with steps and cavities: every stage has something to do."""
+    """A glossy part with steps and cavities, on which every stage has an effect."""
     return scenes.scene("machined", 0, "ggx:0.25", SMALL)
 
 

@@ -1,4 +1,4 @@
-"""Ambient light, and gloss that resembles it, on path-traced objects whose images turned lamps seem to explain."""
+"""Ambient light, and gloss that resembles it, on path-traced objects whose images turned lamps also seem to explain."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def test_solve_ambient_light_is_not_taken_for_turned_lamps() -> None:
 
 
 def test_solve_gloss_that_scores_as_turned_lamps_is_not_taken_for_ambient_light() -> None:
-    """Six images of a sheet: a turn of the lamps and ambient light gain likelihood, and gloss more than either."""
+    """On six images of a sheet, turned lamps and ambient light gain likelihood, but gloss gains more than either."""
     scene = scenes.scene("sheet", 202, "ggx:0.33", with_fault.PIXELS)
     solved = run.solve(scene, capture(scene, patterns.fixed("two-rings", scene, 6, 0, 1)))
     assert with_fault.kinds(solved) == [("gloss", True)]
@@ -23,7 +23,7 @@ def test_solve_gloss_that_scores_as_turned_lamps_is_not_taken_for_ambient_light(
 
 
 def test_solve_ambient_light_on_a_relief_without_shadows_is_found() -> None:
-    """The true amount fits 4 % worse than none, a surface of other slopes, which was five times as far off."""
+    """The true amount fits 4 % worse than none, which gives a surface of other slopes with five times the error."""
     pair = with_fault.solved("relief", 469, "lambert", "ambient:0.1", 8, pixels=scenes.PIXELS)
     assert with_fault.kinds(pair.faulty) == [("ambient light", True)]
     assert pair.error_ratio < 1.5

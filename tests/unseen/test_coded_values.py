@@ -1,4 +1,4 @@
-"""Coded values of a path-traced object that a wrong place of the object explains nearly as well."""
+"""Coded values of a path-traced object, which a wrong position of the object explains nearly as well."""
 
 from tests.unseen import with_fault
 

@@ -1,4 +1,4 @@
-"""A flash in one image, by which the images together do not fit badly: without it they fit far better."""
+"""A flash in one image: the fit of all images is not poor, but without this image it is far better."""
 
 from tests.unseen import with_fault
 

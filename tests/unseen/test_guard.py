@@ -1,4 +1,4 @@
-"""The guard tells equal results from turned ones, other σ, other pixels and other plans."""
+"""The guard distinguishes equal results from turned normals, other σ, other pixels and other plans."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,5 +1,5 @@
-"""Pixels that hardly any lamp reaches, in vessels seen from above: they are found, and their σ says that; dark paint is
-not taken for them."""
+"""Pixels that at most one lamp reaches, in vessels seen from above, are doubtful and have a large σ; dark paint is not
+mistaken for them."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ PIXELS = 48
 
 
 def lamps_that_reach(scene: scenes.Scene, positions: np.ndarray) -> np.ndarray:
-    """How many lamps (F, 3) reach the point at each pixel's centre (H, W), by ray tracing."""
+    """Number (H, W) of the lamps (F, 3) that reach the point at each pixel's centre, by ray tracing."""
     surface = tracer.Surface(scene.mesh, scene.texture)
     direction = tracer.camera_rays(scene.pixels, scene.focal_px, 1)
     hits, _ = surface.hits(np.zeros_like(direction), direction)
@@ -35,12 +35,12 @@ def test_solve_pixels_in_all_shadows_are_doubtful_and_of_large_sigma(seed: int) 
     assert np.mean(solved.doubtful[dark]) > 0.8
     assert np.mean(solved.doubtful[lit]) < 0.1
     assert np.median(solved.sigma_deg[dark]) > 0.8 * photometry.RANDOM_NORMAL_SIGMA_DEG
-    assert np.median(scene.truth.error_deg(solved.normals)[dark]) > 10  # or else a large σ would be wrong
+    assert np.median(scene.truth.error_deg(solved.normals)[dark]) > 10  # otherwise a large σ would be wrong
 
 
 @pytest.mark.parametrize("family", [pytest.param("blob", marks=pytest.mark.long), "knot"])
 def test_solve_dark_parts_of_bright_object_are_not_doubtful(family: str) -> None:
-    """Two fifths of the pixels have a fifth of the others' albedo, and all lamps reach most of them."""
+    """Two fifths of the pixels have a fifth of the others' albedo; all lamps reach most of these."""
     scene = scenes.scene(family, 63, "lambert", PIXELS)
     positions = patterns.fixed("two-rings", scene, 8, 0, 1)
 

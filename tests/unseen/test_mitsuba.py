@@ -1,4 +1,4 @@
-"""The path tracer against Mitsuba, whose light transport is another hand's, on a vessel and a knot.
+"""The path tracer against Mitsuba, an independent implementation of light transport, on a vessel and a knot.
 
 `pytest -m long -s tests/unseen/test_mitsuba.py` prints the figures.
 """
@@ -19,7 +19,7 @@ PIXELS, SAMPLES, DEPTH = 48, 4096, 40
 SEED = 1
 ALBEDO = 0.7
 WEIGHT = 0.2
-"""Of the conductor in the glossy mix."""
+"""Weight of the conductor in the glossy mix."""
 MATERIALS: dict[str, tuple[Brdf, dict[str, object]]] = {
     "lambert": (Brdf(), {"type": "diffuse", "reflectance": ALBEDO}),
     "metal": (
@@ -45,7 +45,7 @@ MATERIALS: dict[str, tuple[Brdf, dict[str, object]]] = {
 
 
 def plain(values: object) -> object:
-    """A scene's description with grey values as Mitsuba wants them."""
+    """A scene's description with grey values in Mitsuba's form."""
     if not isinstance(values, dict):
         return values
     grey = ("reflectance", "specular_reflectance")
@@ -66,7 +66,7 @@ def mitsuba_mesh(mesh: Mesh, material: dict[str, object]) -> object:
 
 
 def reference(one: Scene, lamp: np.ndarray, material: dict[str, object]) -> np.ndarray:
-    """Mitsuba's values y (H, W) of a lamp that shines the same all round."""
+    """Mitsuba's values y (H, W) under an isotropic lamp."""
     if mitsuba.variant() is None:
         mitsuba.set_variant("scalar_rgb")
     described = {

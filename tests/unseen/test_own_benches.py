@@ -1,4 +1,4 @@
-"""Every tuned number is measured; scenes of a number's own tell its changes, and are refused where they do not."""
+"""Every tuned number is measured; a number's own scenes show its changes, and are refused if they do not read it."""
 
 import json
 import os
@@ -23,7 +23,7 @@ OVERLAP = height_scenes.OVERLAP
 
 
 class ByHand:
-    """Three scenes, of which doubling changes two."""
+    """Three scenes, two of which change when the number is doubled."""
 
     scenes = "scenes made by hand"
 

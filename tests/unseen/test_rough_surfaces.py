@@ -1,4 +1,4 @@
-"""Rough surfaces among what resembles them: coded values, stray light, and a poor fit that nothing explains."""
+"""Rough surfaces, and what resembles them: coded values, stray light, and a poor fit without an explanation."""
 
 import pytest
 
@@ -16,8 +16,8 @@ from tests.unseen.captures import capture
     ],
 )
 def test_solve_rough_surface_is_found_and_nothing_else(family: str, seed: int, lights: int) -> None:
-    """Turned profiles, which also seem coded, the last of them with little evidence of roughness, and a sheet, whose
-    poor fit gives roughness a gain of four."""
+    """Turned profiles whose values also seem coded, the last with little evidence of roughness; and a sheet, whose poor
+    fit gives roughness a gain of four."""
     scene = scenes.scene(family, seed, "oren-nayar:0.5", with_fault.PIXELS)
     positions = patterns.fixed("two-rings", scene, lights, 0, 1)
     assert with_fault.kinds(run.solve(scene, capture(scene, positions))) == [("rough surface", True)]
@@ -32,7 +32,7 @@ def test_solve_rough_surface_in_stray_light_is_as_without_it(family: str) -> Non
 
 
 def test_solve_rough_relief_in_stray_light_as_both() -> None:
-    """No shadow tells of the stray light, and roughness alone fits the images better than stray light alone."""
+    """No shadow shows the stray light, and roughness alone fits the images better than stray light alone."""
     pair = with_fault.solved("relief", 421, "oren-nayar:0.3", "offset:0.03")
     assert with_fault.kinds(pair.sound) == [("rough surface", True)]
     assert with_fault.kinds(pair.faulty) == [("rough surface", True), ("stray light", True)]

@@ -1,4 +1,4 @@
-"""Scenes are the same for the same seed, report seeds are refused, captures hold what they say."""
+"""Scenes are the same for the same seed, report seeds are refused, and captures hold the stated errors and faults."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Numbers are changed, and nothing else; what is read is found; figures of lines made by hand."""
+"""Only the intended number changes; numbers that are read are found; figures are made from lines written by hand."""
 
 import json
 from pathlib import Path
@@ -108,7 +108,7 @@ def test_page_of_tuned_numbers_shows_figures_and_reasons(tmp_path: Path, monkeyp
     page.parent.mkdir(parents=True)
     monkeypatch.setattr(sensitivity, "PAGE", page)
     monkeypatch.setattr(generated_blocks, "ROOT", tmp_path)
-    for measured in ([PRIOR], [OFFSET]):  # what was measured before stays
+    for measured in ([PRIOR], [OFFSET]):  # earlier figures stay
         sensitivity.write(sensitivity.moved(lines(), measured))
     assert json.loads(page.read_text(encoding="utf-8"))["solver"]["commits"] == ["abc1234"]
     text = generated_blocks.tuned_numbers()

@@ -1,4 +1,4 @@
-"""The fit of σ's constants finds those that errors were drawn with, and samples of captures are what solves gave."""
+"""The fit of σ's constants finds the constants of simulated errors, and samples of captures agree with their solves."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ CREASE_DEG = 12.0
 
 
 def drawn(seed: int, *, added_deg: float = 0.0, unsound: bool = False) -> Errors:
-    """Errors of Rayleigh's law whose variance the weights give."""
+    """Errors that follow Rayleigh's law with the variance of the weights."""
     rng = np.random.default_rng(seed)
     base = np.exp(rng.normal(0, 1, 3000))
     change = np.where(rng.random(3000) < 0.2, rng.uniform(0, 60, 3000) ** 2, 1.0)

@@ -1,4 +1,4 @@
-"""The tables' arithmetic on lines made by hand, and a run of one small scene from the command line."""
+"""The tables' arithmetic on lines written by hand, and which solves a run still has to do."""
 
 import json
 import math

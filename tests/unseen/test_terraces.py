@@ -1,4 +1,4 @@
-"""Terraced reliefs, whose walls are narrower than a pixel, so that pixels mix what no model of an image describes."""
+"""Terraced reliefs with walls narrower than a pixel: pixels mix surfaces, which no model of an image describes."""
 
 import numpy as np
 import pytest
@@ -16,8 +16,8 @@ from tests.unseen.captures import capture
     ],
 )
 def test_solve_terraces_are_not_taken_for_other_light(seed: int, pixels: int) -> None:
-    """With all pixels the first is taken for an object in ambient light; the other errs by 2.1° where pixels see one
-    surface."""
+    """With all pixels the first seed is taken for an object in ambient light, and the other has an error of 2.1° at
+    pixels that show one surface."""
     scene = scenes.scene("relief", seed, "lambert", pixels)
     solved = run.solve(scene, capture(scene, patterns.fixed("two-rings", scene, 8, seed % 4, 4)))
     assert with_fault.kinds(solved) == []

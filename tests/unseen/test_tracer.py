@@ -1,4 +1,4 @@
-"""The path tracer against what has a closed form: the point light's law, a closed cavity, its own sampling."""
+"""The path tracer against closed forms: the point light's law, a closed cavity, and the mean of its own sampling."""
 
 import numpy as np
 import pytest
@@ -97,7 +97,7 @@ def test_lobe_sampling_has_the_mean_of_the_lobe(alpha: float) -> None:
 
 @pytest.mark.parametrize("text", ["lambert", "oren-nayar:0.35", "ggx:0.2", "metal:0.3"])
 def test_reflectance_values_are_those_of_the_simulator(text: str) -> None:
-    """The simulator's formulas are another hand's: they may not differ."""
+    """The simulator's formulas are independent of the tracer's and must agree with them."""
     rng = np.random.default_rng(1)
     reflectance = Reflectance.parse(text)
     normal, one, other = (brdf.cosine_directions(rng.random((500, 2))) for _ in range(3))

@@ -1,4 +1,4 @@
-"""What is recorded of model selection, and that nothing of the recording stays."""
+"""The record of model selection, and that recording leaves nothing behind."""
 
 import math
 from dataclasses import fields

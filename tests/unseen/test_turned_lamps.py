@@ -1,6 +1,6 @@
-"""Turned lamps of a machined part, which light from near tells, and mirrored ones, which score as turned, too.
+"""Turned lamps of a machined part, which near light reveals, and mirrored lamps, which also score as turned.
 
-Normals of a machined part have the same circulation under any turn.
+The normals of a machined part have the same circulation under any turn.
 """
 
 import pytest

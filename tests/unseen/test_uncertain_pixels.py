@@ -1,4 +1,4 @@
-"""Uncertain normals that go on from those around, on path-traced objects: few lamps reach them, or they are a limb."""
+"""Uncertain normals on path-traced objects, taken from their neighbours: few lamps reach them, or they are a limb."""
 
 import numpy as np
 import pytest
@@ -20,8 +20,8 @@ from tests.unseen.captures import capture
 def test_solve_uncertain_pixels_gain_by_their_neighbours(
     family: str, seed: int, lights: int, most: float, most_deg: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Four lights are a pilot's: most of a smooth object's limb has three of them, and its images tell more of it than
-    neighbours that face another way, or the viewing axis, by which the turned part is 2.4° off."""
+    """Four lights are a pilot's. Three of them reach most of a smooth object's limb, whose images determine it better
+    than neighbours that face another way, or the viewing axis, with which the turned part's error is 2.4°."""
     scene = scenes.scene(family, seed, "lambert")
     pilot = lights == patterns.PILOT_LIGHTS
     positions = patterns.pilot_lights(scene, 0, 1) if pilot else patterns.fixed("two-rings", scene, lights, 0, 1)

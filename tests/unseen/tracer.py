@@ -1,15 +1,15 @@
-"""Path tracer for many point lights: paths from the camera are traced once, what they carry is summed for each light.
+"""Path tracer for many point lights: paths from the camera are traced once, and their light is summed for each lamp.
 
-Thousands of images are needed on two cores, and the paths do not depend on the lamp. Direct light is exact: a shadow
-ray from each of 4 × 4 points of a pixel and the full reflectance. Indirect light comes over stored paths: from each
-pixel about a hundred rays, drawn by the reflectance, end at vertices whose light is that of the nearest of 16,384
-points spread over the surface. The points' irradiance takes one shadow ray each; light between them is diffuse
-radiosity with form factors by rays (Goral et al., SIGGRAPH 1984), a product with a sparse matrix. Where there is a
-lobe, paths go on by reflection in it, a metal's over eight vertices, since its light is not diffuse. So an image takes
-0.1–0.3 s in place of Mitsuba's 10–60 s; how far they agree says `test_mitsuba.py`.
+The bench needs thousands of images on two cores, and the paths do not depend on the lamp. Direct light is exact: a
+shadow ray from each of 4 × 4 points of a pixel, and the full reflectance. Indirect light arrives along stored paths.
+About a hundred rays from each pixel, drawn by the reflectance, end at vertices, whose light is that of the nearest of
+16,384 points spread over the surface. The points' irradiance takes one shadow ray each. Light between them is diffuse
+radiosity with form factors by rays (Goral et al., SIGGRAPH 1984), a product with a sparse matrix. If there is a lobe,
+paths continue by reflection in it, a metal's over eight vertices, since its light is not diffuse. An image takes
+0.1–0.3 s, and 10–60 s with Mitsuba; `test_mitsuba.py` tests their agreement.
 
-Camera at the origin, looks along −z: the view frame, m. Values y are those of the product: a white Lambertian that
-faces the lamp at the reference distance on the lamp's axis gives 1. Nothing but the mesh is shared with solver or
+The camera is at the origin and looks along −z (view frame, m). Values y are those of the product: a white Lambertian
+surface that faces the lamp at the reference distance on the lamp's axis gives 1. Only the mesh is shared with solver or
 simulator.
 """
 
@@ -27,27 +27,27 @@ from tests.unseen import brdf
 from tests.unseen.brdf import Brdf
 
 VERSION = {"lambert": 3, "oren-nayar": 3, "ggx": 3, "metal": 3}
-"""By kind of reflectance; to be raised when anything here changes what is rendered."""
+"""Versions by kind of reflectance; must be raised when a change here changes the rendered images."""
 
 POINTS, POINT_RAYS = 16_384, 64
-"""Points over the surface that carry indirect light, and the rays of each one's form factors."""
+"""Number of points on the surface that carry indirect light, and of the rays for each one's form factors."""
 DIFFUSE_RAYS, LOBE_RAYS = 7, 4
-"""Rays of the final gather from each of a pixel's 16 points, by the diffuse part and by a glossy surface's lobe."""
+"""Number of final-gather rays from each of a pixel's 16 points, by the diffuse part and by a glossy surface's lobe."""
 METAL_RAYS = 12
-"""Rays of a metal's gather from each of the 16 points."""
+"""Number of a metal's final-gather rays from each of the 16 points."""
 METAL_VERTICES, GLOSS_VERTICES = 8, 3
-"""Vertices over which paths are followed by reflection in the lobe: with 4 a metal mug is 2 % too dark."""
+"""Number of vertices over which paths are followed by reflection in the lobe: with 4 a metal mug is 2 % too dark."""
 MOST_BOUNCES, LAST_BOUNCE = 40, 1e-3
-"""Bounces of diffuse light end when one adds less than this share."""
+"""Most bounces of diffuse light, and the share of added light below which they end earlier."""
 TURN_M = 0.006
-"""Two places whose normals are at right angles count as √2 times this far apart when the nearest point is sought, so
-that the two sides of a thin sheet are kept apart."""
+"""Weight of normals in the search for the nearest point, m: two places with perpendicular normals count as √2 times
+this far apart, so that the two sides of a thin sheet are distinguished."""
 OFFSET_M = 2e-5
-"""Rays start this far above the surface."""
+"""Distance above the surface, m, at which rays start."""
 PROBE_M = 0.5e-3
-"""Height above the tangent plane from which scattered light's point of entry is sought."""
+"""Least height, m, above the tangent plane from which the entry point of scattered light is searched."""
 ENTRIES = 3
-"""Places of entry of scattered light for each of a pixel's 16 points."""
+"""Number of entry points of scattered light for each of a pixel's 16 points."""
 PHI2 = np.array([0.7548776662466927, 0.5698402909980532])
 """Roberts' R₂ sequence: evenly spread points of the unit square."""
 
@@ -56,7 +56,7 @@ Texture = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Hits:
-    """Front sides that rays meet: which rays (N,), places, shading and face normals (N, 3), albedo (N,)."""
+    """Front sides that rays hit: numbers of the rays (N,), points, shading and face normals (N, 3), albedo (N,)."""
 
     ray: np.ndarray
     point: np.ndarray
@@ -65,12 +65,12 @@ class Hits:
     albedo: np.ndarray
 
     def only(self, chosen: np.ndarray) -> "Hits":
-        """Some of the places."""
+        """The chosen hits."""
         return Hits(*(values[chosen] for values in (self.ray, self.point, self.normal, self.face, self.albedo)))
 
     @property
     def start(self) -> np.ndarray:
-        """Where rays that leave start."""
+        """Starting points of rays that leave the surface."""
         return self.point + OFFSET_M * self.face
 
 
@@ -97,7 +97,7 @@ class Surface:
         TriangleMesh(self._scene, np.ascontiguousarray(mesh.triangles, dtype=np.float32))
 
     def hits(self, start: np.ndarray, direction: np.ndarray) -> tuple[Hits, np.ndarray]:
-        """First front sides along rays (N, 3), and which rays (N,) meet a back side, as inside a solid."""
+        """First front sides along rays (N, 3), and a mask (N,) of rays that hit a back side, as inside a solid."""
         hit_record = self._scene.run(_single(start), _single(direction), query="INTERSECT", output=1)
         ray = np.flatnonzero(hit_record["primID"] >= 0)
         triangle = hit_record["primID"][ray]
@@ -110,7 +110,7 @@ class Surface:
         return self.at(triangle, weight, ray), back
 
     def at(self, triangle: np.ndarray, weight: np.ndarray, ray: np.ndarray | None = None) -> Hits:
-        """Places by triangle (N,) and barycentric weights (N, 3)."""
+        """Surface points by triangle (N,) and barycentric weights (N, 3)."""
         point = np.einsum("nc,nci->ni", weight, self.mesh.triangles[triangle])
         normal = np.einsum("nc,nci->ni", weight, self.mesh.corner_normals[triangle])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
@@ -118,7 +118,7 @@ class Surface:
         return Hits(ray, point, normal, self._faces[triangle], self._texture(point))
 
     def sees(self, hits: Hits, lamp: np.ndarray) -> np.ndarray:
-        """Whether a lamp at (3,) reaches each place."""
+        """Mask (N,) of the points that a lamp at (3,) reaches."""
         to_lamp = lamp - hits.start
         out = np.sum(to_lamp * hits.normal, axis=1) > 0
         where = np.flatnonzero(out)
@@ -144,7 +144,7 @@ def camera_rays(pixels: int, focal_px: float, samples: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Paths:
-    """Ends of stored paths: pixel and point (V,), weight (V,), place; `closing`: no further vertex follows."""
+    """Vertices of stored paths: pixel, nearest point and weight (V,), position; `closing`: no further vertex."""
 
     pixel: np.ndarray
     nearest: np.ndarray
@@ -177,20 +177,20 @@ class Tracer:
         if indirect:
             self._spread_points()
             self._paths = self._gather()
-            if reflectance.lambertian:  # what a path carries is a multiple of its point's radiosity
+            if reflectance.lambertian:  # a path's light is a multiple of its point's radiosity
                 paths = self._paths
                 entries = (paths.weight, (paths.pixel, paths.nearest))
                 self._product = csr_array(entries, shape=(pixels**2, len(self._points.point)))
 
     def render(self, lamp: Lamp) -> np.ndarray:
-        """Values y (H, W), float32, averaged over each pixel."""
+        """Values y (H, W), float32, as means over each pixel."""
         out = np.bincount(self._pixel, self._direct(lamp), self.pixels**2) / self.samples**2
         if self._paths is not None:
             out += self._indirect(lamp, self._paths)
         return out.reshape(self.pixels, self.pixels).astype(np.float32)
 
     def ambient(self) -> np.ndarray:
-        """Values y (H, W) under light of radiance 1 from all round: albedo times the share of the sky that is seen."""
+        """Values y (H, W) under light of radiance 1 from all round, with reflections between surfaces."""
         assert self._paths is not None
         escaped = np.maximum(1 - np.asarray(self._form.sum(axis=1)).ravel() - self._buried, 0)
         light = self._radiosity(escaped)
@@ -239,7 +239,7 @@ class Tracer:
         return np.bincount(paths.pixel, paths.weight * light, self.pixels**2)
 
     def _radiosity(self, direct: np.ndarray) -> np.ndarray:
-        """Radiosity (P,) of the points under irradiance (P,): Jacobi iteration of B = ρ (E + F B)."""
+        """Radiosity (P,) of the points under irradiance (P,), by Jacobi iteration of B = ρ (E + F B)."""
         out = self._share * direct
         light = np.sum(out)
         for _ in range(MOST_BOUNCES):
@@ -250,8 +250,8 @@ class Tracer:
         return out
 
     def _entries(self, scatter_m: float) -> Hits:
-        """Where light that leaves the seen points has entered, ENTRIES places for each: an exponential distance along
-        the tangent plane, then down to the surface; where nothing that faces the same way is met, the point itself.
+        """Samples where light that leaves the seen points has entered, ENTRIES points for each: at an exponential
+        distance along the tangent plane, then down to the surface; the point itself if none faces a similar way there.
         """
         origin = np.repeat(np.arange(len(self._seen.ray)), ENTRIES)
         seen, square = self._seen.only(origin), self._camera_squares(ENTRIES)
@@ -267,9 +267,9 @@ class Tracer:
         return seen
 
     def _spread_points(self) -> None:
-        """Points spread evenly by area, the form factors between them (rows: receivers), and what maps places to them.
+        """Makes points spread evenly by area, form factors between them (rows: receivers), and a search tree of them.
 
-        Points that see back sides lie inside another solid and are left out.
+        Points that see mostly back sides lie inside another solid and are left out.
         """
         areas = np.cumsum(self.surface.mesh.areas)
         steps = (np.arange(POINTS) + self._rng.random(POINTS)) * (areas[-1] / POINTS)
@@ -302,7 +302,7 @@ class Tracer:
         return GLOSS_VERTICES if self.brdf.diffuse > 0 else METAL_VERTICES
 
     def _gather(self) -> Paths:
-        """Stored paths from the camera's points: diffuse and lobe rays to one vertex, a metal's to several."""
+        """Paths from the camera's points by diffuse and lobe rays, over `_vertices` vertices each."""
         seen, outward = self._seen, self._outward
         made: list[tuple[np.ndarray, ...]] = []
         if self.brdf.diffuse > 0:
@@ -336,7 +336,7 @@ class Tracer:
             pixel, weight, outward = pixel[hits.ray], weight[hits.ray], -direction[hits.ray]
             closing = np.full(len(pixel), number == vertices - 1)
             place = (hits.point, hits.normal, outward, hits.albedo)
-            # Millions of vertices: half the memory.
+            # Single precision halves the memory of millions of vertices.
             out.append((pixel, self._nearest(hits), _single(weight), closing, *(_single(part) for part in place)))
             if number < vertices - 1:
                 square = self._rng.random((len(pixel), 2))
@@ -345,7 +345,7 @@ class Tracer:
         return out
 
     def _camera_squares(self, count: int) -> np.ndarray:
-        """Points (N · count, 2) of the unit square for the seen points, those of one pixel spread evenly together."""
+        """Points (N · count, 2) of the unit square for the seen points; those of a pixel are evenly spread together."""
         per_pixel = self._squares(self.pixels**2, count * self.samples**2).reshape(-1, count, 2)
         return per_pixel[self._seen.ray].reshape(-1, 2)
 

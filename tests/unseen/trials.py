@@ -1,9 +1,9 @@
-"""What model selection looked at in a solve: scores of the missing terms, and the trial of each alternative.
+"""Records model selection in a solve: scores of the missing terms, and the trial of each alternative.
 
-The thresholds of `acquisition.normals.alternatives` (`model_trial`, `term_alternatives`, `lamp_alternatives`) stand
-between what sound and what faulty captures have of these. A run keeps them with each solve (`recorded`); `python -m
-tests.unseen table FILE --trials` shows their ranges, so that a threshold can be checked against scenes that it was not
-set on.
+The thresholds of `acquisition.normals.alternatives` (`model_trial`, `term_alternatives`, `lamp_alternatives`) lie
+between the values of sound and of faulty captures. A run stores the values with each solve (`recorded`). `python -m
+tests.unseen table FILE --trials` shows their ranges, so that a threshold can be checked on scenes to which it was not
+tuned.
 """
 
 import math
@@ -25,8 +25,8 @@ Line = dict[str, object]
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial: what one step promised and the descent estimated of its term, misfit, share of residuals and loss
-    after over before, and whether it was accepted."""
+    """One trial: amounts of its term by one `step` and as the descent's `estimate`; ratios after / before of misfit,
+    share of residuals and loss; and whether it was accepted."""
 
     kind: str
     step: float
@@ -39,19 +39,19 @@ class Trial:
 
 @dataclass
 class Record:
-    """`scores` of the plain model, (gain, amount by one step) of each term; `trials` in their order."""
+    """`scores` of the plain model, as (gain, amount by one step) of each term, and `trials` in order."""
 
     scores: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     trials: list[Trial] = field(default_factory=list[Trial])
 
     def line(self) -> Line:
-        """As keys of a run's line."""
+        """The record as keys of a run's line."""
         return {"scores": self.scores, "trials": [asdict(trial) for trial in self.trials]}
 
 
 @contextmanager
 def recorded() -> Generator[Record]:
-    """Records the solves of its context; what it has put in place of the product's functions is gone afterwards."""
+    """Records the solves within its context, and restores the product's functions afterwards."""
     record = Record()
     solve, accepted = model_selection.solve, Alternative.accepted
 
@@ -85,8 +85,8 @@ def recorded() -> Generator[Record]:
 
 
 def score_table(lines: Sequence[Line], group: Callable[[Line], str], table: Callable[[list[list[str]]], str]) -> str:
-    """Gains of the log likelihood by group and term, of captures where the step has an amount that would be tried:
-    how many there are, the median gain, the greatest, and how many are demanded."""
+    """Log-likelihood gains by group and term, 0 where the step's amount is too small to be tried: number of captures,
+    median, 90th percentile and maximum of the gain, and number of captures that demand a trial."""
     least = asdict(term_alternatives.SETTINGS.min_step) | {
         "exponent": model_trial.SETTINGS.coded_exponent,
         "turn": math.radians(lamp_alternatives.REFINED_DEG),
@@ -108,8 +108,8 @@ def score_table(lines: Sequence[Line], group: Callable[[Line], str], table: Call
 
 
 def trial_table(lines: Sequence[Line], group: Callable[[Line], str], table: Callable[[list[list[str]]], str]) -> str:
-    """Trials by group and kind: misfit, share of residuals and loss after over before, and estimate over what a step
-    promised, least to greatest, of the accepted and of the refused ones."""
+    """Accepted and refused trials by group and kind: ranges of the ratios after / before of misfit, share of residuals
+    and loss, and of the ratio of the estimate to the amount by one step."""
     trials: dict[tuple[str, str, bool], list[Trial]] = defaultdict(list)
     for line in lines:
         for one in cast("list[dict[str, Any]]", line.get("trials") or []):
@@ -126,7 +126,7 @@ def trial_table(lines: Sequence[Line], group: Callable[[Line], str], table: Call
 
 
 def _extremes(values: Sequence[float]) -> str:
-    """Least to greatest of those that are known: some are not, of fits that cannot be judged and of older lines."""
+    """Range of the known values; fits that cannot be judged and older lines have unknown ones."""
     known = [value for value in values if math.isfinite(value)]
     return f"{min(known):.2f}–{max(known):.2f}" if known else ""
 

@@ -1,6 +1,6 @@
-"""Two solves of one small scene, as it is and with a fault of the capture, and how much the fault costs.
+"""Two solves of one small scene, without and with a fault of the capture, and the increase of the error by the fault.
 
-Lights are two rings, so that no pilot and no plan is needed, and both solves are graded on the pixels that both have.
+Lights are two rings, so that no pilot and no plan is needed. Both solves are graded on the pixels solved in both.
 """
 
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ class Pair:
 
     @property
     def error_ratio(self) -> float:
-        """Mean error with the fault over that without."""
+        """Ratio of the mean error with the fault to that without."""
         return self.faulty_deg / self.sound_deg
 
 
 def solved(family: str, seed: int, reflectance: str, fault: str, lights: int = 10, *, pixels: int = PIXELS) -> Pair:
-    """Solves a scene's capture without and with a fault, in images of so many pixels across."""
+    """Solves a scene's capture without and with a fault, in images of `pixels` × `pixels`."""
     scene = scenes.scene(family, seed, reflectance, pixels)
     positions = patterns.fixed("two-rings", scene, lights, 0, 1)
     sound, faulty = (run.solve(scene, capture(scene, positions, fault=faults.named(name))) for name in ("", fault))
@@ -39,5 +39,5 @@ def solved(family: str, seed: int, reflectance: str, fault: str, lights: int = 1
 
 
 def kinds(normal_map: NormalMap) -> list[tuple[str, bool]]:
-    """Kind of each finding, and whether it is corrected."""
+    """The kind of each finding, and whether it is corrected."""
     return [(finding.kind, finding.corrected) for finding in normal_map.findings]
