@@ -31,7 +31,7 @@ from hardware_sim.status import StatusLines
 from hardware_sim.world import ProfileName
 
 READY_WITHIN_S = 600.0
-"""Time limit, s, for controller and world to be ready: usual are 10 s, and over 120 s if 20 programs share 2 cores."""
+"""Time limit, s, until controller and world are ready: usually 10 s, over 120 s if twenty programs share two cores."""
 
 STATUS_EVERY_S = 0.05
 

@@ -74,7 +74,7 @@ def errors(found: Calibration, truth: dict[str, Any]) -> CalibrationErrors:
 
 
 def error_probabilities(found: Calibration, truth: dict[str, Any]) -> dict[str, float]:
-    """Probability, by the stated covariances, of errors up to the actual ones; uniform over 0–1 if these are right.
+    """Probability of errors up to the actual ones by the stated covariances; uniform over 0–1 if covariances are right.
 
     Computed for the lamp's position, the camera's pose (six at once) and the flat field's terms, where they are stated.
     """

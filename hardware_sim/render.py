@@ -94,7 +94,7 @@ class Lamp:
 
 @dataclass(frozen=True)
 class Samples:
-    """What a set of camera rays hits: flat pixel numbers (N,), points and unit normals (N, 3), albedo (N,)."""
+    """Hits of a set of camera rays: flat pixel numbers (N,), points and unit normals (N, 3), albedo (N,)."""
 
     pixels: npt.NDArray[np.int32]
     points: Float32Array

@@ -4,7 +4,7 @@ from enum import IntEnum
 
 
 class RuntimeState(IntEnum):
-    """`runtime_state`: what the program does."""
+    """`runtime_state`: state of the program."""
 
     STOPPING = 0
     STOPPED = 1

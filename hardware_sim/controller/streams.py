@@ -1,6 +1,6 @@
 """Messages of the primary, secondary and real-time interfaces (30001–30003, read-only at 30011–30013), software 5.11.
 
-Layouts are from UR's client interface manual, `Version5.10` and `RealTime5.10` (1220 bytes), the last change of one
+Layouts are from UR's client interface manual, `Version5.10` and `RealTime5.10` (1220 bytes), the last that changed one
 before 5.11. Sub-packages that the manual leaves out as internal (9, 10) hold zeros; they have the sizes in the robot
 state of a UR5e recorded in UR's client library (`tests/test_primary_parser.cpp`). Sources of messages are also as
 recorded there. Messages on global variables (type 25) are not sent.
