@@ -69,7 +69,7 @@ class Cell:
 
     The constructor raises RigError request.invalid for an object that cannot be made, an unknown profile, or a size or
     speed out of range, and config.invalid for a bad cell file or an object that protrudes from its keep-out. Entry
-    raises service.fault if a process does not start; the detail holds its reason.
+    raises device.disconnected if the controller does not start, and service.fault, with the reason, for the world.
     """
 
     def __init__(self, options: CellOptions, folder: Path) -> None:

@@ -3,8 +3,8 @@
 It has all commands of PolyScope 5.11. Where the guide differs from what robots send (operational modes), replies are
 those that UR's own client library expects. `setUserRole` and `getUserRole` belong to CB3, but clients still send them.
 Clients compare whole replies, so these are the real ones, ended by a bare line feed. In local control a controller
-answers questions, shows popups and refuses all else. A connection opened in local control stays refused until the
-client connects again.
+answers questions, shows popups and refuses all else. A connection that was opened in local control goes on refusing
+until the client connects again.
 """
 
 import socket
