@@ -57,8 +57,8 @@ class UrArm:
         if config.max_joint_speed_rad_s / config.stop_deceleration_rad_s2 > protocol.STOP_WITHIN_S:
             raise RigError(
                 ErrorCode.CONFIG_INVALID,
-                f"arm.stop_deceleration_rad_s2 must stop arm.max_joint_speed_rad_s within {protocol.STOP_WITHIN_S} s: "
-                f"at least {config.max_joint_speed_rad_s / protocol.STOP_WITHIN_S:.2f}.",
+                f"A stop from arm.max_joint_speed_rad_s must take at most {protocol.STOP_WITHIN_S} s: set "
+                f"arm.stop_deceleration_rad_s2 to at least {config.max_joint_speed_rad_s / protocol.STOP_WITHIN_S:.2f}",
             )
         self._config = config
         self._software = probe.software_of(config)
@@ -182,8 +182,8 @@ class UrArm:
         if self._priority != "real-time" and not self._told_priority:
             self._told_priority = True
             _log.warning(
-                "the arm's driver may not run in real time (granted: %s): other programs on this machine may make it "
-                "stop the arm in mid-move, safely; grant LimitRTPRIO=1 or CAP_SYS_NICE",
+                "the arm's driver is not allowed to run in real time (granted: %s). If other programs on this machine "
+                "delay it, it may stop the arm during a move, safely. Grant LimitRTPRIO=1 or CAP_SYS_NICE",
                 self._priority,
             )
 
@@ -262,7 +262,7 @@ class UrArm:
     def set_output(self, output: int, on: bool) -> None:
         """Sets the lamp's output and waits for its read-back; for `UrLamp`."""
         if output != self._lamp_output:
-            detail = f"The arm was given lamp output {self._lamp_output}, not {output}."
+            detail = f"The arm's driver was set up for lamp output {self._lamp_output}, not {output}."
             raise RigError(ErrorCode.CONFIG_INVALID, detail)
         self._switch(protocol.SetLamp(on), halts=on)
 
@@ -390,7 +390,7 @@ class UrArm:
         if isinstance(reply, Failed):
             raise reply.error
         if isinstance(reply, Interrupted):
-            raise RigError(ErrorCode.ARM_NOT_READY, "A halt came in between.")
+            raise RigError(ErrorCode.ARM_NOT_READY, "A halt interrupted the request.")
         return reply
 
     # ------------------------------------------------------------------------------------------------------- questions

@@ -138,7 +138,7 @@ class Controller:
             while receive.getRuntimeState() == states.PROGRAM_PLAYING:
                 if time.monotonic() > deadline:
                     raise RigError(
-                        ErrorCode.ARM_IN_USE, "Another program runs on the controller; it is not ours to stop."
+                        ErrorCode.ARM_IN_USE, "Another program runs on the controller; the service stops only its own."
                     )
                 yield
             control = yield from self._upload(opened.address)
@@ -146,7 +146,7 @@ class Controller:
             control = self._require_control()
         tool, payload, center = request.flange_from_tool, request.payload_kg, request.payload_center_m
         if not (control.setTcp(list(tool)) and control.setPayload(payload, list(center))):
-            raise (yield from self._failure_cause("The controller refused TCP or payload."))
+            raise (yield from self._failure_cause("The controller refused the TCP or the payload."))
         if not self._armed:
             if not control.setWatchdog(protocol.WATCHDOG_HZ):
                 raise (yield from self._failure_cause("The controller refused the watchdog."))
@@ -188,11 +188,8 @@ class Controller:
         while is_on() != on:
             if time.monotonic() > deadline:
                 self._write_lamp(False)
-                raise RigError(
-                    ErrorCode.LAMP_NOT_CONFIRMED,
-                    f"Output {opened.lamp_output} was set {'on' if on else 'off'} and does not read back so.",
-                    output=opened.lamp_output,
-                )
+                number = opened.lamp_output
+                raise RigError(ErrorCode.LAMP_NOT_CONFIRMED, _unswitched(str(number), on), output=number)
             yield
         self._lamp_confirmed = on
         return Done()
@@ -213,7 +210,7 @@ class Controller:
             while is_high() != level:
                 if time.monotonic() > deadline:
                     self._write_output(output, False)
-                    raise RigError(ErrorCode.CAMERA_TIMEOUT, f"Output {output}, the trigger, does not read back")
+                    raise RigError(ErrorCode.CAMERA_TIMEOUT, _unswitched(f"{output}, the camera's trigger,", level))
                 yield
         return Done()
 
@@ -225,9 +222,8 @@ class Controller:
         control = self._require_control()
         for goal in move.path:
             if not control.isJointsWithinSafetyLimits(list(goal)):
-                raise (
-                    yield from self._failure_cause(f"The controller's safety limits forbid {_degrees(goal)} degrees.")
-                )
+                detail = f"The joint angles {_degrees(goal)} degrees are outside the controller's safety limits."
+                raise (yield from self._failure_cause(detail))
             yield
         for goal, (speed, acceleration) in zip(move.path, move.limits, strict=True):
             control = self._require_control()
@@ -272,22 +268,20 @@ class Controller:
             yield
             now = time.monotonic()
             if not self._armed or states.safety_fault(receive.getSafetyStatusBits()) is not None:
-                raise (
-                    yield from self._failure_cause(
-                        "The control program ended in mid-move; was it stopped at the pendant?"
-                    )
-                )
+                detail = "The control program ended during the move. Was it stopped at the pendant?"
+                raise (yield from self._failure_cause(detail))
             status = control.getAsyncOperationProgressEx()
             if status.operationId() != before:
                 if not status.isAsyncOperationRunning():
                     return
             elif now - started > START_S:
-                raise RigError(ErrorCode.ARM_MOVE_FAILED, "The controller took a move and did not begin it.")
+                detail = f"The controller accepted a move but did not start it within {START_S:g} s."
+                raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
             distance = _distance(receive.getActualQ(), goal)
             if distance < nearest - 1e-4:
                 nearest, nearer_at = distance, now
             elif now - nearer_at > STALL_S:
-                detail = f"The arm stands {distance:.3f} rad before its goal; is the speed slider at 0?"
+                detail = f"The arm makes no progress, {distance:.3f} rad from its goal. Is the speed slider at 0?"
                 raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
 
     def _await_rest(self, goal: tuple[float, ...]) -> Generator[None, None, None]:
@@ -343,7 +337,7 @@ class Controller:
         else:
             written = self._outputs.setToolDigitalOut(number - 16, on)
         if not written:
-            raise RuntimeError("the output was not sent")
+            raise RuntimeError(f"the command for output {number} was not sent")
 
     def _link(self, receive: Receive, now: float) -> Link:
         """Returns the state of the link and logs a lost one; the limit is longer just after this process slept."""
@@ -356,8 +350,8 @@ class Controller:
         elif self._control is not None and not self._control.isConnected():
             link = Link.CONTROL_CLOSED
         if link is not Link.OK:
-            old_s = now - self._received_at
-            _log.error("%s: data are %.2f s old; slept %.2f s, %.2f s ago", link.name, old_s, self._slept_s, awake_s)
+            values = link.name, now - self._received_at, self._slept_s, awake_s
+            _log.error("link lost (%s): data are %.2f s old; the driver slept for %.2f s, %.2f s ago", *values)
         return link
 
     def _require_open(self) -> tuple[protocol.Open, Receive]:
@@ -369,7 +363,7 @@ class Controller:
         _, receive = self._require_open()
         self._require_power_and_safety(receive)
         if self._control is None or not self._armed:
-            raise RigError(ErrorCode.ARM_NOT_READY, "The control program does not run; connect to the arm again.")
+            raise RigError(ErrorCode.ARM_NOT_READY, "The control program is not running. Connect to the arm again.")
         return self._control
 
     def _require_power_and_safety(self, receive: Receive) -> None:
@@ -381,11 +375,16 @@ class Controller:
 def _refusal(error: RuntimeError, address: str) -> RigError:
     text = str(error).replace("ur_rtde:", "").strip()
     if "already in use" in text:
-        detail = "Another program controls the arm: its RTDE registers are taken."
+        detail = "Another program controls the arm: the RTDE registers are already in use."
         return RigError(ErrorCode.ARM_IN_USE, detail, address=address)
     if "start control script" in text:
         return RigError(ErrorCode.ARM_NOT_READY, "The controller did not start the control program.", address=address)
     return RigError(ErrorCode.ARM_UNREACHABLE, f"The controller at {address} refused: {text}", address=address)
+
+
+def _unswitched(output: str, on: bool) -> str:
+    wanted, still = ("on", "off") if on else ("off", "on")
+    return f"Output {output} was set {wanted}, but the controller still reports it {still} after {CONFIRM_S:g} s."
 
 
 def _degrees(joints: tuple[float, ...]) -> str:

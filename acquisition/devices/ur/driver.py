@@ -106,7 +106,7 @@ class Driver:
         if sample is not None:
             self._memory.publish(sample)
             if sample.link is not Link.OK:
-                raise LinkLostError(f"The link to the arm is lost: {sample.lost}. Nothing moves until it is mended.")
+                raise LinkLostError(f"The link to the arm is lost: {sample.lost}. Nothing moves until it is restored.")
 
     def _carry_out_halt(self) -> None:
         requested = self._memory.read(Field.HALT_REQUESTED)
@@ -127,7 +127,7 @@ class Driver:
         moving = isinstance(self._request, protocol.Move)
         try:
             if moving and self._memory.age_s(Field.LEASE) > protocol.LEASE_S:
-                detail = "The service fell silent in mid-move; the driver stopped the arm."
+                detail = "The service stopped responding during the move, so the driver stopped the arm."
                 raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
             next(self._task)
         except StopIteration as finished:

@@ -58,8 +58,8 @@ class PolyScopeX:
         if version < OLDEST:
             raise RigError(
                 ErrorCode.CONFIG_INVALID,
-                f"The controller at {self._address} runs PolyScope X {version}, whose Robot API does not say whether "
-                f"it is in remote control: update it to {OLDEST[0]}.{OLDEST[1]} or later.",
+                f"The controller at {self._address} runs PolyScope X {version}, whose Robot API does not report "
+                f"whether the arm is in remote control: update it to {OLDEST[0]}.{OLDEST[1]} or later.",
                 address=self._address,
             )
         self._version = version
@@ -75,7 +75,7 @@ class PolyScopeX:
         """Asks the Robot API. Raises RigError arm.unreachable."""
         status, mode = self._ask("GET", "/system/v1/controlmode", None, ANSWER_S)
         if status != HTTPStatus.OK:
-            raise self._failed(f"answers {status} to a question for its control mode")
+            raise self._failed(f"answers the request for the control mode with status {status}")
         status, arm = self._ask("GET", "/system/v1/information", None, ANSWER_S)
         if status != HTTPStatus.OK:  # before 10.14
             arm = {}
@@ -90,8 +90,10 @@ class PolyScopeX:
         """Carries out one step by the Robot API. Raises RigError safety.recovery_refused, arm.unreachable."""
         status, answer = self._ask("PUT", "/robotstate/v1/state", {"action": _RECOVERY[step]}, RECOVERY_S)
         if not HTTPStatus.OK <= status < HTTPStatus.MULTIPLE_CHOICES:
-            reply = " ".join(str(answer[name]) for name in ("message", "details") if answer.get(name)) or "nothing more"
-            detail = f"The controller answers {status}: {reply}"
+            reply = (
+                " ".join(str(answer[name]) for name in ("message", "details") if answer.get(name)) or "no reason given"
+            )
+            detail = f"The controller answers with status {status}: {reply.removesuffix('.')}."
             if status == HTTPStatus.FORBIDDEN:
                 detail += " Select Automatic, then Remote, in the pendant's safety overview."
             raise RigError(ErrorCode.SAFETY_RECOVERY_REFUSED, detail, step=step, reply=reply)
@@ -103,13 +105,13 @@ class PolyScopeX:
     def limits(self) -> tuple[str, ...]:
         """Lists what no interface of PolyScope X allows from here."""
         limits = [
-            "remote control is switched on at the pendant only: safety overview, Automatic, Remote",
-            "in local control the primary interface is read-only: no second halt path, stop at the pendant",
+            "remote control can be switched on only at the pendant: safety overview, Automatic, Remote",
+            "in local control the primary interface is read-only, so there is no second halt path: stop at the pendant",
         ]
         if self._version is not None and self._version < IDENTITY_SINCE:
             limits.append(
-                "model and serial number are not readable before 10.14: only the kinematics tell whether the arm is "
-                "the right one"
+                "model and serial number cannot be read before PolyScope X 10.14: only the kinematics show whether it "
+                "is the right arm"
             )
         return tuple(limits)
 
@@ -143,9 +145,9 @@ class PolyScopeX:
                 connection.close()
             moved = urlsplit(location)
             if moved.scheme == "https" or moved.hostname not in (None, self._address):
-                raise ConnectionError(f"sends us on to {location}, which is not the Robot API of this port")
+                raise ConnectionError(f"redirects to {location}, which is not this port's Robot API")
             target = moved.path
-        raise ConnectionError("sends us on without end")
+        raise ConnectionError(f"redirects more than {_MOST_REDIRECTIONS} times")
 
 
 def _content(body: bytes) -> dict[str, Any]:

@@ -72,7 +72,7 @@ def findings(config: ArmConfig, answers: Answers) -> list[Finding]:
     if config.serial is not None and identity.serial == UNKNOWN:
         differences.append(
             Finding(
-                f"The cell file asks for the serial number {config.serial}, which {identity.software} does not tell.",
+                f"The cell file states the serial number {config.serial}, but {identity.software} reports none.",
                 "Update the controller, or remove `arm.serial`.",
             )
         )
@@ -84,13 +84,15 @@ def findings(config: ArmConfig, answers: Answers) -> list[Finding]:
             )
         )
     if reading.speed_fraction < 1e-3:
-        differences.append(Finding("The speed slider is at 0: no move would begin.", "Move the slider at the pendant."))
+        differences.append(
+            Finding("The speed slider is at 0, so no move would start.", "Move the slider at the pendant.")
+        )
     if config.kinematics is not None and answers.kinematics is not None:
         differences += _kinematics_mismatch(config.kinematics, answers.kinematics)
     if answers.inspection is not None:
         differences += _inspection_mismatches(config, answers.inspection, answers.expected_base_from_tool)
     elif not differences:
-        differences.append(Finding("The control program does not run.", "Connect to the arm again."))
+        differences.append(Finding("The control program is not running.", "Connect to the arm again."))
     return differences
 
 
@@ -139,7 +141,7 @@ def _inspection_mismatches(config: ArmConfig, inspection: Inspection, expected: 
             )
             differences.append(
                 Finding(
-                    f"The tool is {1e3 * distance:.1f} mm from where {config.model}'s kinematics put it.",
+                    f"The tool is {1e3 * distance:.1f} mm from where {config.model}'s kinematics place it.",
                     "Check `arm.model` and `arm.flange_from_tool`. " + ("" if calibrated else remedy),
                 )
             )

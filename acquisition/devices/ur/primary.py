@@ -90,7 +90,7 @@ def kinematics(address: str, within_s: float = _ENOUGH_S) -> list[JointGeometry]
     try:
         return _received(address, within_s)
     except OSError as error:
-        detail = f"Port {PORT} of {address} fails: {error or 'time-out'}."
+        detail = f"Port {PORT} of {address} cannot be used: {error or 'time-out'}."
         raise RigError(ErrorCode.ARM_UNREACHABLE, detail, address=address, port=PORT) from error
 
 

@@ -70,5 +70,5 @@ def _version(address: str) -> Version:
             reply += tcp.receive(connection, deadline)
     _, kind, *numbers = _VERSION_REPLY.unpack_from(reply)
     if kind != ord("v"):
-        raise ConnectionError("does not name its version")
+        raise ConnectionError("does not report its version")
     return Version(*numbers)

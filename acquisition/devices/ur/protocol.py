@@ -160,10 +160,10 @@ class Link(IntEnum):
 
 
 _LOST = {
-    Link.OK: "the driver has fallen silent",  # a living driver would have reported another state
+    Link.OK: "the driver does not respond",  # a living driver would have reported another state
     Link.SILENT: "the controller sends nothing",
-    Link.READING_CLOSED: "the connection that data come by is closed",
-    Link.CONTROL_CLOSED: "the connection that commands go by is closed",
+    Link.READING_CLOSED: "the data connection is closed",
+    Link.CONTROL_CLOSED: "the command connection is closed",
 }
 
 
@@ -187,7 +187,7 @@ class Sample:
     @property
     def lost(self) -> str:
         """The evidence that the link, or the driver, is lost, and the age of the newest data now."""
-        return f"{_LOST[self.link]}, the newest data are {time.monotonic() - self.received_at:.2f} s old"
+        return f"{_LOST[self.link]}; the newest data are {time.monotonic() - self.received_at:.2f} s old"
 
 
 class Field(IntEnum):

@@ -46,7 +46,7 @@ _STOPS: tuple[tuple[int, ErrorCode, str], ...] = (
     (2, ErrorCode.ARM_PROTECTIVE_STOP, "Protective stop: the controller stopped the arm."),
     (4, ErrorCode.ARM_PROTECTIVE_STOP, "Safeguard stop: a guard (door, light curtain) is open."),
     (3, ErrorCode.ARM_PROTECTIVE_STOP, "Recovery mode: the arm stands outside its safety limits."),
-    (10, ErrorCode.ARM_PROTECTIVE_STOP, "The controller stopped the arm for safety and names no cause."),
+    (10, ErrorCode.ARM_PROTECTIVE_STOP, "The controller stopped the arm for safety but reports no cause."),
 )
 
 
@@ -56,7 +56,10 @@ def safety_fault(safety_bits: int) -> Fault | None:
         if safety_bits >> bit & 1:
             return Fault(code, detail)
     if not safety_bits & _NORMAL_OR_REDUCED:
-        return Fault(ErrorCode.ARM_PROTECTIVE_STOP, f"The safety system is not normal (bits {safety_bits:#x}).")
+        return Fault(
+            ErrorCode.ARM_PROTECTIVE_STOP,
+            f"The safety system does not report normal operation (bits {safety_bits:#x}).",
+        )
     return None
 
 

@@ -27,7 +27,7 @@ def refuse_foreign(address: str) -> None:
     if not allowed:
         raise RigError(
             ErrorCode.ARM_UNREACHABLE,
-            f"{address} is not on loopback and LIGHTPOSE_LOOPBACK_ONLY is set.",
+            f"{address} is not a loopback address, and LIGHTPOSE_LOOPBACK_ONLY is set.",
             address=address,
         )
 
@@ -51,5 +51,5 @@ def receive(connection: socket.socket, deadline: float) -> bytes:
 
 def unreachable(address: str, port: int, error: OSError) -> RigError:
     """Returns the RigError arm.unreachable for a port that fails."""
-    reason = "does not answer in time" if isinstance(error, TimeoutError) else f"fails: {error}"
+    reason = "does not answer in time" if isinstance(error, TimeoutError) else f"cannot be used: {error}"
     return RigError(ErrorCode.ARM_UNREACHABLE, f"Port {port} of {address} {reason}.", address=address, port=port)

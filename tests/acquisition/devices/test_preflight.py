@@ -79,7 +79,7 @@ def test_findings_new_names_of_arms_are_known(told: str, named: str, fits: bool)
         (replace(GOOD, reading=replace(READING, speed_fraction=0.0)), "slider"),
         (replace(GOOD, reading=replace(READING, safety_bits=1 << 4)), "Safeguard"),
         (replace(GOOD, reading=replace(READING, robot_mode=5)), "brakes on"),
-        (replace(GOOD, inspection=None), "does not run"),
+        (replace(GOOD, inspection=None), "is not running"),
         (replace(GOOD, inspection=replace(INSPECTION, flange_from_tool=(0.0, *TOOL[1:]))), "TCP"),
         (replace(GOOD, inspection=replace(INSPECTION, payload_kg=1.0)), "payload"),
         (replace(GOOD, inspection=replace(INSPECTION, payload_center_m=(0.0, 0.0, 0.0))), "payload"),

@@ -17,8 +17,8 @@ from acquisition.models.errors import ErrorCode
         (1 << 2 | 1 << 6 | 1 << 7, ErrorCode.ARM_EMERGENCY_STOP, "robot"),
         (1 << 8 | 1 << 10, ErrorCode.ARM_PROTECTIVE_STOP, "violation"),
         (1 << 9 | 1 << 10, ErrorCode.ARM_PROTECTIVE_STOP, "Safety fault"),
-        (1 << 10, ErrorCode.ARM_PROTECTIVE_STOP, "names no cause"),
-        (0, ErrorCode.ARM_PROTECTIVE_STOP, "not normal"),
+        (1 << 10, ErrorCode.ARM_PROTECTIVE_STOP, "reports no cause"),
+        (0, ErrorCode.ARM_PROTECTIVE_STOP, "does not report normal operation"),
     ],
 )
 def test_safety_fault_each_bit_gives_its_code(bits: int, code: ErrorCode, word: str) -> None:
