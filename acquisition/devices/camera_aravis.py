@@ -56,7 +56,7 @@ class AravisCamera:
             self._error: Any = importlib.import_module("gi.repository.GLib").Error
         except (ImportError, ValueError) as error:
             detail = (
-                "The cell file names a camera of kind 'aravis', and Aravis is missing:"
+                "The cell file names a camera of kind 'aravis', but Aravis is missing:"
                 " install gir1.2-aravis-0.8 and python3-gi (docs/how-to/aravis-camera.md)"
             )
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
@@ -79,7 +79,7 @@ class AravisCamera:
             raise RigError(ErrorCode.CAMERA_UNREACHABLE, self._absence(error)) from error
         device = camera.get_device()
         if isinstance(device, self._aravis.GvDevice) and not device.is_controller():
-            detail = f"Another program controls the camera {self._config.device}: end it"
+            detail = f"Another program controls the camera {self._config.device}: end that program"
             raise RigError(ErrorCode.CAMERA_UNREACHABLE, detail)
         try:
             self._camera = camera
@@ -93,7 +93,7 @@ class AravisCamera:
             self.close()
             raise RigError(
                 ErrorCode.CONFIG_INVALID,
-                f"The camera {self._config.device} refuses what the cell file asks for: {error.message}",
+                f"The camera {self._config.device} refuses a setting of the cell file: {error.message}",
             ) from error
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
@@ -187,14 +187,16 @@ class AravisCamera:
             ("height", config.height, settings.height),
         )
         wrong = [
-            f"{name}: {wanted} was set, it reads {got}" for name, wanted, got in asked if wanted not in (None, got)
+            f"{name}: {wanted} was set, but the camera reports {got}"
+            for name, wanted, got in asked
+            if wanted not in (None, got)
         ]
         if config.gain is not None and (settings.gain is None or abs(settings.gain - config.gain) > GAIN_STEP):
-            wrong.append(f"gain: {config.gain} was set, it reads {settings.gain}")
+            wrong.append(f"gain: {config.gain} was set, but the camera reports {settings.gain}")
         if wrong:
             raise RigError(
                 ErrorCode.CONFIG_INVALID,
-                f"The camera {config.device} refuses what the cell file asks for: {'; '.join(wrong)}",
+                f"The camera {config.device} refuses settings of the cell file: {'; '.join(wrong)}",
             )
 
     def _begin(self) -> None:
@@ -241,7 +243,9 @@ class AravisCamera:
         data = bytes(buffer.get_data())
         kind = np.dtype("<u2") if len(data) >= 2 * width * height else np.dtype("u1")
         if len(data) < width * height * kind.itemsize:
-            raise BadFrameError("damaged", f"Frame {self._number} has {len(data)} bytes")
+            raise BadFrameError(
+                "damaged", f"Frame {self._number} has only {len(data)} bytes for {width} × {height} pixels"
+            )
         pixels = np.frombuffer(data, kind, width * height).reshape(height, width)
         return pixels.astype(np.uint16)
 

@@ -86,7 +86,7 @@ class FolderCamera:
         surplus = sorted(self._names() - self._seen)
         if surplus:
             self._seen.update(surplus)
-            raise BadFrameError("late", f"Nobody asked for {', '.join(surplus)}: refused")
+            raise BadFrameError("late", f"{', '.join(surplus)} arrived without a trigger: refused")
         triggered_at = time.time()
         self._owed = True
         self._trigger(exposure_s)
@@ -94,7 +94,7 @@ class FolderCamera:
         self._owed = False
         self._refuse_twice(name, image)
         if image.bits < self._config.bits:
-            detail = f"{name} has {image.bits} bits, the cell file says {self._config.bits}"
+            detail = f"{name} has {image.bits} bits, the cell file says {self._config.bits}: correct one of them"
             raise RigError(ErrorCode.CONFIG_INVALID, detail)
         stated_s = exposure_s if image.exposure_s is None else image.exposure_s
         settings = CameraSettings(
@@ -133,7 +133,7 @@ class FolderCamera:
         except FileNotFoundError as error:
             raise RigError(ErrorCode.CONFIG_INVALID, f"`trigger_command`: there is no program {command[0]}") from error
         except (OSError, subprocess.SubprocessError) as error:
-            raise RigError(ErrorCode.CAMERA_TIMEOUT, f"The trigger's command failed: {error}") from error
+            raise RigError(ErrorCode.CAMERA_TIMEOUT, f"`trigger_command` failed: {error}") from error
 
     def _await_file(self, deadline: float, stop: StopToken) -> tuple[str, ImageFile]:
         why, before, since = "", (0, 0), time.monotonic()
@@ -141,7 +141,7 @@ class FolderCamera:
             new = sorted(self._names() - self._seen)
             if len(new) > 1:
                 self._seen.update(new)
-                raise BadFrameError("doubled", f"One trigger has yielded {', '.join(new)}: all refused")
+                raise BadFrameError("doubled", f"One trigger produced several files, all refused: {', '.join(new)}")
             state = self._state(new[0]) if new else before
             if state != before:
                 before, since = state, time.monotonic()
@@ -156,8 +156,9 @@ class FolderCamera:
             if time.monotonic() > deadline:
                 self._seen.update(new)
                 if new:
+                    why = why or f"{new[0]}: is still being written"
                     raise BadFrameError("damaged", f"{why} ({self._config.timeout_s:.0f} s after the exposure)")
-                detail = f"No file has come within {self._config.timeout_s:.0f} s after the exposure"
+                detail = f"No file arrived within {self._config.timeout_s:.0f} s after the exposure"
                 raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
             time.sleep(POLL_S)
         raise Halted
@@ -165,7 +166,7 @@ class FolderCamera:
     def _refuse_twice(self, name: str, image: ImageFile) -> None:
         digest = hashlib.sha256(image.pixels.tobytes()).hexdigest()
         if digest == self._digest:
-            raise BadFrameError("doubled", f"{name} has the very pixels of the file before it")
+            raise BadFrameError("doubled", f"{name} has exactly the same pixels as the previous file")
         self._digest = digest
 
     def _state(self, name: str) -> tuple[int, int]:
@@ -179,7 +180,7 @@ class FolderCamera:
     def _names(self) -> set[str]:
         """Returns the names of the matching files; a program's temporary names must not match."""
         if not self._folder.is_dir():
-            raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The folder {self._folder} is gone")
+            raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The folder {self._folder} no longer exists")
         return {path.name for path in self._folder.glob(self._config.pattern) if path.is_file()}
 
 

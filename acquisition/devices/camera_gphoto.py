@@ -47,7 +47,7 @@ class GphotoCamera:
             self._gp: Any = importlib.import_module("gphoto2")
             importlib.import_module("rawpy")
         except ImportError as error:
-            detail = "The cell file names a camera of kind 'gphoto': install the extra `dslr` (gphoto2 and rawpy)"
+            detail = "The cell file names a 'gphoto' camera, but gphoto2 or rawpy is missing: install the extra `dslr`"
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
         self._camera: Any = None
         self._exposure_name = ""
@@ -70,7 +70,10 @@ class GphotoCamera:
             present = self._names(camera)
             self._exposure_name = next((name for name in EXPOSURE_NAMES if name in present), "")
             if not self._exposure_name:
-                raise RigError(ErrorCode.CONFIG_INVALID, "The camera's exposure time cannot be set: turn it to manual")
+                raise RigError(
+                    ErrorCode.CONFIG_INVALID,
+                    "The camera's exposure time cannot be set: set the camera to manual exposure",
+                )
             self._steps = _steps(self._choices(camera, self._exposure_name))
             for name, value in self._config.settings.items():
                 self._set(camera, name, value)
@@ -151,7 +154,7 @@ class GphotoCamera:
         if abs(exposure_s / _seconds(step) - 1) > STEP_TOLERANCE or step not in self._steps:
             nearest = _seconds(min(self._steps, key=lambda known: abs(known - math.log2(exposure_s) * STEPS_PER_STOP)))
             raise RigError(
-                ErrorCode.REQUEST_INVALID, f"The camera has no exposure time of {exposure_s:g} s: take {nearest:g} s"
+                ErrorCode.REQUEST_INVALID, f"The camera has no exposure time of {exposure_s:g} s: use {nearest:g} s"
             )
         for name, value in self._config.settings.items():
             self._set(camera, name, value)
@@ -159,13 +162,13 @@ class GphotoCamera:
         settings = self._settings(camera)
         strangers = self._drain()
         if strangers:
-            raise BadFrameError("late", f"Nobody asked for {', '.join(strangers)}: refused")
+            raise BadFrameError("late", f"{', '.join(strangers)} arrived without a trigger: refused")
         triggered_at = time.time()
         camera.trigger_capture()
         image = self._await_image(time.monotonic() + self._config.timeout_s + exposure_s, stop)
         digest = hashlib.sha256(image.pixels.tobytes()).hexdigest()
         if digest == self._digest:
-            raise BadFrameError("doubled", "A file has the very pixels of the one before it")
+            raise BadFrameError("doubled", "A file has exactly the same pixels as the previous one")
         self._digest = digest
         return Frame(image.pixels, settings.exposure_s, triggered_at + settings.exposure_s / 2, None, settings)
 
@@ -260,7 +263,7 @@ class GphotoCamera:
         if widget.get_type() in (self._gp.GP_WIDGET_RADIO, self._gp.GP_WIDGET_MENU):
             choices = [str(choice) for choice in widget.get_choices()]
             if value not in choices:
-                detail = f"The camera's {name} knows no {value!r}, only {', '.join(choices)}"
+                detail = f"The camera's setting {name} does not allow {value!r}; allowed: {', '.join(choices)}"
                 raise RigError(ErrorCode.CONFIG_INVALID, detail)
         widget.set_value(value)
         camera.set_single_config(name, widget)

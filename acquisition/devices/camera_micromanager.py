@@ -33,7 +33,9 @@ class MicromanagerCamera:
         try:
             self._pymmcore: Any = importlib.import_module("pymmcore")
         except ImportError as error:
-            detail = "The cell file names a camera of kind 'micromanager': install the extra `micromanager`"
+            detail = (
+                "The cell file names a 'micromanager' camera, but pymmcore is missing: install the extra `micromanager`"
+            )
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
         self._core: Any = None
         self._number = 0

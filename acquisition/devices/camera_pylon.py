@@ -40,7 +40,7 @@ class PylonCamera:
         try:
             self._pylon: Any = importlib.import_module("pypylon.pylon")
         except ImportError as error:
-            detail = "The cell file names a Basler camera, and pypylon is missing: install the extra `basler`."
+            detail = "The cell file names a Basler camera, but pypylon is missing: install the extra `basler`."
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
         self._camera: Any = None
         self._acquisitions = 0
@@ -69,7 +69,7 @@ class PylonCamera:
             self._set_up(camera)
         except self._pylon.GenericException as error:
             camera.Close()
-            detail = f"The camera {self._config.serial} refuses what the cell file asks for: {error}"
+            detail = f"The camera {self._config.serial} refuses a setting of the cell file: {error}"
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
         self._camera = camera
         known = _capabilities(camera, f"Basler {camera.GetDeviceInfo().GetModelName()} {self._config.serial}")
@@ -91,7 +91,9 @@ class PylonCamera:
         except self._pylon.GenericException as error:
             if self._camera.IsCameraDeviceRemoved():
                 self.close()
-                raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The camera is gone: {error}") from error
+                raise RigError(
+                    ErrorCode.DEVICE_DISCONNECTED, f"The connection to the camera is lost: {error}"
+                ) from error
             raise RigError(ErrorCode.CAMERA_TIMEOUT, f"The camera took no frame: {error}") from error
 
     def restart(self) -> None:
@@ -128,7 +130,8 @@ class PylonCamera:
         camera.StartGrabbingMax(1)
         try:
             if not camera.WaitForFrameTriggerReady(int(READY_S * 1000), self._pylon.TimeoutHandling_Return):
-                raise RigError(ErrorCode.CAMERA_TIMEOUT, "The camera does not get ready for its trigger.")
+                detail = f"The camera was not ready for its trigger within {READY_S:g} s."
+                raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
             taken_at = time.time()
             if self._pulse is None:
                 camera.ExecuteSoftwareTrigger()

@@ -145,7 +145,7 @@ class SimCamera:
     def _foreign(self, line: bytes) -> RigError:
         return RigError(
             ErrorCode.CAMERA_UNREACHABLE,
-            f"What answers at {self._config.address}:{self._config.port} is not this camera: {line[:80]!r}",
+            f"{self._config.address}:{self._config.port} is not the simulated camera's port: it sent {line[:80]!r}",
         )
 
     def _raise_unreachable(self, error: OSError) -> NoReturn:
@@ -171,7 +171,7 @@ def _read_pixels(connection: socket.socket, start: bytes, size: int, deadline: f
     while len(data) < size:
         data += _receive(connection, deadline, stop)
     if len(data) > size:
-        raise ConnectionError(f"sent {len(data)} bytes where {size} were due")
+        raise ConnectionError(f"sent {len(data)} bytes instead of {size}")
     return bytes(data)
 
 

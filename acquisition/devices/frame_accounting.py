@@ -158,7 +158,7 @@ class AccountedCamera:
         if known is not None and size != (known.height, known.width):
             seen = " × ".join(map(str, reversed(size)))
             raise BadFrameError(
-                "damaged", f"A frame has {seen} pixels, the camera's have {known.width} × {known.height}"
+                "damaged", f"A frame has {seen} pixels instead of the camera's {known.width} × {known.height}"
             )
 
     def _check_number(self, frame: Frame) -> None:
@@ -166,18 +166,24 @@ class AccountedCamera:
         if before is None or number is None or number == before + 1:
             return
         if number == before:
-            raise BadFrameError("doubled", f"Frame {number} came a second time")
+            raise BadFrameError("doubled", f"Frame {number} arrived a second time")
         if number < before:
-            raise BadFrameError("late", f"Frame {number} came after frame {before}: it is of an earlier trigger")
-        raise BadFrameError("lost", f"Frame {number} came after frame {before}: {number - before - 1} are missing")
+            raise BadFrameError(
+                "late", f"Frame {number} arrived after frame {before}: it belongs to an earlier trigger"
+            )
+        raise BadFrameError(
+            "lost", f"Frame {number} arrived after frame {before}, missing in between: {number - before - 1}"
+        )
 
     def _check_settings(self, frame: Frame, wanted_s: float) -> None:
         settings = frame.settings
         if settings is None:
             return
-        for what, exposure_s in (("setting", settings.exposure_s), ("frame's own", frame.exposure_s)):
+        for what, exposure_s in (("camera", settings.exposure_s), ("frame", frame.exposure_s)):
             if abs(exposure_s - wanted_s) > EXPOSURE_TOLERANCE * wanted_s + EXPOSURE_STEP_S:
-                raise BadFrameError("settings", f"Exposure time: {wanted_s} s was set, the {what} reads {exposure_s} s")
+                raise BadFrameError(
+                    "settings", f"Exposure time: {wanted_s} s was set, but the {what} reports {exposure_s} s"
+                )
         if self._settings is not None and settings.fingerprint != self._settings.fingerprint:
             changed = "; ".join(self._settings.differences(settings))
             raise BadFrameError("settings", f"The camera's settings have changed since its first frame: {changed}")

@@ -85,7 +85,7 @@ def _png(path: Path) -> ImageFile:
     except OSError as error:
         raise IncompleteFileError(f"{path.name}: {error}") from error
     if not content.startswith(_PNG_START) or content[-8:-4] != b"IEND":
-        raise IncompleteFileError(f"{path.name}: has no end")
+        raise IncompleteFileError(f"{path.name}: its end is missing")
     pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise IncompleteFileError(f"{path.name}: cannot be decoded")
@@ -100,12 +100,12 @@ def read_raw(content: bytes, name: str, mosaic: Mosaic | None = None) -> ImageFi
     """
     if content.startswith(_JPEG_START):
         raise RigError(
-            ErrorCode.CONFIG_INVALID, f"{name} is a JPEG, which holds no linear pixels: set the camera to RAW alone"
+            ErrorCode.CONFIG_INVALID, f"{name} is a JPEG, which holds no linear pixels: set the camera to RAW only"
         )
     try:
         rawpy: Any = importlib.import_module("rawpy")
     except ImportError as error:
-        detail = f"{name} is a RAW file, and rawpy is missing: install the extra `dslr`"
+        detail = f"{name} is a RAW file, but rawpy is missing: install the extra `dslr`"
         raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
     try:
         with rawpy.imread(io.BytesIO(content)) as raw:
@@ -133,7 +133,9 @@ def _green(name: str, pixels: npt.NDArray[np.uint16], green: npt.NDArray[np.bool
     values = np.where(green, pixels, 0)[: 2 * height, : 2 * width].reshape(height, 2, width, 2).sum((1, 3), np.uint32)
     count = green[: 2 * height, : 2 * width].reshape(height, 2, width, 2).sum((1, 3))
     if not (count == 2).all():
-        raise RigError(ErrorCode.CONFIG_INVALID, f"{name}: its mosaic is not Bayer's, and no other can be read")
+        raise RigError(
+            ErrorCode.CONFIG_INVALID, f"{name}: its mosaic is not a Bayer mosaic, the only kind that can be read"
+        )
     return ((values + 1) // 2).astype(np.uint16)
 
 

@@ -112,7 +112,7 @@ def test_folder_same_pixels_twice_are_refused(tmp_path: Path) -> None:
     first = taking.expose(0.01, 0, NEVER).pixels
     program.pulse = lambda: tifffile.imwrite(program.next_path(), first)  # type: ignore[method-assign]
     taking.driver._pulse = program.pulse  # type: ignore[attr-defined]
-    with pytest.raises(RigError, match="very pixels"):
+    with pytest.raises(RigError, match="exactly the same pixels"):
         taking.expose(0.01, 0, NEVER)
     assert taking.counts["doubled"] == RETAKES + 1
 
@@ -136,7 +136,7 @@ def test_folder_stated_exposure_time_is_compared(tmp_path: Path) -> None:
     pixels = np.random.default_rng(1).integers(0, 50, (SIZE, SIZE)).astype(np.uint16)
     bumped = [(33434, "2I", 1, (1, 50), True)]
     taking.driver._pulse = lambda: tifffile.imwrite(program.next_path(), pixels, extratags=bumped)  # type: ignore[attr-defined]
-    with pytest.raises(RigError, match=r"reads 0\.02 s"):
+    with pytest.raises(RigError, match=r"reports 0\.02 s"):
         taking.expose(0.01, 0, NEVER)
 
 

@@ -82,7 +82,7 @@ def test_gphoto_file_nobody_asked_for_is_refused(camera: AccountedCamera, virtua
 def test_gphoto_damaged_and_doubled_files_are_told(camera: AccountedCamera, virtual: Virtual) -> None:
     virtual.show(1)
     camera.expose(FIFTIETH, 0, NEVER)
-    with pytest.raises(RigError, match="very pixels"):
+    with pytest.raises(RigError, match="exactly the same pixels"):
         camera.expose(FIFTIETH, 0, NEVER)
     assert camera.counts["doubled"] == RETAKES + 1
     content = dng(np.full((64, 96), 70, np.uint16))
@@ -104,7 +104,7 @@ def test_gphoto_reset_camera_is_taken_up_again(camera: AccountedCamera, virtual:
 
 
 def test_gphoto_wrong_demands_are_named(camera: AccountedCamera, virtual: Virtual) -> None:
-    with pytest.raises(RigError, match=r"take 0\.0196863 s"):
+    with pytest.raises(RigError, match=r"use 0\.0196863 s"):
         camera.expose(0.018, 0, NEVER)
     jpeg = cv2.imencode(".jpg", np.zeros((64, 96), np.uint8))[1].tobytes()
     virtual.put(jpeg + bytes(len(dng(np.zeros((64, 96), np.uint16))) - len(jpeg)))
