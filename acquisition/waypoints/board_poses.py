@@ -142,7 +142,7 @@ def _depths(board: BoardConfig, cell: CellConfig, calibration: Calibration) -> t
     if low >= high:
         raise RigError(
             ErrorCode.CONFIG_INVALID,
-            f"The board of {1e3 * side:.0f} mm fills a useful part of the image from {near:.2f} to {far:.2f} m before "
-            f"the camera, which is focused at {depth:.2f} m: use another size of board",
+            f"A board of {1e3 * side:.0f} mm has a useful size in the image at {near:.2f} to {far:.2f} m from the "
+            f"camera, but the camera is focused at {depth:.2f} m: use another size of board",
         )
     return low, high

@@ -198,7 +198,7 @@ def svg_views(routes: Sequence[Route], cell: CellConfig, calibration: Calibratio
     middle = np.array(cell.object.keep_out.base_from_object.position_m[:2])
     outwards = middle / max(float(np.linalg.norm(middle)), 1e-9)
     return [
-        ("Cell from above, the arm's base at its own origin", _svg("cell from above", marks, np.eye(3)[:2])),
+        ("Cell from above, the arm's base at the origin", _svg("cell from above", marks, np.eye(3)[:2])),
         (
             "Cell from the side, the object to the right of the arm's base",
             _svg("cell from the side", marks, np.array([[*outwards, 0.0], [0.0, 0.0, 1.0]])),
@@ -309,7 +309,7 @@ def route_html(route: Route, cell: CellConfig, calibration: Calibration) -> str:
 
 def _title(route: Route) -> str:
     return (
-        f"{len(route.waypoints)} lights in {route.seconds:.1f} s of moves, no tour of straight legs under "
+        f"{len(route.waypoints)} lights in {route.seconds:.1f} s of moves, lower bound of straight legs "
         f"{route.lower_bound_s:.1f} s"
     )
 

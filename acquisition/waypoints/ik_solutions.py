@@ -80,7 +80,7 @@ def _batch(
         of_light = owner == number
         occluder = scene.light_occluder(positions[number])
         if occluder >= 0:
-            detail = f"{scene.names[occluder]} occludes the object from the lamp"
+            detail = f"{scene.names[occluder]} stands between the lamp and the object"
             result.append(IkSolutions(joints[:0], Refusal(reason="shadows-object", detail=detail)))
             continue
         usable = joints[of_light & clear]
@@ -121,6 +121,8 @@ def _refusal(
     if solutions:
         return Refusal(
             reason="joint-limit",
-            detail=f"all {solutions} configurations are beyond a joint's limit or half a turn from home",
+            detail=f"all {solutions} configurations exceed a joint limit or are more than half a turn from home",
         )
-    return Refusal(reason="too-far", detail=f"the lamp is out of reach: {distance_m:.2f} m from its base at any roll")
+    return Refusal(
+        reason="too-far", detail=f"out of reach at any roll: the lamp would be {distance_m:.2f} m from the arm's base"
+    )

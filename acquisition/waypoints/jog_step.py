@@ -73,7 +73,7 @@ def _end(start: FloatArray, motion: JogMotion, share: float, cell: CellConfig) -
     if not len(near) or turns.min() > _LARGEST_TURN_RAD:
         raise RigError(
             ErrorCode.WAYPOINTS_UNREACHABLE,
-            f"the arm cannot move further along {motion.axis} with this orientation: turn single joints",
+            f"the arm cannot move further along {motion.axis} with this orientation: turn single joints instead",
             reason="too-far",
         )
     return near[int(np.argmin(turns))]
@@ -90,7 +90,7 @@ def _require_free(start: FloatArray, end: FloatArray, config: ArmConfig, arm: Sc
         joint = int(np.argmax(outwards))
         raise RigError(
             ErrorCode.WAYPOINTS_UNREACHABLE,
-            f"joint {joint} is at its limit, or half a turn from home",
+            f"joint {joint + 1} is at its limit, or half a turn from home",
             reason="joint-limit",
             joint=joint,
         )

@@ -54,9 +54,9 @@ def payload_warning(cell: CellConfig, tool: Tool) -> str:
     if tool == "lamp" or require_board(cell).payload_kg is not None:
         return ""
     return (
-        f"The payload with the board is not stated: the controller goes on with the lamp's {cell.arm.payload_kg:g} kg. "
+        f"The payload with the board is not stated, so the controller keeps the lamp's {cell.arm.payload_kg:g} kg. "
         "Weigh what is on the flange and state payload_kg and payload_center_m in [board]: a wrong payload makes the "
-        "arm sag, and stop for forces that are none."
+        "arm sag, and stop because of forces that do not exist."
     )
 
 

@@ -37,6 +37,8 @@ _DOME_LIGHTS = 64
 """Lights on a Fibonacci lattice over the dome whose configurations become nodes."""
 _BOARD_PLACES = 600
 """Random places of the board; those that the arm reaches become nodes."""
+_REFUSED = {"too-far": "out of reach", "hits-something": "would collide", "blocks-view": "hidden by the arm"}
+"""Reasons of `board_poses.solve`, in the words of messages."""
 _PER_LIGHT = 4
 """Largest number of nodes for each of these lights."""
 _NEIGHBOURS = 10
@@ -238,7 +240,7 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
         reason, name = arm.describe_violation(violation)
         raise RigError(
             ErrorCode.WAYPOINTS_COLLISION,
-            f"the home position is not free: clearance to {name} violated; change `home` in the cell file",
+            f"the home position violates the clearance to {name}: change `home` in the cell file",
             lights=[],
             reason=reason,
         )
@@ -299,11 +301,11 @@ def connected_views(cell: CellConfig, calibration: Calibration, count: int, seed
     joints = np.concatenate([np.zeros((0, 6)), *nearest])
     kept = joints[hubs.connected(joints, arm)] if len(joints) else joints
     if not len(kept):
-        reasons = ", ".join(f"{reason} {number}" for reason, number in found.refused.items() if number)
+        reasons = ", ".join(f"{number} {_REFUSED[reason]}" for reason, number in found.refused.items() if number)
         raise RigError(
             ErrorCode.WAYPOINTS_UNREACHABLE,
-            f"The arm can show the board to the camera nowhere (of {4 * count} places: {reasons}): mount it otherwise, "
-            "and correct `board.flange_from_board`",
+            f"No arm pose shows the board to the camera (of {4 * count} sampled places: {reasons}). Mount the board "
+            "differently and correct `board.flange_from_board`",
             lights=[],
         )
     return kept[:count]
