@@ -66,7 +66,7 @@ def stated(known: Path | None, calibration: Calibration) -> Adjusted:
         raise RigError(ErrorCode.STORE_CORRUPT, f"{file}: {error}", file=file.name) from error
     same = np.allclose(found.parameters.base_from_camera, calibration.base_from_camera, atol=1e-9)
     if not same or not np.allclose(found.parameters.matrix, calibration.camera_matrix, atol=1e-6):
-        raise _not_known("The camera was calibrated after its place was, or the place otherwise than by a session")
+        raise _not_known("The camera was calibrated after its place, or its place was not calibrated in a session")
     return found
 
 
@@ -75,8 +75,8 @@ def check(model: Model, views: Sequence[View], known: Adjusted) -> BoardCheck:
     if len(views) < LEAST_VIEWS:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"The board is seen in {len(views)} views, and {LEAST_VIEWS} are needed: is it lit, and the one of the "
-            "cell file?",
+            f"The board is seen in {len(views)} views, and {LEAST_VIEWS} are needed: is it lit, and is it the board "
+            "of the cell file?",
         )
     count = len(known.covariance)
     information, gradient = np.zeros((count, count)), np.zeros(count)
@@ -99,12 +99,12 @@ def sentence(test: GroupTest) -> str:
             f"{float(np.linalg.norm(change[2:])):.2f} px"
         )
     moved_mm, turned_deg = 1e3 * float(np.linalg.norm(change[:3])), math.degrees(float(np.linalg.norm(change[3:])))
-    whose = "the camera against the arm's base" if name == CAMERA_PLACE else "the board on the flange"
-    return f"{whose} by {moved_mm:.2f} mm and {turned_deg:.3f}°"
+    whose = "the camera's place in the arm's base frame" if name == CAMERA_PLACE else "the board's place on the flange"
+    return f"{whose}, by {moved_mm:.2f} mm and {turned_deg:.3f}°"
 
 
 def _not_known(why: str) -> RigError:
     return RigError(
         ErrorCode.CALIBRATION_INFEASIBLE,
-        f"{why}: there is nothing to check against. Calibrate hand-eye by a session, and make that the one in use",
+        f"{why}: there is nothing to check against. Calibrate hand-eye in a session and use that calibration",
     )

@@ -170,7 +170,7 @@ def draw_projection_sigma(found: CameraFit, sigma: FloatArray, path: Path) -> No
     shown = axes.imshow(sigma, extent=(0, width, height, 0), cmap="viridis", vmin=0)
     for view in found.adjusted.views:
         axes.plot(*view.pixels.T, ",", color="white")
-    figure.colorbar(shown, label="1 σ of a direction's place, px")
+    figure.colorbar(shown, label="projection uncertainty, 1 σ, px")
     axes.set(xlabel="column, px", ylabel="row, px")
     figure.savefig(path, dpi=120)
 

@@ -98,8 +98,8 @@ def estimate(images: BoardImages, recipe: BoardRecipe, cell: CellConfig) -> Boar
     if arm_sigma_m > MAX_ARM_SIGMA_M:
         raise RigError(
             ErrorCode.SCENE_MOVED,
-            f"Between the views board, camera and arm moved by {1e3 * arm_sigma_m:.1f} mm beside what the joints tell: "
-            "tighten the board on the flange and the camera's mount, and begin a new session",
+            f"Between the views, board, camera and arm moved by {1e3 * arm_sigma_m:.1f} mm relative to each other, "
+            "beyond the joint motion: tighten the board on the flange and the camera's mount, then begin a new session",
         )
     # The camera is that of the adjustment with the arm, whose motions fix the scale of the views.
     return BoardEstimate(CameraFit(images.size, found.adjusted), found)
@@ -144,8 +144,8 @@ def further_views(
     criterion, unit = _criterion(recipe, basis.parameters, size)
     chosen = view_planning.plan_views(model, basis, candidates, size, count, criterion)
     if not chosen:
-        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, "At no pose of the arm the board is in the image")
-    return [(number, f"leaves {math.sqrt(value):.3g} {unit}") for number, value in chosen]
+        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, "No arm pose shows the board in the image")
+    return [(number, f"expected error after this view: {math.sqrt(value):.3g} {unit} rms") for number, value in chosen]
 
 
 def _criterion(
@@ -209,12 +209,14 @@ def model_of(cell: CellConfig) -> Model:
 def _advice(found: BoardEstimate, asked: Sequence[bool]) -> list[str]:
     said: list[str] = []
     if asked and not all(asked):
-        said.append("The accuracy asked for is not reached: allow more images, or a larger board.")
+        said.append("The requested accuracy is not reached: allow more images, or use a larger board.")
     if found.hand_eye is not None and found.hand_eye.adjusted.arm_sigma[0] > 1e-4:
         said.append(
             "The arm deviates from its kinematic model by more than 0.1 mm: state its factory kinematics in the cell "
             "file (`lightpose check` prints them)."
         )
     if found.camera.adjusted.corner_sigma_px > 0.3:
-        said.append("Corners scatter by more than 0.3 px: look for blur, and for a board that is not flat.")
+        said.append(
+            "Corners scatter by more than 0.3 px: check whether images are blurred and whether the board is flat."
+        )
     return said or ["Make it the active calibration (PUT /v1/rig/calibrations/active)."]

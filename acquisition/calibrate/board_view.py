@@ -45,10 +45,11 @@ def seen(pixels: np.ndarray, board: BoardConfig) -> tuple[View | None, str]:
         return view, ""
     other = wanted.model_copy(update={"legacy_pattern": not wanted.legacy_pattern})
     if charuco.detect(pixels, other, "frame") is not None:
-        return None, "the board has the other layout: set `board.legacy_pattern` in the cell file accordingly"
+        right = str(other.legacy_pattern).lower()
+        return None, f"the board has the other layout: set `board.legacy_pattern = {right}` in the cell file"
     return None, (
         f"the board ({board.columns} × {board.rows} squares of {1e3 * board.square_m:g} mm) is not seen: is it "
-        "mounted, lit and in focus, and is it the one of the cell file?"
+        "mounted, lit and in focus, and is it the board of the cell file?"
     )
 
 

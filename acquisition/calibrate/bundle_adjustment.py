@@ -294,7 +294,7 @@ def _require_determined(normal: FloatArray) -> None:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
             "The views do not determine the calibration: tilt the board by 20–45° to different sides, at different "
-            "distances and places of the image",
+            "distances and places in the image",
         )
 
 

@@ -65,7 +65,7 @@ def read(path: Path) -> ChartReference:
     try:
         content = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: no reference values: {error}") from error
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: the reference values cannot be read: {error}") from error
     try:
         return _parsed(content, path.name)
     except ValueError as error:

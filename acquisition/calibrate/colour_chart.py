@@ -91,7 +91,7 @@ def homography(pixels: FloatArray, places: Sequence[tuple[float, float]] = CORNE
     if len(corners) != 4 or not cv2.isContourConvex(corners.astype(np.int32)):
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            "the chart's corners are no quadrilateral: give dark skin, bluish green, black, white",
+            "the chart's corners form no quadrilateral: give dark skin, bluish green, black, white, in this order",
         )
     matrix = cv2.getPerspectiveTransform(np.array(places, np.float32), corners.reshape(4, 2))
     return np.asarray(matrix, np.float64)
@@ -117,7 +117,7 @@ def values(
         if sides.min() < MIN_PATCH_PX:
             raise RigError(
                 ErrorCode.CALIBRATION_INFEASIBLE,
-                f"the middle of patch {name} has {sides.min():.0f} pixels: move the chart closer",
+                f"the middle of patch {name} is {sides.min():.0f} pixels wide, too few: move the chart closer",
             )
         if corners.min() < 0 or (corners > (width - 1, height - 1)).any():
             raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, f"patch {name} is not in the image: move the chart")
@@ -168,8 +168,8 @@ def fit(signals: FloatArray, reference: ChartReference) -> ChartFit:
     if float(delta_e[list(NEUTRALS)].mean()) > MAX_NEUTRAL_DELTA_E:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"the neutral patches come out {delta_e[list(NEUTRALS)].mean():.0f} ΔE off: are the corners in order, and "
-            "is the chart the one that the reference states?",
+            f"the neutral patches differ from the reference by {delta_e[list(NEUTRALS)].mean():.0f} ΔE: are the "
+            "corners in order, and do the reference values belong to this chart?",
         )
     matrix = solved.x[:9].reshape(3, 3)
     white = np.linalg.solve(matrix, np.ones(3))

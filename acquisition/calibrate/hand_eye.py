@@ -74,7 +74,7 @@ def fit(board: CharucoBoard, chain: FloatArray, views: Sequence[View], camera: C
         )
     joints = [view.joints for view in views]
     if any(one is None for one in joints):
-        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, "The arm's joints are not stated for every image")
+        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, "The arm's joints must be stated for every image")
     base_from_flange = calibrated_kinematics.forward(chain, np.array(joints))[:, 6]
     own = dict(zip((view.name for view in camera.adjusted.views), camera.adjusted.parameters.own, strict=True))
     camera_from_board = np.stack([own[view.name] for view in views])
@@ -108,7 +108,7 @@ def park(base_from_flange: FloatArray, camera_from_board: FloatArray) -> FloatAr
     if np.degrees(spread[1]) < MIN_TURN_DEG / 2:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            "The flange turns about one axis only between the views: turn the board about two axes by 20° and more",
+            "Between the views the flange turns about one axis only: turn the board about two axes, by at least 20°",
         )
     rotation = Rotation.align_vectors(arm_turns, seen_turns)[0].as_matrix()
     rows = np.concatenate([one[:3, :3] - np.eye(3) for one in arm])
@@ -134,5 +134,6 @@ def _require_scale(found: Adjusted) -> None:
     if abs(told) > MAX_SCALE:
         raise RigError(
             ErrorCode.CALIBRATION_BOARD_WRONG,
-            f"By the arm's motions the squares' side is {100 * told:+.1f} % off what is stated: measure it",
+            f"By the arm's motions the squares are {100 * abs(told):.1f} % {'larger' if told > 0 else 'smaller'} than "
+            "stated: measure their side",
         )

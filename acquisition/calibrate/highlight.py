@@ -73,7 +73,7 @@ def find(image: np.ndarray, full_scale: float) -> Spot | str:
     if count < 2 or statistics[best, cv2.CC_STAT_AREA] < MIN_HIGHLIGHT_PX:
         return NO_HIGHLIGHT
     if count > 2 and sums[order[1]] > MAX_RIVAL * sums[best]:
-        return "several bright spots: cover what shines beside the sphere"
+        return "several bright spots: cover everything bright or shiny except the sphere"
     inside = labels == best
     if np.mean(values[inside] >= CLIPPED_FROM * full_scale) > MAX_CLIPPED:
         return lamp_targets.CLIPPED_HIGHLIGHT
@@ -110,12 +110,12 @@ def expected_spot(base_from_tool: FloatArray, exposure_s: float, cell: CellConfi
 def why_another(spot: Spot, expected: Spot, pixels_per_metre: float) -> str:
     """Returns why a spot is not the lamp's mirror image, for people; empty if it can be."""
     if spot.side_px > expected.side_px:
-        return f"{NO_HIGHLIGHT} (what shines is {spot.side_px:.0f} pixels wide)"
+        return f"{NO_HIGHLIGHT} (the brightest spot is {spot.side_px:.0f} pixels wide, too wide for the lamp)"
     if spot.light < LEAST_LIGHT * expected.light:
-        return f"{NO_HIGHLIGHT} (the brightest spot has {spot.light / expected.light:.1%} of the light of the lamp's)"
+        return f"{NO_HIGHLIGHT} (the brightest spot has {spot.light / expected.light:.1%} of the lamp's expected light)"
     away_m = float(np.linalg.norm(spot.pixel - expected.pixel)) / pixels_per_metre
     if away_m > PLACE_M + expected.side_px / pixels_per_metre:
-        return f"the brightest spot is {1e3 * away_m:.0f} mm from where the sphere should lie: lay it in the middle"
+        return f"the brightest spot is {1e3 * away_m:.0f} mm from the sphere's place: lay the sphere in the middle"
     return ""
 
 

@@ -90,8 +90,8 @@ def check(
     if len(seen) < LEAST_IMAGES:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"{len(seen)} images show the plane neither dark nor clipped, and {LEAST_IMAGES} are needed: is the lamp "
-            "on, and the plane in the object's place, face up?",
+            f"{len(seen)} images show the plane neither too dark nor clipped, and {LEAST_IMAGES} are needed: is the "
+            "lamp on, and does the plane lie face up in the object's place?",
         )
     of_lobe = np.array(lobe.covariance)
     of_lobe[0, 0] = max(of_lobe[0, 0] - albedo_sigma**2, 0.0) + known.albedo_sigma**2
@@ -115,10 +115,12 @@ def sentence(test: GroupTest) -> str:
     """Describes a group's change, for people."""
     if test.group.name == INTENSITY:
         percent = 100 * float(np.expm1(test.change[0]))
-        return f"the lamp is {abs(percent):.1f} % {'brighter' if percent > 0 else 'dimmer'} (or the aperture is other)"
+        return (
+            f"the lamp is {abs(percent):.1f} % {'brighter' if percent > 0 else 'dimmer'} (or the aperture has changed)"
+        )
     if test.group.name == LOBE:
         return f"the lamp's lobe differs by up to {100 * float(np.abs(np.expm1(test.change)).max()):.1f} %"
-    return f"the lamp in the tool's frame by {1e3 * float(np.linalg.norm(test.change)):.2f} mm"
+    return f"the lamp's place in the tool's frame, by {1e3 * float(np.linalg.norm(test.change)):.2f} mm"
 
 
 def _compared(
@@ -193,5 +195,5 @@ def _read(known: Path | None, name: str, kind: type[_V]) -> _V:
 def _not_known(why: str) -> RigError:
     return RigError(
         ErrorCode.CALIBRATION_INFEASIBLE,
-        f"{why}: there is nothing to check the lamp against. Calibrate it by a session, and make that the one in use",
+        f"{why}: there is nothing to check the lamp against. Calibrate the lamp in a session and use that calibration",
     )

@@ -117,8 +117,8 @@ def fit(images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known)
     if np.degrees(reach) < MIN_ANGLE_DEG:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"The plane is seen up to {np.degrees(reach):.0f}° off the lamp's axis only: tilt the lamp by up to 40° "
-            "away from it, to different sides",
+            f"The images show the plane only up to {np.degrees(reach):.0f}° off the lamp's axis: tilt the lamp by up "
+            "to 40° away from the plane, to different sides",
         )
     held_out = _held_out_residuals(images, placings, known, seen, reach)
     # The standard error of a root mean square of N is its 1/√(2N).
@@ -275,8 +275,8 @@ def _solve(
     if patch_sigma > MAX_PATCH_SIGMA:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"Patches differ by {patch_sigma:.0%} from what a matt plane would show: check albedo and evenness of the "
-            "plane, shadows on it, and that lamp and camera were calibrated first",
+            f"Patches differ by {patch_sigma:.0%} from what a matt plane would show: check the plane's albedo and "
+            "evenness, shadows on it, and whether lamp and camera were calibrated first",
         )
     stated = np.r_[0, 1 : 1 + count, tilt_at.start : tilt_at.stop]
     of_stated = covariance[np.ix_(stated, stated)]

@@ -226,7 +226,7 @@ def _require_spread(directions: FloatArray) -> None:
     if spread < MIN_SPREAD_DEG:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"The lamps stand within {spread:.0f}° of one another as the sphere sees them: use the whole dome",
+            f"Seen from the sphere, all lamp positions lie within {spread:.0f}° of each other: use the whole dome",
         )
 
 
@@ -236,7 +236,7 @@ def _require_determined(covariance: FloatArray) -> None:
     if worst_m > MAX_SIGMA_M:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"Along one axis of the tool the lamp is known to {1000 * worst_m:.0f} mm only: tilt the lamp by "
+            f"The lamp's place is known only to {1000 * worst_m:.0f} mm along one axis of the tool: tilt the lamp by "
             "30–45° away from the sphere, to different sides",
         )
 

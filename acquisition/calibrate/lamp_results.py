@@ -76,6 +76,6 @@ def draw_lobe(found: LobeFit, calibration: Calibration, path: Path) -> None:
     factors = np.array(found.lobe.factors)
     axes.errorbar(knots, base * factors, 2 * sigma * factors, fmt="o-", label="found, 2 σ")
     axes.plot(knots, base, "--", label=f"cos^{calibration.lobe_exponent:g}")
-    axes.set(xlabel="angle off the lamp's axis, °", ylabel="intensity over that on the axis")
+    axes.set(xlabel="angle off the lamp's axis, °", ylabel="intensity relative to the axis")
     axes.legend()
     figure.savefig(path, dpi=120)

@@ -107,7 +107,7 @@ def read_placing(
     if not seen:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"The plane's frame is seen in no image of placing {number}: check its description, focus and exposure",
+            f"No image of placing {number} shows the plane's frame: check its description, focus and exposure",
         )
     placing = matt_plane.placing(seen, board, calibration)
     for shot in shots:
@@ -162,7 +162,7 @@ def _dark(observations: Observations, shot: Shot) -> Shot:
             return dark
     raise RigError(
         ErrorCode.CALIBRATION_INFEASIBLE,
-        f"{shot.frame.path}: there is no lamp-off image of this placing with {1e3 * shot.exposure_s:g} ms",
+        f"{shot.frame.path}: this placing has no lamp-off image with an exposure of {1e3 * shot.exposure_s:g} ms",
     )
 
 

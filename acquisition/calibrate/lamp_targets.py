@@ -12,7 +12,7 @@ from acquisition.models.errors import ErrorCode, RigError
 SPHERE_PASS = 0
 """Pass of the sphere's images; each further pass is a placing of the plane."""
 
-CLIPPED_HIGHLIGHT = "the highlight is clipped: close the aperture, take a darker ball, or expose for less"
+CLIPPED_HIGHLIGHT = "the highlight is clipped: close the aperture, use a darker ball, or expose for a shorter time"
 """Reason for a sphere whose highlight has no middle: the only reason to which the capture of images reacts."""
 
 

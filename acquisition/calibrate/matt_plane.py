@@ -47,7 +47,7 @@ def placing(views: Sequence[View], board: CharucoBoard, calibration: Calibration
         if common and np.median([np.linalg.norm(a - b) for a, b in common]) > MOVED_PX:
             raise RigError(
                 ErrorCode.CALIBRATION_INFEASIBLE,
-                f"{view.name}: the plane lies elsewhere than in {views[0].name}: name another placing for it",
+                f"{view.name}: the plane is not where it is in {views[0].name}: give this image its own placing",
                 image=view.name,
             )
     numbers = np.concatenate([view.corners for view in views])

@@ -58,14 +58,18 @@ def advice(found: ResponseResult) -> list[str]:
     """Returns what to do next, for people."""
     said: list[str] = []
     if found.room_over_lamp > MAX_ROOM_OVER_LAMP:
-        said.append(f"With the lamp off the room gives {found.room_over_lamp:.1%} of the lamp's light: darken it.")
+        said.append(
+            f"With the lamp off the room gives {found.room_over_lamp:.1%} of the lamp's light: darken the room."
+        )
     if abs(found.nonlinearity) > MAX_BEND:
         said.append(
-            f"The response bends by {found.nonlinearity:+.1%} at full scale: switch gamma, noise reduction and "
-            "automatic functions of the camera off."
+            f"The response bends by {found.nonlinearity:+.1%} at full scale: switch off the camera's gamma, noise "
+            "reduction and automatic functions."
         )
     if found.full_by == "not reached":
-        said.append("No pixel was full, so the full well is only known to be larger: put something white before it.")
+        said.append(
+            "No pixel was full, so only a lower bound of the full well is known: put something white before the camera."
+        )
     if abs(found.lamp_drift_per_h) > DRIFT_SIGMAS * found.lamp_drift_sigma_per_h:
         said.append(
             f"The lamp's brightness changes by {found.lamp_drift_per_h:+.1%} an hour: let it warm up before captures."

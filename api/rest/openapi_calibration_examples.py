@@ -54,7 +54,7 @@ CALIBRATION_VALUES: tuple[BaseModel, ...] = (
         views=[
             PlannedView(
                 number=0,
-                reason="leaves 0.41 mm",
+                reason="expected error after this view: 0.41 mm rms",
                 taken=False,
                 view=ExpectedView(
                     outline_px=[(301.5, 280.2), (640.1, 301.7), (610.9, 566.0), (288.4, 540.6)],

@@ -184,6 +184,6 @@ def test_fit_flange_turned_about_one_axis_is_refused() -> None:
 def test_fit_wrong_side_of_squares_is_refused_with_the_right_one() -> None:
     known = replace(truth(11), scale=0.03)
     detail = refusal(views(known, joints_of(known, 15, 11), 11), ErrorCode.CALIBRATION_BOARD_WRONG)
-    said = re.search(r"squares' side is (.*) % off", detail)
+    said = re.search(r"squares are (.*) % larger than stated", detail)
     assert said is not None
     assert float(said[1]) == pytest.approx(3, abs=0.5)

@@ -82,7 +82,7 @@ def test_check_names_what_has_moved(what: str, name: str) -> None:
     made = checked(moved(truth, what), known_of(truth, 2), 2)
     assert [test.group.name for test in made.found.changed] == [name]
     if what == "camera by 1 mm":
-        assert "camera against the arm's base by" in board_check.sentence(made.found.changed[0])
+        assert "camera's place in the arm's base frame, by" in board_check.sentence(made.found.changed[0])
         assert np.linalg.norm(made.found.changed[0].change[:3]) == pytest.approx(1e-3, abs=4e-4)
 
 
