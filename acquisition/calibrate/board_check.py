@@ -92,7 +92,7 @@ def sentence(test: GroupTest) -> str:
     """Describes a group's change, for people."""
     name, change = test.group.name, test.change
     if name == JOINTS:
-        return f"the joints' zeros are off by up to {math.degrees(float(np.abs(change).max())):.3f}°"
+        return f"the joint offsets changed by up to {math.degrees(float(np.abs(change).max())):.3f}°"
     if name == LENS:
         return (
             f"focal length changed by {float(change[:2].mean()):.2f} px and principal point by "

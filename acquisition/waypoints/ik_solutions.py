@@ -124,5 +124,5 @@ def _refusal(
             detail=f"all {solutions} configurations exceed a joint limit or are more than half a turn from home",
         )
     return Refusal(
-        reason="too-far", detail=f"out of reach at any roll: the lamp would be {distance_m:.2f} m from the arm's base"
+        reason="too-far", detail=f"the lamp would be {distance_m:.2f} m from the arm's base, out of reach at any roll"
     )
