@@ -77,7 +77,7 @@ def push(
 def list_sessions(
     address: Address,
     where: Where = None,
-    limit: Annotated[int, typer.Option(min=1, help="Most sessions, the newest first")] = 100,
+    limit: Annotated[int, typer.Option(min=1, help="Maximum number of sessions, newest first")] = 100,
     catalogue: CatalogueAddress = None,
     as_json: AsJson = False,
 ) -> None:
@@ -109,15 +109,15 @@ def solve(
     scheduler: Annotated[
         str | None, typer.Option(help="A Dask scheduler, such as tcp://host:8786, whose workers solve")
     ] = None,
-    local: Annotated[int, typer.Option(min=1, help="Without --scheduler: so many processes of this machine")] = 2,
+    local: Annotated[int, typer.Option(min=1, help="Without --scheduler: number of processes on this machine")] = 2,
     settings: Annotated[
         Path | None, typer.Option(help="JSON file of settings as in a solve request; default: the solver's own")
     ] = None,
-    report: Annotated[Path | None, typer.Option(help="HTML file: what moved against σ, and what failed")] = None,
+    report: Annotated[Path | None, typer.Option(help="HTML file: changes relative to σ, and failures")] = None,
     catalogue: CatalogueAddress = None,
     as_json: AsJson = False,
 ) -> None:
-    """Solves sessions with this version, each only once, whoever asks; results stand beside the older ones."""
+    """Solves sessions with this version, each only once, whoever asks; older results are kept."""
 
     def work() -> dict[str, Any]:
         archiving = _archiving(address, catalogue, scheduler)
@@ -151,7 +151,7 @@ def serve(
     address: Address,
     catalogue: CatalogueAddress = None,
     host: Annotated[
-        str | None, typer.Option(help="Default: LIGHTPOSE_HOST, else 127.0.0.1; others only with keys")
+        str | None, typer.Option(help="Default: LIGHTPOSE_HOST, else 127.0.0.1; other hosts need keys")
     ] = None,
     port: Annotated[int | None, typer.Option(help="0: any free port; default: LIGHTPOSE_PORT, else 8010")] = None,
     data: Annotated[

@@ -19,11 +19,11 @@ body { font: 16px system-ui; margin: 2rem; max-width: 60rem }
 td, th { padding: .2rem 1rem; text-align: right }
 </style>
 <h1>Archive solved again</h1>
-<p>$date UTC: $solved solved, $kept kept, $failed failed.</p>
+<p>$date UTC: $solved solved, $kept already solved, $failed failed.</p>
 $failures
-<h2>What moved against σ</h2>
-<p>Mean angle between the normals and those of the result before, and the rms of that angle over the earlier σ.
-Both rest on the same images, so a sound change stays below 1.</p>
+<h2>Changes relative to σ</h2>
+<p>Mean angle between the normals and those of the previous result, and the rms of that angle over the earlier σ.
+Both results use the same images, so the latter should be below 1.</p>
 <table>
 <tr><th>session</th><th>object</th><th>mean °</th><th>rms over σ</th></tr>
 $rows

@@ -63,11 +63,11 @@ def push(address: str, catalogue: str | None, folders: list[Path]) -> dict[str, 
                 if error.code is not ErrorCode.FOLDER_INVALID:
                     raise
                 refused[str(folder)] = error.detail
-                console.print(f"refused {error.detail}")
+                console.print(f"refused: {error.detail}")
                 continue
             pushed.append({"folder": str(folder), **asdict(done)})
     new = sum(bool(item["new"]) for item in pushed)
-    console.print(f"{new} sessions new, {len(pushed) - new} were there, {len(refused)} refused")
+    console.print(f"{new} new sessions, {len(pushed) - new} already archived, {len(refused)} refused")
     return {"pushed": pushed, "new": new, "refused": refused}
 
 
@@ -123,7 +123,7 @@ def verify(address: str, catalogue: str | None) -> dict[str, Any]:
         faults = archive.verify(lambda done, total: bar.update(task, completed=done, total=total))
     for fault in faults:
         console.print(f"{fault.what}: {fault.file}, needed by {', '.join(fault.needed_by)}")
-    console.print(f"{len(faults)} files missing or damaged" if faults else "every file is sound")
+    console.print(f"{len(faults)} files missing or damaged" if faults else "no file is missing or damaged")
     return {"faults": [asdict(fault) for fault in faults]}
 
 
@@ -201,12 +201,12 @@ def _writing(report: Path) -> Generator[None]:
 
 
 def _show_report(console: Console, report: "SolveReport") -> None:
-    console.print(f"{report.solved} solved, {report.kept} kept, {report.failed} failed")
+    console.print(f"{report.solved} solved, {report.kept} already solved, {report.failed} failed")
     for session, why in sorted(report.failures.items()):
         console.print(f"failed: {session[:12]} {why}")
     if not report.moved:
         return
-    table = Table("session", "object", "moved, mean °", "rms over σ", title="What moved most against σ")
+    table = Table("session", "object", "moved, mean °", "rms over σ", title="Largest changes relative to σ")
     for item in report.moved[:SHOWN_MOVED]:
         table.add_row(item.session[:12], item.object, f"{item.mean_deg:.3f}", f"{item.over_sigma:.2f}")
     console.print(table)

@@ -23,19 +23,21 @@ ImagesOrService = Annotated[
 Address = Annotated[
     str | None, typer.Option(help="A running service that takes the images, such as http://127.0.0.1:8000")
 ]
-Mounted = Annotated[bool, typer.Option("--mounted", help="With --address: the board is on the arm's flange")]
-SessionImages = Annotated[int, typer.Option("--images", help="With --address: most images")]
-Activate = Annotated[bool, typer.Option("--activate", help="With --address: use what was found from now on")]
-LampImages = Annotated[int, typer.Option("--images", help="With --address: images of sphere and plane together")]
-Yes = Annotated[bool, typer.Option("--yes", help="Do not ask: the targets are put into place as the sentences say")]
+Mounted = Annotated[
+    bool, typer.Option("--mounted", help="With --address: states that the board is on the arm's flange")
+]
+SessionImages = Annotated[int, typer.Option("--images", help="With --address: maximum number of images")]
+Activate = Annotated[bool, typer.Option("--activate", help="With --address: put the result into use")]
+LampImages = Annotated[
+    int, typer.Option("--images", help="With --address: number of images, sphere and plane together")
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask: each target is put into place when the output says so")]
 Simulated = Annotated[
     str | None, typer.Option(help="A simulated cell's address: its stage puts the targets into place, nobody is asked")
 ]
 BoardFile = Annotated[Path, typer.Option("--board", help="Description of the board, as `calibrate board` writes it")]
 Out = Annotated[Path, typer.Option(help="Folder for the results; nothing in it is overwritten")]
-Base = Annotated[
-    Path | None, typer.Option(help="A calibration.json: also write one with its other values and what was found")
-]
+Base = Annotated[Path | None, typer.Option(help="A calibration.json: also write a copy of it with the new values")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object as the last line")]
 
 
@@ -68,7 +70,7 @@ def camera(
     folder: ImagesOrService = None, board_file: BoardFile = Path("board.json"), out: Out = Path("calibration"),
     base: Base = None, address: Address = None, mounted: Mounted = False, images: SessionImages = 20,
     target_px: Annotated[
-        float | None, typer.Option(help="With --address: end at this 1 σ of a direction's place, px")
+        float | None, typer.Option(help="With --address: stop when the projection uncertainty (1 σ) reaches this, px")
     ] = None,
     activate: Activate = False, as_json: AsJson = False,
 ) -> None:  # fmt: skip
@@ -98,12 +100,14 @@ def hand_eye(
     out: Out = Path("calibration"),
     base: Base = None,
     candidates: Annotated[
-        Path | None, typer.Option(help="Joints of possible further views, as joints.csv: says which to take next")
+        Path | None, typer.Option(help="Joints of possible further views, like joints.csv; the best next one is named")
     ] = None,
     address: Address = None,
     mounted: Mounted = False,
     images: SessionImages = 20,
-    target_mm: Annotated[float | None, typer.Option(help="With --address: end at this 1 σ of the place, mm")] = None,
+    target_mm: Annotated[
+        float | None, typer.Option(help="With --address: stop when the camera's position (1 σ) is known to this, mm")
+    ] = None,
     activate: Activate = False,
     as_json: AsJson = False,
 ) -> None:
@@ -166,7 +170,9 @@ def response(
     ] = None,
     out: Out = Path("calibration"),
     address: Address = None,
-    images: Annotated[int, typer.Option("--images", help="With --address: images, four for each exposure time")] = 49,
+    images: Annotated[
+        int, typer.Option("--images", help="With --address: number of images, four for each exposure time")
+    ] = 49,
     activate: Activate = False,
     as_json: AsJson = False,
 ) -> None:
@@ -196,10 +202,10 @@ def lamp(
         Path | None, typer.Option(help="With FOLDER: the cell file, for the arm and where the object stands")
     ] = None,
     base: Annotated[
-        Path | None, typer.Option(help="With FOLDER: a calibration.json with the calibrated camera and its place")
+        Path | None, typer.Option(help="With FOLDER: a calibration.json with the calibrated camera and its pose")
     ] = None,
     hand_eye_file: Annotated[
-        Path | None, typer.Option("--hand-eye", help="With FOLDER: hand_eye.json: how well that place is known")
+        Path | None, typer.Option("--hand-eye", help="With FOLDER: hand_eye.json, with the uncertainty of that pose")
     ] = None,
     radius_mm: Annotated[float | None, typer.Option(help="With FOLDER: radius of the mirror sphere, mm")] = None,
     out: Out = Path("calibration"),
@@ -237,13 +243,13 @@ def check(
     address: Annotated[str, typer.Option(help="The running service, such as http://127.0.0.1:8000")],
     target: Annotated[
         str | None,
-        typer.Option(help="board (on the flange) or plane (in the object's place); without: by what is on the flange"),
+        typer.Option(help="board (on the flange) or plane (in the object's place); default: by the tool on the flange"),
     ] = None,
     mounted: Mounted = False,
-    images: Annotated[int, typer.Option("--images", help="Images, 6 at the least")] = 8,
+    images: Annotated[int, typer.Option("--images", help="Number of images, at least 6")] = 8,
     as_json: AsJson = False,
 ) -> None:
-    """Checks with few images whether the calibration in use is still valid: suggested daily. Changes nothing.
+    """Checks with few images whether the calibration in use is still valid; best done daily. Changes nothing.
 
     The board on the flange checks camera, arm and lens. The matt plane in the object's place, with the lamp on the
     flange, checks the lamp. The exit code is 3 if something has changed, and the output names it.
@@ -266,9 +272,9 @@ def check(
 def everything(
     address: Annotated[str, typer.Option(help="The running service, such as http://127.0.0.1:8000")],
     hand_eye_images: Annotated[
-        int, typer.Option(help="Images of the board for camera and its place, 8 at the least")
+        int, typer.Option(help="Images of the board for the camera and its pose, at least 8")
     ] = 36,
-    lamp_images: Annotated[int, typer.Option(help="Images of sphere and plane, 36 at the least")] = 72,
+    lamp_images: Annotated[int, typer.Option(help="Images of sphere and plane, at least 36")] = 72,
     yes: Yes = False,
     simulated: Simulated = None,
     as_json: AsJson = False,
@@ -276,7 +282,7 @@ def everything(
     """Calibrates camera, its pose and the lamp in turn, and says what a person has to put into the cell in between.
 
     Camera, pose and the arm's joint offsets come from the same images of the board. Each result is used from then on;
-    `PUT /v1/rig/calibrations/active` goes back.
+    `PUT /v1/rig/calibrations/active` goes back to an earlier one.
     """
     wanted = (
         {"kind": "hand-eye", "max_images": hand_eye_images},
@@ -297,12 +303,12 @@ def _in_turn(address: str, recipes: "list[AnyRecipe]", *, yes: bool, simulated: 
 def lobe(
     folder: Images,
     cell: Annotated[Path, typer.Option(help="The cell file, for the arm")],
-    base: Annotated[Path, typer.Option(help="A calibration.json with calibrated camera, its place, and the lamp's")],
-    hand_eye_file: Annotated[Path, typer.Option("--hand-eye", help="hand_eye.json: how well the camera is known")],
-    lamp_file: Annotated[Path, typer.Option("--lamp", help="lamp.json: how well the lamp's place is known")],
+    base: Annotated[Path, typer.Option(help="A calibration.json with calibrated camera, its pose, lamp position")],
+    hand_eye_file: Annotated[Path, typer.Option("--hand-eye", help="hand_eye.json, with the uncertainty of that pose")],
+    lamp_file: Annotated[Path, typer.Option("--lamp", help="lamp.json, with the uncertainty of the lamp's position")],
     board_file: BoardFile = Path("board.json"),
     albedo: Annotated[float, typer.Option(help="Reflectance of the plane's blank middle, 0–1")] = 0.85,
-    albedo_sigma: Annotated[float, typer.Option(help="1 σ of that, as a fraction")] = 0.01,
+    albedo_sigma: Annotated[float, typer.Option(help="1 σ of --albedo, as a fraction")] = 0.01,
     out: Out = Path("calibration"),
     as_json: AsJson = False,
 ) -> None:  # fmt: skip
@@ -322,7 +328,7 @@ def lobe(
 def colour(
     folder: Images,
     base: Annotated[
-        Path, typer.Option(help="The calibration.json whose colour is replaced; its sensor says the mosaic")
+        Path, typer.Option(help="The calibration.json whose colour is replaced; its sensor states the mosaic")
     ],
     reference: Annotated[
         Path | None,
@@ -331,8 +337,8 @@ def colour(
     corners: Annotated[
         str | None,
         typer.Option(
-            help="Centres of the patches dark skin, bluish green, black, white, px: 'x,y x,y x,y x,y'; default: by the "
-            "frame's markers"
+            help="Centres of the patches dark skin, bluish green, black, white, px: 'x,y x,y x,y x,y'; default: found "
+            "by the frame's markers"
         ),
     ] = None,
     out: Out = Path("calibration"),

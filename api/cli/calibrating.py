@@ -80,7 +80,7 @@ def calibrate_camera(folder: Path, board_file: Path, out: Path, base: Path | Non
     console = Console(stderr=True, markup=False)
     _show_views(console, result.views)
     console.print(
-        f"focal length {result.camera_matrix[0][0]:.1f} px; a direction's place in the image is known to "
+        f"focal length {result.camera_matrix[0][0]:.1f} px; projection uncertainty "
         f"{result.projection_sigma_px:.3f} px (median), {result.worst_projection_sigma_px:.3f} px at the worst"
     )
     return result.model_dump(mode="json")
@@ -152,7 +152,7 @@ def _read(folder: Path, board_file: Path, joints: dict[str, FloatArray] | None) 
     if not views:
         raise refusal(
             folder,
-            f"shows the board in none of its {len(hashes)} images: check columns, rows and legacy_pattern in "
+            f"none of its {len(hashes)} images shows the board: check columns, rows and legacy_pattern in "
             f"{board_file.name}, focus and exposure",
         )
     return board, Captured(tuple(views), hashes, size)

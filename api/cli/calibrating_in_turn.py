@@ -45,7 +45,7 @@ class PersonsHands:
     def put(self, target: Target, number: int, sentence: str) -> None:
         """Asks, and waits for an answer. Raises RigError request.invalid if the person says no."""
         self.say(sentence)
-        if not self.yes and not typer.confirm("Done, and nobody is within the arm's reach?", err=True):
+        if not self.yes and not typer.confirm("Is this done, and is nobody within the arm's reach?", err=True):
             raise RigError(ErrorCode.REQUEST_INVALID, f"The {target} is not in place: nothing was moved")
 
 
@@ -93,7 +93,7 @@ def run(client: Client, recipes: Sequence[AnyRecipe], hands: Hands, say: Say) ->
         session = follow(client, recipe, hands, say)
         before = client.calibration()
         client.activate_calibration(session.id)
-        say(f"calibration {session.id} is in use (before it: {before.file})")
+        say(f"calibration {session.id} is in use (before: {before.file})")
         done.append(session)
     return done
 

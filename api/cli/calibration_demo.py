@@ -142,7 +142,7 @@ def _require_built_in(options: DemoOptions) -> None:
     if options.spec.source != "built-in" or options.spec.size_mm is not None or options.spec.reflectance is not None:
         raise RigError(
             ErrorCode.REQUEST_INVALID,
-            "--calibrate puts built-in objects into the running cell: give --object NAME alone",
+            "--calibrate works only with built-in objects: give --object NAME and no other option of the object",
         )
 
 

@@ -24,7 +24,7 @@ JOINTS_FILE = "joints.csv"
 
 ValueT = TypeVar("ValueT", bound=Value)
 
-SIX_NUMBERS = "six numbers in rad belong after the image's name"
+SIX_NUMBERS = "write six joint angles in rad after the image's name"
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,10 @@ def images(
         made = CalibrationImage(path.name, sha256_of(path), values)
         first = first or made.size
         if made.size != first:
-            raise refusal(path, f"has {made.size[0]} × {made.size[1]} pixels, the first image {first[0]} × {first[1]}")
+            raise refusal(
+                path,
+                f"has {made.size[0]} × {made.size[1]} pixels, but the first image has {first[0]} × {first[1]}",
+            )
         yield made
 
 
@@ -69,7 +72,7 @@ def read_grey(path: Path, calibration: Calibration) -> np.ndarray:
     """Reads an image's brightness (H, W). Raises RigError folder.invalid unless it has the calibration's size."""
     values = image_files.grey(image_files.decode(path))
     if values.shape != (calibration.height, calibration.width):
-        stated = f"the calibration {calibration.width} × {calibration.height}"
+        stated = f"but the calibration has {calibration.width} × {calibration.height}"
         raise refusal(path, f"has {values.shape[1]} × {values.shape[0]} pixels, {stated}")
     return values
 
@@ -79,7 +82,7 @@ def read_value(path: Path, kind: type[ValueT], what: str) -> ValueT:
     try:
         return kind.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
-        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: no {what}: {error}") from error
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: is not a valid {what}: {error}") from error
 
 
 def read_joints(path: Path) -> dict[str, FloatArray]:
@@ -103,4 +106,4 @@ def refuse_overwriting(*paths: Path) -> None:
     """Raises RigError config.invalid if one of the files exists, because a replaced calibration is lost."""
     for path in paths:
         if path.exists():
-            raise RigError(ErrorCode.CONFIG_INVALID, f"{path} is there already, and nothing is overwritten")
+            raise RigError(ErrorCode.CONFIG_INVALID, f"{path} exists and is not overwritten: give another --out")

@@ -63,9 +63,9 @@ def _data(console: Console, data: Path) -> bool:
     """Checks that the data folder's keys can be read, and that there is room for a session."""
     content = keys.read(keys.path_in(data))
     if content is None:
-        console.print("ok    no keys: only this machine may call, and whoever is on it is an operator")
+        console.print("ok    no keys: only this machine can connect, and everybody on it is an operator")
     else:
-        console.print(f"ok    {len(content.keys)} keys may call")
+        console.print(f"ok    number of keys: {len(content.keys)}")
     existing = next(folder for folder in (data, *data.resolve().parents) if folder.is_dir())
     require_space(existing, 0)
     console.print(f"ok    data folder {data}")
@@ -79,8 +79,8 @@ def _offline(console: Console, cell: CellConfig, cell_file: Path) -> bool:
     valid_until = datetime.fromisoformat(calibration.made_at) + timedelta(days=calibration.valid_days)
     good = datetime.now().astimezone() < valid_until
     if not good:
-        console.print(f"WRONG {ErrorCode.RIG_NOT_READY}: the calibration is out of date since {valid_until:%Y-%m-%d}")
-        console.print("        what to do: calibrate again; no session starts before.")
+        console.print(f"WRONG {ErrorCode.RIG_NOT_READY}: the calibration expired on {valid_until:%Y-%m-%d}")
+        console.print("        what to do: calibrate again; until then no session starts.")
     _motions(console, cell, calibration)
     return good
 
@@ -99,7 +99,7 @@ def _motions(console: Console, cell: CellConfig, calibration: Calibration) -> No
     for reason in pilot.reasons + pilot.notes:
         console.print(f"        {reason}")
     route = jobs.plan_route(pilot.lights, cell.arm.home, cell, calibration)
-    console.print(f"ok    route of the pilot: {route.seconds:.1f} s of moves, at best {route.lower_bound_s:.1f} s")
+    console.print(f"ok    route of the pilot: {route.seconds:.1f} s of moves, lower bound {route.lower_bound_s:.1f} s")
 
 
 def _arm(console: Console, cell: CellConfig) -> bool:
@@ -141,10 +141,11 @@ def _factory_calibration(console: Console, cell: CellConfig) -> bool:
     if reported is None:
         console.print("      the controller does not report the arm's factory calibration")
     elif reported == cell.arm.kinematics:
-        console.print("ok    the arm's factory calibration is the cell file's")
+        console.print("ok    the arm's factory calibration matches the cell file")
     else:
         wrong = cell.arm.kinematics is not None
-        console.print(f"{'WRONG' if wrong else '     '} the arm's factory calibration; for [arm] in the cell file:")
+        found = "WRONG the cell file has another" if wrong else "      the cell file has no"
+        console.print(f"{found} factory calibration of the arm; put the arm's own under [arm]:")
         console.print("kinematics = [")
         for joint in reported:
             numbers = ", ".join(f"{name} = {value!r}" for name, value in joint.model_dump().items())

@@ -76,11 +76,11 @@ def _show(result: ColourResult) -> None:
     console.print(f"24 patches: ΔE2000 {colour.delta_e_mean:.2f} on average, {worst.delta_e:.2f} for {worst.name}")
     console.print("white, R G B over their mean: " + " ".join(f"{value:.3f}" for value in colour.white))
     if result.held_out_delta_e is None:
-        console.print("one image only: lay the chart down in two or three ways, and the matrix is tested on each")
+        console.print("only one image: take the chart in two or three positions, so that the matrix can be tested")
     else:
-        console.print(f"images that took no part: ΔE2000 {result.held_out_delta_e:.2f} on average")
+        console.print(f"held-out images: ΔE2000 {result.held_out_delta_e:.2f} on average")
         if result.held_out_delta_e > FAIR_DELTA_E:
-            console.print("that is much: is the light the lamp's alone, and nothing mirrored in the chart?")
+            console.print("that is high: check that only the lamp lights the chart and nothing is mirrored in it")
 
 
 def _pairs(folder: Path) -> list[tuple[Path, Path]]:
@@ -90,7 +90,7 @@ def _pairs(folder: Path) -> list[tuple[Path, Path]]:
     for number, line in enumerate((one for one in csv.reader(text(path).splitlines()) if one), 1):
         names = [value.strip() for value in line]
         if len(names) != 2:
-            raise refusal(path, f"line {number}: image and lamp-off image belong there")
+            raise refusal(path, f"line {number}: give the image and the lamp-off image")
         files = [folder / name for name in names]
         missing = [one.name for one in files if not one.is_file()]
         if number == 1 and len(missing) == 2:
@@ -112,14 +112,14 @@ def _signals(
     if image.shape != dark.shape or image.shape[:2] != (calibration.height, calibration.width):
         raise refusal(
             lit,
-            f"is {image.shape[1]} × {image.shape[0]}, {off.name} {dark.shape[1]} × {dark.shape[0]} pixels, the "
-            f"calibration {calibration.width} × {calibration.height}: they have to be alike",
+            f"has {image.shape[1]} × {image.shape[0]} pixels, {off.name} {dark.shape[1]} × {dark.shape[0]}, the "
+            f"calibration {calibration.width} × {calibration.height}: all must have the same size",
         )
     if image.ndim == 2 and sensor.mosaic is None:
         raise RigError(
             ErrorCode.CONFIG_INVALID,
-            f"{lit.name} has one channel, and the base's sensor no mosaic: set `sensor.mosaic` to rggb, bggr, grbg or "
-            "gbrg",
+            f"{lit.name} has one channel, but the sensor of --base has no mosaic: set `sensor.mosaic` to rggb, bggr, "
+            "grbg or gbrg",
             file=str(lit),
         )
     light = image.astype(np.float64) - dark

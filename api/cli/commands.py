@@ -63,12 +63,12 @@ def demo(
         typer.Option(help="Positions for method `user`: x y z on each line, m, view frame; JSON; a session's folder"),
     ] = None,
     profile: Profile = Profile.REALISTIC,
-    random: Annotated[bool, typer.Option(help="Compare with as many random lights")] = True,
+    random: Annotated[bool, typer.Option(help="Compare with the same number of random lights")] = True,
     speed: Speed = 8.0,
     pixels: Pixels = 1024,
     data: Annotated[Path, typer.Option(help="Folder for the cell and the results")] = Path("demo"),
     calibrate: Annotated[
-        bool, typer.Option("--calibrate", help="Calibrate the cell first, by sessions of its own, and grade that too")
+        bool, typer.Option("--calibrate", help="First calibrate the cell in calibration sessions, and grade that too")
     ] = False,
     perturb: Annotated[
         bool, typer.Option("--perturb", help="With --calibrate: a cell that was never calibrated")
@@ -96,7 +96,7 @@ def demo(
     )
     if perturb and not calibrate:
         raise typer.BadParameter(
-            "is for --calibrate: what it captures is graded by the cell's nominal values", param_hint="--perturb"
+            "needs --calibrate: without it, images are graded by the cell's nominal values", param_hint="--perturb"
         )
     if calibrate:
         from api.cli import calibration_demo
@@ -115,7 +115,7 @@ def demo(
 
 @app.command()
 def sim(
-    address: Annotated[str, typer.Option(help="A loopback address; one cell each")] = "127.0.0.1",
+    address: Annotated[str, typer.Option(help="A loopback address, a different one for each cell")] = "127.0.0.1",
     object_name: ObjectName = None,
     mesh: MeshFile = None,
     size_mm: SizeMm = None,
@@ -173,7 +173,9 @@ def sim(
 def place(
     name: Annotated[
         str,
-        typer.Argument(help="charuco, mirror-sphere, matt-plane, grey-tile, empty (@flange, #N), or a built-in object"),
+        typer.Argument(
+            help="charuco, mirror-sphere, matt-plane, grey-tile, empty (with @flange, #N), or a built-in object"
+        ),
     ],
     address: Annotated[str, typer.Option(help="The simulated cell's address")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="The port of its camera")] = 30100,
@@ -201,7 +203,7 @@ def serve(
     tls_key: Annotated[Path | None, typer.Option(help="Its private key (PEM); default: LIGHTPOSE_TLS_KEY")] = None,
     trusted_proxy: Annotated[
         list[str] | None,
-        typer.Option(help="Proxy whose X-Forwarded-For and -Proto count; default: LIGHTPOSE_TRUSTED_PROXIES"),
+        typer.Option(help="Proxy whose X-Forwarded-For and -Proto are trusted; default: LIGHTPOSE_TRUSTED_PROXIES"),
     ] = None,
 ) -> None:
     """Runs the service for one cell."""
@@ -252,7 +254,7 @@ def add_key(
 
     roles = [str(item) for item in keys.Role]
     if role not in roles:
-        raise typer.BadParameter(f"choose of {', '.join(roles)}", param_hint="--role")
+        raise typer.BadParameter(f"choose one of {', '.join(roles)}", param_hint="--role")
     print(explain_errors(lambda: keys.add(keys.path_in(data), name, keys.Role(role))))
 
 
@@ -279,11 +281,9 @@ def list_keys(data: Data = Path("data")) -> None:
 @app.command()
 def prune(
     older_than: Annotated[
-        float, typer.Option(min=0, help="Days since a session ended, or was made and never started")
+        float, typer.Option(min=0, help="Days since a session ended or, if never started, was created")
     ] = 30,
-    keep: Annotated[
-        int, typer.Option(min=0, help="Number of the newest ended sessions that are kept in any case")
-    ] = 10,
+    keep: Annotated[int, typer.Option(min=0, help="Number of newest ended sessions that are always kept")] = 10,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be removed")] = False,
     data: Data = Path("data"),
 ) -> None:
@@ -309,7 +309,7 @@ app.add_typer(folder_commands.app)
 
 @app.command()
 def study(
-    quick: Annotated[bool, typer.Option("--quick", help="Few draws: within a minute")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Few draws; takes less than a minute")] = False,
     seed: Seed = 1,
     out: Annotated[Path, typer.Option(help="Folder for study.html and study.json")] = Path("study"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,

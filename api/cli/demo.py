@@ -118,7 +118,7 @@ def serve_page(options: DemoOptions) -> None:
     folder = prepared_folder(options)
     with cell(options, folder) as cell_file, service(cell_file, folder) as url, Client(url) as client:
         end_previous_session(client)
-        console.print(f"Simulated cell with the object '{options.spec.label}', {options.speed:g} times as fast as real")
+        console.print(f"Simulated cell with the object '{options.spec.label}', {options.speed:g} × real speed")
         console.print(f"page {url}/", highlight=False, soft_wrap=True)
         console.print("Ctrl+C ends it")
         with contextlib.suppress(KeyboardInterrupt):

@@ -11,8 +11,8 @@ from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
 T = TypeVar("T")
 
 REMEDIES = {
-    ErrorCode.REQUEST_INVALID: "Correct the option or the file that the sentence names, and run the command again.",
-    ErrorCode.FOLDER_INVALID: "Correct what the sentence names, and run the command again; nothing has been written.",
+    ErrorCode.REQUEST_INVALID: "Correct the option or the file that the message names, and run the command again.",
+    ErrorCode.FOLDER_INVALID: "Correct what the message names, and run the command again; nothing has been written.",
     ErrorCode.STORE_DISK_FULL: "Free space there, or use a folder on another disk, and run the command again.",
 }
 """Remedies of errors in a command itself, where those of the table suit only a service."""

@@ -11,7 +11,7 @@ from api.cli.error_exit import explain_errors
 app = typer.Typer()
 
 FULL_SCALE = typer.Option(
-    help="Stored value where pixels clip, such as 4095 of 12 bits in 16-bit files; lights.json states its own"
+    help="Stored value at which pixels clip, such as 4095 for 12 bits in 16-bit files; lights.json states its own"
 )
 
 
@@ -20,9 +20,7 @@ def solve_folder(
     folder: Annotated[
         Path, typer.Argument(help="DiLiGenT-style, .lp with images, near light (lights.json), or a session's folder")
     ],
-    solver: Annotated[
-        str, typer.Option(help="auto, or ls: plain least squares of directions, to compare with")
-    ] = "auto",
+    solver: Annotated[str, typer.Option(help="auto, or for comparison ls: plain least squares of directions")] = "auto",
     near: Annotated[bool, typer.Option("--near", help="Require the near-light model")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for maps and report, written atomically")] = None,
     exports: Annotated[
@@ -34,7 +32,7 @@ def solve_folder(
         ),
     ] = None,
     sphere: Annotated[
-        str | None, typer.Option(help="cx,cy,r: a sphere in the image, px, that errors are graded against")
+        str | None, typer.Option(help="cx,cy,r: a sphere in the image, px, as the truth for the errors")
     ] = None,
     keep_steps: Annotated[
         bool, typer.Option("--keep-steps", help="Allow depth discontinuities where neighbouring normals disagree")
@@ -67,7 +65,7 @@ def plan_folder(
     ] = None,
     max_slant_deg: Annotated[
         float | None,
-        typer.Option(help="Greatest slant from the view axis; default: 75 on a free dome, none of given candidates"),
+        typer.Option(help="Greatest slant from the view axis; default: 75 on a free dome, none for given candidates"),
     ] = None,
     pilot: Annotated[
         str | None,

@@ -20,7 +20,9 @@ def read(path: Path) -> list[Vector3]:
     if path.is_dir():
         plans = sorted(path.glob("passes/*/plan.json"), key=lambda plan: int(plan.parent.name))
         if not plans:
-            raise RigError(ErrorCode.REQUEST_INVALID, f"{path}: is no session's folder: no passes/0/plan.json is there")
+            raise RigError(
+                ErrorCode.REQUEST_INVALID, f"{path}: is not a session's folder: it has no passes/0/plan.json"
+            )
         return [position for plan in plans for position in read(plan)]
     try:
         text = path.read_text(encoding="utf-8")
@@ -54,5 +56,5 @@ def _position(numbers: Any, place: str) -> Vector3:
     except (TypeError, ValueError) as error:
         raise RigError(ErrorCode.REQUEST_INVALID, f"{place}: {numbers!r} is not three numbers in metres") from error
     if not all(math.isfinite(number) for number in (x, y, z)):
-        raise RigError(ErrorCode.REQUEST_INVALID, f"{place}: {numbers!r} holds something that is no finite number")
+        raise RigError(ErrorCode.REQUEST_INVALID, f"{place}: {numbers!r} contains a value that is not a finite number")
     return (x, y, z)

@@ -55,7 +55,7 @@ def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: 
     before anything is written.
     """
     if not 0.05 <= albedo <= 1 or not 0 <= albedo_sigma <= 0.5:
-        raise RigError(ErrorCode.REQUEST_INVALID, "--albedo lies between 0.05 and 1, --albedo-sigma between 0 and 0.5")
+        raise RigError(ErrorCode.REQUEST_INVALID, "give --albedo between 0.05 and 1, --albedo-sigma between 0 and 0.5")
     refuse_overwriting(*(out / name for name in ("lobe.json", "lobe.png", "calibration.json")))
     cell, calibration = cell_config.load(files.cell), cell_config.load_calibration(files.base)
     board = read_value(files.board, CharucoBoard, "description of a board")
@@ -105,11 +105,9 @@ def _shots(path: Path) -> list[_Shot]:
         except ValueError as error:
             if number == 1:
                 continue  # the names of the columns
-            raise refusal(
-                path, f"line {number}: image, dark, exposure_s, placing and six joints belong there"
-            ) from error
+            raise refusal(path, f"line {number}: give image, dark, exposure_s, placing and six joints") from error
         if len(numbers) != 7 or not np.isfinite(numbers).all() or numbers[0] <= 0:
-            raise refusal(path, f"line {number}: an exposure time in s and six joints in rad belong there")
+            raise refusal(path, f"line {number}: give an exposure time above 0 s and six joints in rad")
         shots.append(_Shot(image, dark, float(numbers[0]), placing, numbers[1:]))
     if not shots:
         raise refusal(path, "names no images")
@@ -125,7 +123,7 @@ def _placing(
     if not seen:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"The plane's frame is seen in no image of placing {name}: check its description, focus and exposure",
+            f"No image of placing {name} shows the plane's frame: check its description, focus and exposure",
         )
     return matt_plane.placing(seen, board, calibration)
 
@@ -138,6 +136,6 @@ def _show(result: LobeResult) -> None:
         f"{result.image_sigma:.2%}, patches by {result.patch_sigma:.2%}"
     )
     if result.verified_deg is None:
-        console.print("not verified: lay the plane down a second time, tilted, and take some images of that too")
+        console.print("not verified: lay the plane down a second time, tilted, and take images of it there too")
     else:
-        console.print(f"on the placing that took no part, normals are off by {result.verified_deg:.2f}° on average")
+        console.print(f"verified on the held-out placing: mean error of the normals {result.verified_deg:.2f}°")

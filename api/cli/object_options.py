@@ -23,7 +23,7 @@ MeshFile = Annotated[
 SizeMm = Annotated[
     float | None,
     typer.Option(
-        help="Largest extent of the --mesh, mm; default: its own, its units being mm if that is more than 1, else m"
+        help="Largest extent of the --mesh, mm; default: the file's own, read as mm if it is more than 1, else as m"
     ),
 ]
 Family = Annotated[

@@ -56,12 +56,12 @@ def offered(request: PlanRequest, capture: Capture, pilot: Sequence[int]) -> Off
     rest = [number for number in range(len(capture.lights)) if number not in pilot]
     if not rest:
         if request.radius_mm is not None and capture.frame.word == "direction":
-            raise invalid(f"--radius-mm: {request.folder} gives directions, which have no radius: leave it out")
+            raise invalid(f"--radius-mm: {request.folder} gives directions, which have no radius: leave the option out")
         return None
     if request.radius_mm is not None:
         raise invalid(
-            f"--radius-mm is that of a free dome, but {request.folder} offers the {len(rest)} images that are not the "
-            "pilot's: leave it out, or the other images"
+            f"--radius-mm is the radius of a free dome, but the {len(rest)} images of {request.folder} outside the "
+            "pilot are the candidates: leave out the option, or these images"
         )
     return Offer(capture.lights[rest], tuple(rest), f"{request.folder}, whose other images are the candidates,")
 
@@ -77,7 +77,7 @@ def read_candidates(path: Path) -> FloatArray:
     except (OSError, UnicodeDecodeError) as error:
         raise invalid(f"--candidates {path}: cannot be read: {error}", path) from error
     if not lines:
-        raise invalid(f"--candidates {path}: is empty: write one light a line, three numbers each", path)
+        raise invalid(f"--candidates {path}: is empty: write three numbers on a line for each light", path)
     rows: list[list[float]] = []
     for line, text in enumerate(lines, start=1):
         try:
@@ -117,8 +117,8 @@ def reach(
     if request.candidates is not None:
         first = np.zeros(len(units), np.bool_)
         first[np.unique(np.round(offsets / np.mean(length) / SAME_PLACE) + 0.0, axis=0, return_index=True)[1]] = True
-        note = f"{np.count_nonzero(~first)} candidates stand where others of the list do and were left out"
-        left = left.only(first, note, "give each place once")
+        note = f"{np.count_nonzero(~first)} candidates repeat another one of the list and were left out"
+        left = left.only(first, note, "give each light once")
         new = np.max(units @ seen.T, axis=1) < np.cos(np.radians(SAME_LIGHT_DEG))
         note = f"{np.count_nonzero(first & ~new)} candidates are lights of the pilot and were left out"
         left = left.only(new[first], note, "give positions that are not the pilot's")
@@ -167,7 +167,7 @@ def too_few(request: PlanRequest, offer: Offer) -> RigError:
     if not have:
         return invalid(f"{offer.what} leaves no candidates: {offer.advice or 'give some'}{_told(offer)}")
     more = (f", or {offer.advice}" if offer.advice else "") + _told(offer)
-    return invalid(f"--count {request.count}: {offer.what} leaves {have} candidates: ask for no more than these{more}")
+    return invalid(f"--count {request.count}: {offer.what} leaves {have} candidates: plan at most {have}{more}")
 
 
 def _told(offer: Offer) -> str:

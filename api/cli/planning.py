@@ -46,19 +46,19 @@ def plan_request(
 ) -> PlanRequest:  # fmt: skip
     """Parses the options of a command line. Raises RigError request.invalid naming the option."""
     if count < 1:
-        raise invalid(f"--count {count}: plan one light at the least")
+        raise invalid(f"--count {count}: plan at least one light")
     if count > (most := design_problem.MAX_CANDIDATES):
-        raise invalid(f"--count {count}: {most} lights are the most that a plan chooses from: ask for fewer")
+        raise invalid(f"--count {count}: at most {most} lights can be planned")
     if radius_mm is not None and not (np.isfinite(radius_mm) and radius_mm > 0):
         raise invalid(f"--radius-mm {radius_mm:g}: the radius must be positive")
     if radius_mm is not None and candidates is not None:
-        raise invalid("--radius-mm is that of a free dome: leave it out where --candidates gives the positions")
+        raise invalid("--radius-mm is the radius of a free dome and cannot be combined with --candidates")
     if max_slant_deg is not None and not MIN_SLANT_DEG < max_slant_deg <= STEEPEST_DEG:
         raise invalid(
             f"--max-slant-deg {max_slant_deg:g}: give more than {MIN_SLANT_DEG:g} and at most {STEEPEST_DEG:g}"
         )
     if out is not None and out.exists() and not out.is_file():
-        raise invalid(f"--out {out}: is no file: name one")
+        raise invalid(f"--out {out}: is not a file: name a file")
     numbers = None
     if pilot is not None:
         if not re.fullmatch(r"\s*\d+\s*(,\s*\d+\s*)*", pilot):
@@ -116,7 +116,7 @@ def _pilot(request: PlanRequest, count: int) -> tuple[int, ...]:
     if doubled:
         raise invalid(f"--pilot {_list(doubled)}: given more than once: name each image once")
     if len(pilot) < MIN_PILOT:
-        raise invalid(f"the pilot has {len(pilot)} image(s): three are the least that give a normal; add images")
+        raise invalid(f"the pilot has {len(pilot)} image(s), but a normal needs at least three: add images")
     return pilot
 
 
@@ -139,9 +139,9 @@ def _findings(request: PlanRequest, session: EquivalentSession, pilot: Sequence[
         if finding.kind == lamp_alternatives.AXES and finding.corrected:
             raise RigError(
                 ErrorCode.FOLDER_INVALID,
-                f"{request.folder}: {finding.message}. A plan would be in these wrong axes, as its candidates are: "
-                "correct the lamps' axes in the folder's file of lights, those of all candidates likewise, and plan "
-                "again (where they are right, see `lightpose solve`: a bad image among few can look like it)",
+                f"{request.folder}: {finding.message}. The plan would be in the same wrong axes as the candidates. "
+                "Correct the lamps' axes in the folder's file of lights, and those of all candidates, and plan again "
+                "(if they are right, see `lightpose solve`: among few images, a bad one can look like wrong axes)",
                 file=str(request.folder),
             )
     return findings
@@ -168,7 +168,7 @@ def _outcome(
         lights = [{frame.word: offer.own[place].tolist(), "number": offer.numbers[place]} for place in places]
         notes += offer.notes
         if len(offer.numbers) > (most := design_problem.MAX_CANDIDATES):
-            notes.append(f"{most} of {len(offer.numbers)} candidates, evenly over the list, were considered")
+            notes.append(f"only {most} of {len(offer.numbers)} candidates, evenly over the list, were considered")
     return {
         "lights": lights,
         "forecast_mean_deg": _mean_error(chosen.predicted_sigma_deg),
@@ -205,7 +205,7 @@ def _show(console: Console, capture: Capture, outcome: dict[str, Any]) -> None:
         console.print(f"Do not rely on this plan: {sentence}.", style="bold red", highlight=False)
     console.print(table)
     console.print(
-        f"Mean error expected after them: {outcome['forecast_mean_deg']:.2f}° ({MEAN_ERROR_PER_SIGMA} × mean σ)."
+        f"Expected mean error with these lights: {outcome['forecast_mean_deg']:.2f}° ({MEAN_ERROR_PER_SIGMA} × mean σ)."
     )
     corrected = [f"{one['message']} (taken into account)" for one in outcome["findings"] if one["corrected"]]
     for sentence in (*corrected, *outcome["notes"]):
@@ -225,7 +225,7 @@ def _refuse_out(out: Path) -> None:
     except OSError as error:
         raise invalid(f"--out {out}: cannot be written: {error}; name another file", out) from error
     except ValueError as error:
-        raise invalid(f"--out {out}: is no plan, and would be replaced: name another file", out) from error
+        raise invalid(f"--out {out}: exists, is not a plan and would be replaced: name another file", out) from error
 
 
 def _write(outcome: dict[str, Any], out: Path) -> None:

@@ -31,7 +31,7 @@ def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
         have = ", ".join(str(one) for one in capture.results) or "none"
         raise RigError(
             ErrorCode.FOLDER_INVALID,
-            f"{folder}: has no result {chosen}, only {have}: name one of them",
+            f"{folder}: has no result {chosen}; it has {have}: name one with --result",
             file=str(folder),
         )
     stored = export.read(folder / "results" / str(chosen))
@@ -67,7 +67,7 @@ def _settings_of(manifest: Path) -> SolveSettings:
         return SolveSettings.model_validate(json.loads(manifest.read_bytes())["settings"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RigError(
-            ErrorCode.FOLDER_INVALID, f"{manifest}: does not hold the settings of the solve: {error}; restore it",
+            ErrorCode.FOLDER_INVALID, f"{manifest}: has no readable settings of the solve: {error}; restore the file",
             file=str(manifest),
         ) from error  # fmt: skip
 

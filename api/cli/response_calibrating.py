@@ -63,9 +63,9 @@ def _frames(folder: Path, calibration: Calibration) -> list[ResponseFrame]:
         except ValueError as error:
             if number == 1:
                 continue  # the names of the columns
-            raise refusal(path, f"line {number}: image, lamp and exposure_s belong there") from error
+            raise refusal(path, f"line {number}: give image, lamp and exposure_s") from error
         if lamp not in ("on", "off") or not (np.isfinite(exposure_s) and exposure_s > 0):
-            raise refusal(path, f"line {number}: lamp is on or off, the exposure time above 0 s")
+            raise refusal(path, f"line {number}: lamp must be on or off, the exposure time above 0 s")
         if not (folder / name).is_file():
             raise refusal(path, f"line {number}: there is no {name} in the folder")
         frames.append(

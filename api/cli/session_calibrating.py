@@ -70,13 +70,13 @@ def sentences(found: CalibrationSummary) -> list[str]:
     """Formats the result of a calibration session and the advice for people."""
     said: list[str] = []
     if found.focal_px is not None and found.projection_sigma_px is not None:
-        said.append(f"focal length {found.focal_px:.1f} px; directions known to {found.projection_sigma_px:.3f} px")
+        said.append(f"focal length {found.focal_px:.1f} px; projection uncertainty {found.projection_sigma_px:.3f} px")
     if found.position_sigma_mm is not None:
         what = "lamp" if found.rotation_sigma_deg is None else "camera"
         turned = "" if found.rotation_sigma_deg is None else f" and {found.rotation_sigma_deg:.3f}°"
         said.append(f"{what} known to {found.position_sigma_mm:.2f} mm{turned}")
     if found.verified_deg is not None:
-        said.append(f"verified: normals off by {found.verified_deg:.2f}° on the placing that took no part")
+        said.append(f"verified on the held-out placing: mean error of the normals {found.verified_deg:.2f}°")
     if found.gain_e_per_dn is not None:
         said.append(
             f"{found.gain_e_per_dn:.3f} electrons per value, read noise {found.read_noise_e:.2f}, full well "

@@ -77,15 +77,17 @@ def solve_request(
     unknown = set(exports) - {*known, "all"}
     if unknown:
         raise RigError(
-            ErrorCode.REQUEST_INVALID, f"--export {', '.join(sorted(unknown))}: choose of {', '.join(known)}, all"
+            ErrorCode.REQUEST_INVALID, f"--export {', '.join(sorted(unknown))}: choose from {', '.join(known)}, all"
         )
     if solver in GONE_SOLVERS:
         raise RigError(
             ErrorCode.REQUEST_INVALID,
-            f"--solver {solver} is gone: auto finds shadows, gloss and unequal lamps by itself; leave the option out",
+            f"--solver {solver} no longer exists: auto finds shadows, gloss and unequal lamps; leave the option out",
         )
     if solver not in get_args(distant.Solver):
-        raise RigError(ErrorCode.REQUEST_INVALID, f"--solver {solver}: choose of {', '.join(get_args(distant.Solver))}")
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"--solver {solver}: choose from {', '.join(get_args(distant.Solver))}"
+        )
     chosen = known if "all" in exports else tuple(name for name in known if name in exports)
     ball = None if sphere is None else _sphere(sphere)
     refuse_full_scale(full_scale)
@@ -158,7 +160,7 @@ def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[s
     if request.near and distant_lights:
         raise RigError(
             ErrorCode.FOLDER_INVALID,
-            f"{request.folder}: gives directions, not positions: --near needs a folder with lights.json",
+            f"{request.folder}: gives directions of lights, but --near needs positions: a folder with lights.json",
             file=str(request.folder),
         )
     with timed(seconds, "solve"), shown_step(bar, "solving"):
@@ -177,7 +179,9 @@ def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[s
 
 def session_full_scale(folder: Path) -> RigError:
     """Returns the refusal of a full scale for a session, whose calibration states it."""
-    return RigError(ErrorCode.REQUEST_INVALID, f"--full-scale: {folder} is a session, which knows it: leave it out")
+    return RigError(
+        ErrorCode.REQUEST_INVALID, f"--full-scale: {folder} is a session, which states it: leave the option out"
+    )
 
 
 def solve_session(capture: SessionCapture, count: int | None, settings: SolveSettings) -> NormalMap:

@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(3600)]
 ROOT = Path(__file__).parents[2]
 RUNBOOK = ROOT / "docs" / "how-to" / "calibrate.md"
 ADDRESS, SEED, PIXELS = "127.0.6.43", 31, 1024
-ASKED = "Done, and nobody is within the arm's reach?"
+ASKED = "Is this done, and is nobody within the arm's reach?"
 
 TARGETS = (
     ("Mount the calibration board", "charuco@flange"),

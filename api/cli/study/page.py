@@ -27,16 +27,17 @@ def write(path: Path, result: StudyResult, figures: Mapping[str, Any]) -> None:
     """Writes the page atomically."""
     parts = [
         f"<!doctype html><html lang=en><meta charset=utf-8><title>lightpose study, seed {result.seed}</title>",
-        f"<style>{STYLE}</style><h1>What planning the lights brings</h1>",
+        f"<style>{STYLE}</style><h1>Benefit of planned lights</h1>",
         f"<p>Seed {result.seed}, simulated objects ({', '.join(result.scale.objects)}), "
         f"{result.scale.pixels} × {result.scale.pixels} pixels, profile "
         "<code>direct</code>: every image has an unknown intensity error of 1 % and an unknown lamp-position error of "
-        "1 mm per axis, besides the sensor's noise. All methods have as many images (ours with its pilot) and the same "
-        "solver. Errors are angles in degrees over all pixels whose true normal is within 78° of the viewing ray, "
+        "1 mm per axis, besides the sensor's noise. All methods use the same number of images (ours including its "
+        "pilot) and the same solver. Errors are angles in degrees over all pixels whose true normal is within 78° of "
+        "the viewing ray, "
         "shadowed ones included; mixed pixels, which show two surfaces and whose share is stated below, have no "
         "single normal and are left out. Intervals are 95 %, over draws of object and errors."
         + (" <b>A quick run: few draws.</b></p>" if result.quick else "</p>"),
-        "<h2>Ours against each other method</h2>",
+        "<h2>Our method against each of the others</h2>",
         _ratios(figures["ratios"]),
         "<h2>Error against the number of images</h2>",
         *_errors("diffuse", result.diffuse),
@@ -45,13 +46,13 @@ def write(path: Path, result: StudyResult, figures: Mapping[str, Any]) -> None:
         _by_object(result.diffuse, 8),
         "<h2>Mixed pixels, and pixels with large errors</h2>",
         *_far_off(result),
-        "<h2>Predicted before the capture over observed</h2>",
+        "<h2>Error predicted before the capture, relative to the observed one</h2>",
         _table(
             ["object", "predicted / observed mean error"],
             [[shape, f"{value:.2f}"] for shape, value in figures["predicted_over_found_by_object"].items()],
         ),
-        "<p>The <code>part</code> has steps that its integrated depth does not show, and errors beside them that no "
-        "variance accounts for.</p>",
+        "<p>The <code>part</code> has steps that its integrated depth does not show, and errors beside the steps that "
+        "the predicted variance does not include.</p>",
         "<h2>The paper's figure 9: three unit lights, no shadows</h2>",
         *_placements(result),
         "<h2>The paper's formulas, checked numerically</h2>",
@@ -204,7 +205,7 @@ def _errata(errata: paper_criterion.Errata) -> list[str]:
         f"{errata.gradient_error:.0e}; read with a matrix product, its cosine to the true gradient is "
         f"{errata.matrix_product_cosine:.3f} (median of 200 random light sets).</p>",
         "<p>Eq. 23 as it stands does not bound the light vectors, and Φ(cS) = Φ(S)/c² (checked to "
-        f"{errata.scale_law_error:.0e}): going downhill makes the lights grow without end.</p>",
+        f"{errata.scale_law_error:.0e}): minimising it makes the light vectors grow without limit.</p>",
         _table(["step", "Φ", "mean |s|"], literal),
         f"<p>For one normal the bound is {errata.single_normal_bound:.4f}; the best of the random triples has "
         f"{errata.single_normal_random:.4f}.</p>",
@@ -225,8 +226,8 @@ def _three(rows: Sequence[three_images.Row]) -> list[str]:
         )
     return [
         _table(["condition: mean / median error", *objects], body),
-        "<p>Mean near median, both near nine degrees, is the mark of a near lamp taken for a distant one; a mean far "
-        "above the median is the mark of shadows. The paper's 2.0 / 0.6 is what a ring at 25–35° gives under distant "
-        "light; its own criterion with unit lights does not give it. Where all three lights are seen, all methods are "
-        "close.</p>",
+        "<p>A mean near the median, both near nine degrees, is typical of a near lamp modelled as a distant one; a "
+        "mean far above the median is typical of shadows. A ring at 25–35° under distant light gives the paper's "
+        "2.0 / 0.6; the paper's own criterion with unit lights does not. Where all three lights are seen, all methods "
+        "are close.</p>",
     ]

@@ -167,7 +167,9 @@ def _results(futures: Sequence["Future[T]"]) -> list[T]:
     try:
         return [future.result() for future in futures]
     except BrokenProcessPool as error:
-        raise RigError(ErrorCode.SERVICE_FAULT, "a process of the study ended: is there memory left?") from error
+        raise RigError(
+            ErrorCode.SERVICE_FAULT, "a process of the study ended unexpectedly: check that enough memory is free"
+        ) from error
 
 
 def _show(futures: Sequence["Future[Any]"]) -> None:

@@ -54,7 +54,7 @@ def test_board_is_drawn_and_described(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "board.json").read_text(encoding="utf-8"))["square_m"] == 0.015
     code, output = lightpose("calibrate", "board", "--out", tmp_path / "board.pdf")
     assert code == 2
-    assert "nothing is overwritten" in output
+    assert "is not overwritten" in output
     code, output = lightpose("calibrate", "board", "--out", tmp_path / "other.pdf", "--square-mm", 0)
     assert code == 2
     assert "--square-mm" in output
@@ -89,20 +89,23 @@ def test_hand_eye_of_folder_finds_camera_and_pose(folder: Path, tmp_path: Path) 
     assert picture.std() > 10
     code, output = lightpose("calibrate", "camera", folder, "--board", folder / "board.json", "--out", out)
     assert code == 2
-    assert "camera.json is there already" in output
+    assert "camera.json exists and is not overwritten" in output
 
 
 @pytest.mark.parametrize(
     ("change", "says"),
     [
         (lambda path: (path / "joints.csv").unlink(), "joints.csv: is missing"),
-        (lambda path: (path / "joints.csv").write_text("0.png,1,2,3\n"), "line 1: six numbers"),
+        (lambda path: (path / "joints.csv").write_text("0.png,1,2,3\n"), "line 1: write six joint angles"),
         (lambda path: (path / "joints.csv").write_text("0.png,0,0,0,0,0,0\nno.png,0,0,0,0,0,0\n"), "names no.png"),
         (lambda path: (path / "joints.csv").write_text("empty.png,0,0,0,0,0,0\n"), "states no joints for 0.png"),
         (lambda path: (path / "0.png").write_bytes(b"no image"), "0.png: is no image"),
-        (lambda path: cv2.imwrite(str(path / "0.png"), np.zeros((9, 9), np.uint8)), "pixels, the first image"),
-        (lambda path: (path / "board.json").write_text("{}"), "no description of a board"),
-        (lambda path: (path / "0.png").write_bytes((path / "empty.png").read_bytes()), "in none of its 2 images"),
+        (lambda path: cv2.imwrite(str(path / "0.png"), np.zeros((9, 9), np.uint8)), "pixels, but the first image has"),
+        (lambda path: (path / "board.json").write_text("{}"), "is not a valid description of a board"),
+        (
+            lambda path: (path / "0.png").write_bytes((path / "empty.png").read_bytes()),
+            "none of its 2 images shows the board",
+        ),
         (lambda path: [one.unlink() for one in path.glob("*.png")], "holds no images"),
     ],
 )

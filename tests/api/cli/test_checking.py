@@ -50,8 +50,8 @@ def test_check_expired_calibration_is_reported_and_keys_counted(
     assert not checking.check(tmp_path / "cell.toml", offline=True, data=tmp_path / "data")
 
     said = capsys.readouterr().out
-    assert "out of date since 2026-11-02" in said
-    assert "1 keys may call" in said
+    assert "calibration expired on 2026-11-02" in said
+    assert "number of keys: 1" in said
     assert "positions on the dome" in said
     assert said.count("WRONG") == said.count("what to do:") == 1
 
@@ -69,5 +69,5 @@ def test_check_other_arm_reports_each_difference(tmp_path: Path, capsys: pytest.
     assert "ok    arm: UR10" in said
     assert "The arm is a UR10, the cell file says ur5e." in said
     assert "the cell file says 12345." in said
-    assert "for [arm] in the cell file:\nkinematics = [\n" in said
+    assert "put the arm's own under [arm]:\nkinematics = [\n" in said
     assert "camera.unreachable" in said

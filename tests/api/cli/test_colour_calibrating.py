@@ -55,7 +55,7 @@ def test_calibrate_colour_writes_colour_into_the_calibration(folder: Path, tmp_p
     assert written.sensor.mosaic == "rggb"
     again, refusal = calibrated(folder, *reference, "--out", tmp_path / "out")
     assert again != 0
-    assert "nothing is overwritten" in refusal.replace("\n", " ")
+    assert "is not overwritten" in refusal.replace("\n", " ")
 
 
 def test_calibrate_colour_of_a_monochrome_base_asks_for_the_mosaic(folder: Path, tmp_path: Path) -> None:

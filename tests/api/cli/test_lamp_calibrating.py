@@ -72,7 +72,7 @@ def test_lamp_of_folder_is_found_and_written(folder: Path, tmp_path: Path) -> No
     assert calibration.lamp_position_sigma_m == lamp_position.ARM_REPEATABILITY_M  # the arm of this folder is perfect
     code, output = lightpose(folder, tmp_path / "out")
     assert code == 2
-    assert "nothing is overwritten" in output
+    assert "is not overwritten" in output
 
 
 def test_lamp_bad_input_is_refused_and_nothing_written(folder: Path, tmp_path: Path) -> None:
@@ -87,5 +87,5 @@ def test_lamp_bad_input_is_refused_and_nothing_written(folder: Path, tmp_path: P
         assert code == 2
         assert says in output
     (few / "hand_eye.json").write_text("{}", encoding="utf-8")
-    assert "no hand_eye.json" in lightpose(few, tmp_path / "out")[1]
+    assert "is not a valid hand_eye.json" in lightpose(few, tmp_path / "out")[1]
     assert not (tmp_path / "out").exists()

@@ -33,7 +33,7 @@ def test_lights_file_session_folder_gives_all_passes_in_order(tmp_path: Path) ->
         (folder / "plan.json").write_text(plan.model_dump_json(), encoding="utf-8")
 
     assert lights_file.read(tmp_path) == many
-    with pytest.raises(RigError, match="no session's folder"):
+    with pytest.raises(RigError, match="is not a session's folder"):
         lights_file.read(tmp_path / "passes")
 
 

@@ -30,7 +30,7 @@ def test_plan_out_that_is_no_plan_or_cannot_be_written_is_refused_first(kind: st
         case _:
             out = Path("/proc/new/plan.json")
     before = out.read_bytes() if out.exists() else None
-    with pytest.raises(RigError, match="cannot be written" if kind == "unwritable" else "is no plan"):
+    with pytest.raises(RigError, match="cannot be written" if kind == "unwritable" else "is not a plan"):
         planned(tmp_path / "nothing", 1, out=out)
     assert (out.read_bytes() if out.exists() else None) == before
 
@@ -49,7 +49,7 @@ def test_plan_of_corrected_axes_is_refused(tmp_path: Path) -> None:
     for light in content["lights"]:
         light["position"][1] *= -1
     (folder / "lights.json").write_text(json.dumps(content))
-    with pytest.raises(RigError, match=r"axes are mirrored or turned: x, −y .* correct the lamps' axes") as refused:
+    with pytest.raises(RigError, match=r"axes are mirrored or turned: x, −y .* Correct the lamps' axes") as refused:
         planned(folder, 1)
     assert refused.value.code is ErrorCode.FOLDER_INVALID
 

@@ -181,7 +181,7 @@ def test_plan_out_holds_what_json_prints(made: dict[str, Path], tmp_path: Path) 
     outcome = json.loads(done.stdout.splitlines()[-1])
     assert json.loads(out.read_text()) == outcome
     assert [path.name for path in out.parent.iterdir()] == ["plan.json"]
-    assert "Mean error expected" in done.stderr
+    assert "Expected mean error" in done.stderr
     # A session's lights are metres in the view frame, which `demo --method user --lights` takes.
     assert [list(position) for position in lights_file.read(out)] == [light["position"] for light in outcome["lights"]]
 
@@ -190,7 +190,7 @@ def test_plan_out_holds_what_json_prints(made: dict[str, Path], tmp_path: Path) 
     ("options", "said"),
     [
         ({"count": 0}, "--count 0"),
-        ({"count": 301}, "--count 301: 300 lights are the most"),
+        ({"count": 301}, "--count 301: at most 300 lights"),
         ({"count": 3, "pilot": "0,1,2,3"}, "--count 3: .* leaves 2 candidates"),
         ({"pilot": "0,1"}, r"2 image\(s\)"),
         ({"pilot": "0,1,6,2"}, "--pilot 6: .* 6 images"),
@@ -200,12 +200,12 @@ def test_plan_out_holds_what_json_prints(made: dict[str, Path], tmp_path: Path) 
         ({"pilot": ""}, "--pilot : give"),
         ({"radius_mm": 0.0}, "--radius-mm 0"),
         ({"radius_mm": float("nan")}, "--radius-mm nan"),
-        ({"radius_mm": 300.0, "pilot": "0,1,2,3"}, "--radius-mm is that of a free dome"),
-        ({"radius_mm": 300.0, "candidates": Path("x")}, "--radius-mm is that of a free dome"),
+        ({"radius_mm": 300.0, "pilot": "0,1,2,3"}, "--radius-mm is the radius of a free dome, but"),
+        ({"radius_mm": 300.0, "candidates": Path("x")}, "--radius-mm is the radius of a free dome and cannot"),
         ({"max_slant_deg": 95.0}, "--max-slant-deg 95"),
         ({"max_slant_deg": 3.0}, "--max-slant-deg 3"),
         ({"candidates": Path("nowhere.txt")}, "--candidates nowhere.txt: cannot be read"),
-        ({"out": ROOT}, "--out .*: is no file"),
+        ({"out": ROOT}, "--out .*: is not a file"),
     ],
 )
 def test_plan_bad_option_is_refused_by_name(options: dict[str, object], said: str, made: dict[str, Path]) -> None:
@@ -253,8 +253,8 @@ def test_plan_repeated_candidates_count_once(made: dict[str, Path], tmp_path: Pa
     file = write(tmp_path / "dome.txt", np.concatenate([units[:1]] * 9 + [3 * units[1:]]))
     outcome = planned(made["lp"], 2, candidates=file)
     assert sorted(light["number"] for light in outcome["lights"]) == [0, 9]  # type: ignore[union-attr, index]
-    assert any("8 candidates stand where others" in note for note in outcome["notes"])  # type: ignore[union-attr]
-    with pytest.raises(RigError, match=r"leaves 2 candidates.* give each place once"):
+    assert any("8 candidates repeat another one" in note for note in outcome["notes"])  # type: ignore[union-attr]
+    with pytest.raises(RigError, match=r"leaves 2 candidates.* give each light once"):
         planned(made["lp"], 3, candidates=file)
 
 

@@ -32,7 +32,7 @@ def test_calibrate_response_writes_values_and_no_file_twice(folder: Path, tmp_pa
     found = ResponseResult.model_validate_json((tmp_path / "out" / "response.json").read_bytes())
     assert found.gain_e_per_dn == pytest.approx(simulated.sensor_of(0).gain_e_per_dn, rel=0.05)
     assert (tmp_path / "out" / "photon_transfer.png").exists()
-    with pytest.raises(RigError, match="nothing is overwritten"):
+    with pytest.raises(RigError, match="is not overwritten"):
         calibrate_response(folder, folder / "base.json", tmp_path / "out")
 
 
@@ -40,7 +40,7 @@ def test_calibrate_response_names_the_wrong_line(folder: Path, tmp_path: Path) -
     wrong = tmp_path / "images"
     wrong.mkdir()
     (wrong / RESPONSE_FILE).write_text("image,lamp,exposure_s\n1.png,glowing,0.1\n", encoding="utf-8")
-    with pytest.raises(RigError, match="line 2: lamp is on or off") as refused:
+    with pytest.raises(RigError, match="line 2: lamp must be on or off") as refused:
         calibrate_response(wrong, folder / "base.json", tmp_path / "out")
     assert refused.value.code is ErrorCode.FOLDER_INVALID
     assert not (tmp_path / "out").exists()

@@ -16,7 +16,7 @@ LAMP = CalibrationSummary(
 def test_sentences_name_what_is_known_of_lamp_and_camera() -> None:
     assert sentences(LAMP) == [
         "lamp known to 0.08 mm",
-        "verified: normals off by 0.22° on the placing that took no part",
+        "verified on the held-out placing: mean error of the normals 0.22°",
         "Use it.",
     ]
     camera = LAMP.model_copy(update={"rotation_sigma_deg": 0.03, "verified_deg": None})

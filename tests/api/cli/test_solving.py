@@ -340,7 +340,7 @@ def test_replay_uses_settings_of_stored_result(session: Path, tmp_path: Path) ->
 
 
 def test_replay_missing_result_or_settings_is_refused(session: Path, tmp_path: Path) -> None:
-    with pytest.raises(RigError, match="no result 7, only 0, 1"):
+    with pytest.raises(RigError, match="no result 7; it has 0, 1: name one with --result"):
         replaying.replay(session, 7)
     other = tmp_path / "other"
     shutil.copytree(session, other)
