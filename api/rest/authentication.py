@@ -65,12 +65,10 @@ class Authentication:
             raise RigError(ErrorCode.REQUEST_UNAUTHENTICATED, f"{method} {path[:200]} needs a key")
         needed = needed_role(method, path)
         if not caller.role.covers(needed):
-            whose = (
-                f"The key {caller.name!r} is a {caller.role}'s" if self.keys.required else "Without a key you operate"
-            )
+            whose = f"The key {caller.name!r} has" if self.keys.required else "Without a key you have"
             raise RigError(
                 ErrorCode.REQUEST_FORBIDDEN,
-                f"{whose}; {method} {path[:200]} needs an {needed}'s key",
+                f"{whose} the role {caller.role}; {method} {path[:200]} needs a key of the role {needed}",
                 role=str(caller.role),
                 needed=str(needed),
             )

@@ -33,10 +33,10 @@ router = APIRouter(tags=["rig"])
 class RigCalibration(CalibrationResource):
     """The calibration in use with all its values."""
 
-    id: str = Field(description="Which one: `cell` is the cell file's, else the session that made it")
+    id: str = Field(description="Identifier: `cell` for that of the cell file, else the session that made it")
     age_days: float = Field(description="Days since it was made")
     file: str = Field(description="The file, as the cell file names it, or in the data folder")
-    fingerprint: str = Field(description="SHA-256 of its values; sessions of another calibration differ in it")
+    fingerprint: str = Field(description="SHA-256 of its values; sessions captured with it record this")
     values: Calibration = Field(description="As in the file: m, rad, pixels; poses are `a_from_b`")
     links: Links
 
@@ -46,7 +46,7 @@ class CalibrationSetResource(Resource):
 
     id: str = Field(description="Identifier: `cell` for that of the cell file, else the session that made it")
     active: bool = Field(description="Whether it is in use")
-    fits: str = Field(description="Why it cannot be used in this rig; empty: it can")
+    fits: str = Field(description="Reasons why this rig cannot use it; empty: it can")
     fingerprint: str = Field(description="SHA-256 of its values; sessions captured with it record this")
     made_at: str = Field(description="When it was made, ISO 8601")
     kind: str | None = Field(description="What was calibrated: `camera`, `hand-eye`; null for the cell file's")
@@ -72,7 +72,7 @@ class ToolResource(Resource):
     """What is on the arm's flange, as last stated by a person. Paths are certified for this tool."""
 
     tool: Tool = Field(description="`lamp`, or `board`")
-    warning: str = Field(default="", description="What to know of its payload, for people; empty: nothing")
+    warning: str = Field(default="", description="Warning about its payload, for people; empty: none")
     links: Links
 
 

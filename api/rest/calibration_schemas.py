@@ -14,8 +14,8 @@ class CalibrationKindResource(Resource):
 
     kind: str = Field(description="`kind` of the recipe: `camera`, `hand-eye`, …")
     recipe: str = Field(description="Name of its recipe's schema in /openapi.json")
-    explanation: str = Field(description="What its recipe says of it")
-    tool: Tool = Field(description="What its sessions need on the flange: PUT /v1/rig/tool states it")
+    explanation: str = Field(description="Description of the kind, from its recipe")
+    tool: Tool = Field(description="What its sessions need on the flange; PUT /v1/rig/tool states what is there")
     made_at: str | None = Field(
         description="When the newest calibration or check of this kind was made, ISO 8601; null: none"
     )
@@ -31,7 +31,7 @@ class EstimateResource(Resource):
 
     number: int = Field(ge=0, description="Number of the pass after which it was made")
     created: datetime = Field(description="When it was made, UTC")
-    seconds: float = Field(description="Time that it took")
+    seconds: float = Field(description="Time that it took, s")
     summary: CalibrationSummary = Field(description="The figures that a person reads first")
     artefacts: list[ArtefactResource] = Field(description="Its files: values, residuals of each image, pictures")
     links: Links

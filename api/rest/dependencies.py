@@ -37,7 +37,7 @@ async def refuse_unknown_query(request: Request) -> None:
         errors = [{"field": name[:100], "message": "There is no such query parameter"} for name in unknown[:20]]
         names = ", ".join(name[:100] for name in unknown[:20])
         raise RigError(
-            ErrorCode.REQUEST_INVALID, f"Unknown query parameter {names}; there are {', '.join(known)}", errors=errors
+            ErrorCode.REQUEST_INVALID, f"Unknown query parameter {names}; known are {', '.join(known)}", errors=errors
         )
 
 
@@ -45,7 +45,9 @@ ServiceOf = Annotated[Service, Depends(_service)]
 Actor = Annotated[str, Depends(_actor)]
 CallerOf = Annotated[Caller, Depends(_caller)]
 
-IDEMPOTENCY_KEY = "Any text of the caller's; the same one again is the same request, and makes nothing twice"
+IDEMPOTENCY_KEY = (
+    "Any text that the caller chooses; a request with the same text is the same one and makes nothing twice"
+)
 """Description of the header Idempotency-Key."""
 
 

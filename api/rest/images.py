@@ -36,7 +36,7 @@ FrameHash = Annotated[
         max_length=64,
         pattern="^[0-9a-f]+$",
         description="First digits of the frame's SHA-256: the answer is then immutable, and 404 once the shot has been "
-        "taken anew",
+        "taken again",
     ),
 ]
 
@@ -142,7 +142,7 @@ def _shot(service: Service, session_id: str, pass_number: int, number: int, fram
             if frame is not None and not shot.frame.sha256.startswith(frame):
                 raise RigError(
                     ErrorCode.REQUEST_NOT_FOUND,
-                    f"Shot {number} of pass {pass_number} has been taken anew since: its frame is another one",
+                    f"Shot {number} of pass {pass_number} has been taken again since: it has another frame now",
                     frame=shot.frame.sha256,
                 )
             return shot, folder / shot.frame.path

@@ -32,8 +32,8 @@ class JogRequest(JogMotion):
         min_length=8,
         max_length=64,
         pattern=r"^[A-Za-z0-9_-]+$",
-        description="Names this press, the same in all its renewals, new for each press (a UUID, say); when its motion "
-        "has ended, for whatever reason, it is refused",
+        description="Name of this press, such as a UUID: the same in all its renewals, a new one for each press; "
+        "refused once the motion of the press has ended, for whatever reason",
     )
     once: bool = Field(default=False, description="End after one step, however long the button is held")
 
@@ -49,11 +49,11 @@ class JogRelease(Value):
     hold: str | None = Field(
         default=None,
         max_length=64,
-        description="Its name: its request moves nothing any more, should it arrive after this one",
+        description="Name of the press; a request of it that arrives later moves nothing",
     )
 
 
-Released = Annotated[JogRelease | None, Body(description="Whose button is let go; without it whatever jogs ends")]
+Released = Annotated[JogRelease | None, Body(description="The press that is released; without it any jog ends")]
 
 
 class JogResource(Resource):

@@ -21,15 +21,15 @@ class TicketResource(Resource):
     """A short-lived permission to read, for addresses that a browser requests by itself."""
 
     ticket: str = Field(description="The secret: `?ticket=…` in an address")
-    good_until: datetime = Field(description="Until when it is accepted, UTC: five minutes, or as long as its key")
+    good_until: datetime = Field(description="Until when it is accepted, UTC: five minutes, less if its key is revoked")
 
 
 class KeyResource(Resource):
     """A key of the service, without its secret."""
 
-    name: str = Field(description="By which `lightpose keys revoke` revokes it")
+    name: str = Field(description="Its name; `lightpose keys revoke` takes it")
     role: Role = Field(description="What the key may do")
     created: datetime = Field(description="When it was made, UTC")
     last_used: datetime | None = Field(
-        description="Of its last request since the service was started, UTC; null: none yet"
+        description="Time of its last request since the service started, UTC; null: none yet"
     )

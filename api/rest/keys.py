@@ -96,8 +96,8 @@ def read(path: Path) -> KeyFile | None:
         if mode & OF_OTHERS:
             raise RigError(
                 ErrorCode.CONFIG_INVALID,
-                f"{path} may be read or written by others (mode {mode:04o}): run chmod 600 {path}; where that was so "
-                "for long, revoke the keys and make new ones",
+                f"{path} can be read or written by others (mode {mode:04o}): run chmod 600 {path}; if that was so for "
+                "long, revoke the keys and make new ones",
                 file=path.name,
             )
         return KeyFile.model_validate_json(path.read_bytes())
@@ -119,7 +119,7 @@ def add(path: Path, name: str, role: Role) -> str:
         key = Key(name=name, role=role, sha256=_digest(secret), created_at=time.time())
     except ValidationError as error:
         raise RigError(
-            ErrorCode.CONFIG_INVALID, f"{name!r} is no name for a key: use letters, digits, dot, dash, underscore"
+            ErrorCode.CONFIG_INVALID, f"{name!r} cannot name a key: use letters, digits, dot, dash, underscore"
         ) from error
     _write(path, KeyFile(keys=(*known.keys, key)))
     return secret

@@ -141,7 +141,7 @@ class Listener:
                         self._accept(held)
                 self._close_overdue()
             except Exception:  # noqa: BLE001 - without this thread nobody could stop the cell
-                _log.exception("the listener goes on")
+                _log.exception("error in the listener, which goes on")
 
     def _accept(self, listening: socket.socket) -> None:
         """Accepts one connection. Further waiting ones are accepted in the next turns, between readings."""
@@ -227,7 +227,7 @@ class Listener:
                 self._served[connection.peer] += 1
         if full:
             self._refused += 1
-            self._warn(f"connections are refused, the last one of {connection.peer}")
+            self._warn(f"connections are refused, the last one from {connection.peer}")
             self._answer(held, connection, _overloaded(most.connections, self._security_headers))
             return
         self._forget(held)
@@ -270,7 +270,7 @@ class Listener:
 def _overloaded(limit: int, security_headers: Mapping[str, str]) -> bytes:
     answer = problems.response(
         ErrorCode.SERVICE_OVERLOADED,
-        f"The service has {limit} connections, or this address three quarters of them",
+        f"All {limit} connections are in use, or this address uses its maximum of three quarters",
         {"limit": limit, "retry_after_s": RETRY_AFTER_S},
     )
     return response_bytes(503, "Service Unavailable", {**security_headers, **answer.headers}, bytes(answer.body))

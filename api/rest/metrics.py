@@ -54,7 +54,7 @@ class _RigCollector(Collector):
         for state in State:
             sessions.add_metric([str(state)], counts.sessions.get(state, 0))
         yield sessions
-        yield CounterMetricFamily("lightpose_events", "Events ever entered", value=counts.events)
+        yield CounterMetricFamily("lightpose_events", "Events recorded so far", value=counts.events)
         yield GaugeMetricFamily("lightpose_shots", "Images in the data folder's journal", value=counts.shots)
         yield GaugeMetricFamily("lightpose_event_listeners", "Clients that follow events", value=self._feed.listeners)
         yield GaugeMetricFamily(
@@ -100,7 +100,9 @@ class _RigCollector(Collector):
             for quantile in (0.5, 0.99, 1.0):
                 quantiles.add_metric([str(quantile)], late[math.ceil(quantile * len(late)) - 1])
             yield quantiles
-            yield GaugeMetricFamily("lightpose_lease_renewals", "How many renewals these are of", value=len(late))
+            yield GaugeMetricFamily(
+                "lightpose_lease_renewals", "Number of renewals in these quantiles", value=len(late)
+            )
         if isinstance(arm, UrArm) and any(arm.wakeups.values()):
             counts = itertools.accumulate(arm.wakeups.values())
             buckets = [("+Inf" if math.isinf(s) else str(s), n) for s, n in zip(arm.wakeups, counts, strict=True)]

@@ -49,14 +49,14 @@ class OpenStreams:
         if self._of_caller[caller.name] >= most.streams_per_caller:
             raise RigError(
                 ErrorCode.REQUEST_TOO_MANY_STREAMS,
-                f"{caller.name} has {most.streams_per_caller} open streams",
+                f"{caller.name} already has {most.streams_per_caller} open streams, the maximum of a caller",
                 limit=most.streams_per_caller,
                 retry_after_s=RETRY_AFTER_S,
             )
         if self._of_caller.total() >= most.streams:
             raise RigError(
                 ErrorCode.SERVICE_OVERLOADED,
-                f"The service has {most.streams} open streams",
+                f"The service already has {most.streams} open streams, the maximum",
                 limit=most.streams,
                 retry_after_s=RETRY_AFTER_S,
             )

@@ -21,12 +21,12 @@ from api.rest.stored_files import NOT_MODIFIED
 DESCRIPTION = (
     "Photometric stereo with planned lights: a robot arm carries a lamp round an object while a fixed camera captures "
     "images, which are solved to normals with an uncertainty (σ) for each pixel. Create a session, start it, follow "
-    "its events, download its answer. Lengths are in m, angles in rad, times in s where a name or a description says "
-    "nothing else; errors are problem objects (RFC 9457) whose `code` is stable; fields may be added at any time."
+    "its events, download its answer. Lengths are in m, angles in rad, times in s unless a name or a description says "
+    "otherwise; errors are problem objects (RFC 9457) whose `code` is stable; fields may be added at any time."
 )
 
 TAGS = {
-    "health": "Does the service answer, do its devices (without a key); figures for a monitoring system.",
+    "health": "Whether the service and its devices answer (no key needed); figures for a monitoring system.",
     "rig": "The cell: status, stop, safety, moving the arm by hand, the camera's present image, its geometry.",
     "sessions": "Capture sessions: recipe, actions, passes, images, results. This is where to begin.",
     "queue": "Sessions one after another, each of a named object.",

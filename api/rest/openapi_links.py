@@ -56,7 +56,7 @@ LINKS = (
     ),
     Link(
         "act", ("202",), ("read", "actions", "passes", "results", "events", "act"), _of_session(),
-        description="The session that the action was asked of",
+        description="The session of the action",
     ),
     Link(
         "read", ("200",), ("result", "artefact"), _of_session(number=f"{_IN_BODY}answer/number"),
@@ -66,7 +66,7 @@ LINKS = (
         "edit", ("200",), ("read",), _of_session(), description="The session that was edited",
     ),
     Link(
-        "delete", ("204",), ("read",), _of_session(), description="The session that is no more: 404",
+        "delete", ("204",), ("read",), _of_session(), description="The deleted session: 404",
     ),
     Link(
         "draw_region", ("200",), ("region",), _of_session(), description="The region that was set",
@@ -115,15 +115,15 @@ LINKS = (
     ),
     Link(
         "remove_queue_entry", ("204",), ("queue_entry",), {"entry_id": f"{_OF_PATH}entry_id"},
-        description="The entry that is no more: 404",
+        description="The removed entry: 404",
     ),
     Link(
         "ticket", ("201",), ("events", "preview_stream", "preview_picture", "image", "thumbnail", "artefact"),
-        description="What a page shows, which can send no header: `?ticket=` with the answer's `ticket`",
+        description="What a page loads without a header: `?ticket=` with the answer's `ticket`",
     ),
     Link(
         "stop", ("202",), ("safety", "acknowledge", "rig"),
-        description="What a stop leaves: a latch, until a person acknowledges",
+        description="What a stop leaves: a latched fault, until a person acknowledges",
     ),
     Link("jog", ("202",), ("release_jog",), description="Ends the motion of this press"),
 )  # fmt: skip

@@ -14,11 +14,11 @@ router = APIRouter(tags=["sessions"])
 class ArchiveResource(Resource):
     """The archive of this service's ended sessions."""
 
-    address: str | None = Field(description="Where it is; null: sessions are handed on to none")
+    address: str | None = Field(description="Where it is; null: sessions are sent to none")
     archived: int = Field(ge=0, description="Number of sessions that it has")
-    waiting: int = Field(ge=0, description="Number of ended sessions that it does not have yet, or not all of")
-    reason: str | None = Field(description="Why one of these waits, the newest reason; null: none was tried in vain")
-    reason_at: datetime | None = Field(description="When that was")
+    waiting: int = Field(ge=0, description="Number of ended sessions that it does not have yet, or not completely")
+    reason: str | None = Field(description="The newest reason why one of these waits; null: no attempt has failed")
+    reason_at: datetime | None = Field(description="When the attempt failed, UTC")
 
 
 @router.get("/v1/archive")

@@ -9,7 +9,7 @@ from api.rest.schemas import Page
 
 ItemT = TypeVar("ItemT")
 
-Limit = Annotated[int, Query(ge=1, le=200, description="Most items of one page")]
+Limit = Annotated[int, Query(ge=1, le=200, description="Maximum number of items per page")]
 Offset = Annotated[int, Query(ge=0, le=2**62, description="Number of items to skip; `next` holds it")]
 
 

@@ -104,7 +104,7 @@ async def forecast_plan(
     if picture is None:
         raise RigError(
             ErrorCode.REQUEST_NOT_FOUND,
-            f"No result precedes pass {number}: there is no σ to be forecast for its lights",
+            f"No result precedes pass {number}, so σ cannot be forecast for its lights",
         )
     return Response(picture, media_type="image/png", headers=headers)
 

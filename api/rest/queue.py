@@ -31,15 +31,15 @@ class QueueEntryRequest(RequestBody):
     """A session to be queued."""
 
     object_name: str = Field(
-        min_length=1, max_length=200, description="What the session is of; two entries of one name are of one object"
+        min_length=1, max_length=200, description="Name of the session's object; entries of one name are of one object"
     )
     recipe: Recipe = Field(
         default=Recipe(), description="The session's recipe; without a label it gets the object's name"
     )
     unattended: bool = Field(
         default=False,
-        description="Whether it begins without a person's word although the session before was of another object: only "
-        "where nobody reaches into the cell to change it",
+        description="Whether it begins without a person's confirmation although the session before was of another "
+        "object: only where nobody reaches into the cell to change the object",
     )
 
 
@@ -60,8 +60,8 @@ class QueueActionRequest(RequestBody):
         default=None,
         ge=1,
         le=2**62,
-        description="With `resume`: the entry whose object the person has in mind; refused when another one is next, "
-        "because the order was changed meanwhile, say",
+        description="With `resume`: the entry whose object the person means; refused when another one is next, such "
+        "as after a change of the order",
     )
 
 
@@ -69,9 +69,11 @@ class QueueEntryResource(Resource):
     """One entry of the queue."""
 
     id: int = Field(description="The entry's number")
-    object_name: str = Field(description="What its session is of")
+    object_name: str = Field(description="Name of its session's object")
     recipe: Recipe = Field(description="Its session's recipe")
-    unattended: bool = Field(description="Whether it begins without a person's word although the object is another one")
+    unattended: bool = Field(
+        description="Whether it begins without a person's confirmation although the object changes"
+    )
     state: EntryState = Field(
         description="`running`: its session has begun and not ended, paused and interrupted included; `done`: it has "
         "completed; `failed`: it was stopped, deleted, or has failed"
@@ -87,7 +89,7 @@ class QueueResource(Resource):
     """The queue: whether it continues by itself, why not, and its entries."""
 
     state: QueueState = Field(
-        description="`running`: it begins the next session by itself; `stopped`: a person resumes it"
+        description="`running`: it begins the next session by itself; `stopped`: a person has to resume it"
     )
     reason: Problem | None = Field(description="Why it stopped by itself; null: a person paused it, or it became empty")
     changed_by: str = Field(description="Who resumed or stopped it last; `service`: itself")

@@ -1,4 +1,4 @@
-"""Routes of the region of interest: the mask for which lights are planned and an ordered accuracy is judged."""
+"""Routes of the region of interest: the mask for which lights are planned and a target accuracy is judged."""
 
 from typing import Annotated
 
@@ -39,7 +39,7 @@ async def draw_region(
     actor: Actor,
     mask: Annotated[bytes, Body(media_type="image/png"), WithJsonSchema(_MASK)],
 ) -> RegionResource:
-    """Sets the region of interest: lights are planned for it, and an ordered accuracy is judged on it.
+    """Sets the region of interest: lights are planned for it, and a target accuracy is judged on it.
 
     Allowed before the start, or while the session is paused before its lights are planned. A new mask replaces the old
     one.

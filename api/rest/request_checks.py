@@ -106,7 +106,7 @@ class RequestChecks:
             if self._in_progress > self._most_requests and not stops:
                 raise RigError(
                     ErrorCode.SERVICE_OVERLOADED,
-                    f"{self._most_requests} requests are in progress",
+                    f"{self._most_requests} requests are already in progress",
                     limit=self._most_requests,
                     retry_after_s=RETRY_AFTER_S,
                 )
@@ -134,7 +134,7 @@ class RequestChecks:
 async def _read_body(headers: Headers, receive: Receive) -> bytes:
     length = headers.get("content-length", "0")
     if not length.isascii() or not length.isdigit() or int(length[:20]) > MAX_BODY_BYTES:
-        raise RigError(ErrorCode.REQUEST_TOO_LARGE, f"A body may have {MAX_BODY_BYTES} bytes", limit=MAX_BODY_BYTES)
+        raise _too_large()
     body = bytearray()
     while True:
         message = await receive()
@@ -142,9 +142,14 @@ async def _read_body(headers: Headers, receive: Receive) -> bytes:
             return bytes(body)
         body += message.get("body", b"")
         if len(body) > MAX_BODY_BYTES:
-            raise RigError(ErrorCode.REQUEST_TOO_LARGE, f"A body may have {MAX_BODY_BYTES} bytes", limit=MAX_BODY_BYTES)
+            raise _too_large()
         if not message.get("more_body", False):
             return bytes(body)
+
+
+def _too_large() -> RigError:
+    detail = f"A body may have at most {MAX_BODY_BYTES} bytes"
+    return RigError(ErrorCode.REQUEST_TOO_LARGE, detail, limit=MAX_BODY_BYTES)
 
 
 def _refuse_expired(headers: Headers) -> None:
@@ -156,13 +161,13 @@ def _refuse_expired(headers: Headers) -> None:
     except ValueError:
         until = math.nan
     if not 0 <= until < math.inf:
-        message = f"{stated[:40]!r} is no time in seconds since 1970"
+        message = f"{stated[:40]!r} is not a time in seconds since 1970"
         raise RigError(
             ErrorCode.REQUEST_INVALID, f"{VALID_UNTIL}: {message}", errors=[{"field": VALID_UNTIL, "message": message}]
         )
     late = time.time() - until
     if late > 0:
-        raise RigError(ErrorCode.REQUEST_EXPIRED, f"It arrived {late:.1f} s after the end of its validity", late_s=late)
+        raise RigError(ErrorCode.REQUEST_EXPIRED, f"It arrived {late:.1f} s after its {VALID_UNTIL} time", late_s=late)
 
 
 def _refuse_malformed(scope: Scope, headers: Headers, body: bytes) -> None:
@@ -170,7 +175,7 @@ def _refuse_malformed(scope: Scope, headers: Headers, body: bytes) -> None:
     if media_type == "image/png" and scope["path"].endswith(".png"):
         return  # an image for an address that holds one: its route validates it
     if media_type != "application/json":
-        raise RigError(ErrorCode.REQUEST_MEDIA_TYPE, f"The body is {media_type[:80] or 'of no stated type'}")
+        raise RigError(ErrorCode.REQUEST_MEDIA_TYPE, f"The body's Content-Type is {media_type[:80] or 'missing'}")
     try:
         value: Any = json.loads(body, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:

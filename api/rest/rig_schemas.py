@@ -17,7 +17,7 @@ class Reason(Resource):
     """One reason why no session may start."""
 
     code: ErrorCode = Field(description="The stable code")
-    detail: str = Field(description="What is the matter in this case, for people")
+    detail: str = Field(description="What is wrong in this case, for people")
     remedy: str = Field(description="What to do, for people")
 
 
@@ -63,7 +63,7 @@ class CalibrationResource(Resource):
 
     made_at: str = Field(description="When it was made, ISO 8601")
     valid_until: str = Field(description="Until when it is valid, ISO 8601")
-    valid: bool = Field(description="Whether it is valid now: out of date, no session starts")
+    valid: bool = Field(description="Whether it is valid now; if it is out of date, no session starts")
     check: CheckState = Field(description="When it was checked, with which result; sessions of kind `check` do that")
 
 
@@ -79,14 +79,14 @@ class RigResource(Resource):
     connected: bool = Field(description="Whether the arm's controller sends readings")
     driver_priority: DriverPriority | None = Field(
         description="Scheduling of the arm's driver that this machine has granted; below `real-time` other "
-        "programs may make it stop the arm in mid-move, safely. None while there is no driver"
+        "programs may make it stop the arm in mid-move, safely; null while there is no driver"
     )
-    tool: Tool = Field(description="What is on the flange, as somebody stated last (PUT /v1/rig/tool)")
+    tool: Tool = Field(description="What is on the flange, as a person stated last (PUT /v1/rig/tool)")
     camera_ready: bool = Field(description="Whether the camera answers")
     reading: ReadingResource | None = Field(description="Newest values from the arm; null without a connection")
-    holder: str | None = Field(description="The session that holds the rig")
+    holder: str | None = Field(description="The session that holds the rig; null: none")
     may_start: bool = Field(description="Whether a session may start now")
-    reasons: list[Reason] = Field(description="Why not")
+    reasons: list[Reason] = Field(description="Why no session may start now; empty if one may")
     calibration: CalibrationResource = Field(description="Age and validity of the calibration")
     faults: list[Fault] = Field(description="Safety faults that nobody has acknowledged")
     links: Links

@@ -83,7 +83,7 @@ class CellScene:
             self._geometry()
         if name not in self._meshes:
             raise RigError(
-                ErrorCode.REQUEST_NOT_FOUND, f"No mesh {name!r}: GET /v1/rig/scene names those that there are"
+                ErrorCode.REQUEST_NOT_FOUND, f"There is no mesh {name!r}; GET /v1/rig/scene lists the meshes"
             )
         return self._meshes[name]
 

@@ -39,7 +39,7 @@ class SceneLink(Resource):
     name: str = Field(description="The maker's name of the link, such as `upper_arm`")
     mesh: str = Field(description="Address of the link's surface: binary STL, m, link frame; immutable")
     capsules: list[SceneCapsule] = Field(
-        description="What collisions are checked with; they enclose the mesh; link frame"
+        description="Shapes that collisions are checked with; they enclose the mesh; link frame"
     )
 
 
@@ -52,7 +52,7 @@ class SceneArm(Resource):
     )
     joints: list[SceneJoint] = Field(min_length=6, max_length=6, description="The six joints, from the base on")
     links: list[SceneLink] = Field(min_length=7, max_length=7, description="Links 0 (base) to 6 (flange)")
-    home: Joints = Field(description="Joint angles of the arm's place of rest, rad")
+    home: Joints = Field(description="Joint angles of the home position, rad")
     joint_limit_rad: float = Field(description="Limit of every joint, ± rad, that paths keep")
     elbow_limit_rad: float = Field(description="Limit of the elbow (the third joint), ± rad")
 

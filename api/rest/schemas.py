@@ -136,7 +136,7 @@ class DryRunResource(Resource):
 
     plan: LightPlan = Field(description="The lights of the first pass")
     route: Route = Field(description="The certified path through them")
-    seconds: float = Field(description="From the first move to the arm's return, images included")
+    seconds: float = Field(description="Time from the first move to the arm's return, images included, s")
     forecast: PriorForecast = Field(
         description="Expected σ against the number of images, of an assumed object: its own is not known yet"
     )
@@ -184,7 +184,7 @@ class ResultResource(Resource):
         default=None, description="Identifier of the calibration it was solved with; null: that of the capture"
     )
     created: datetime = Field(description="When it was made, UTC")
-    seconds: float = Field(description="Time that the solve took")
+    seconds: float = Field(description="Time that the solve took, s")
     summary: ResultSummary = Field(description="The figures that a person reads first")
     artefacts: list[ArtefactResource] = Field(description="Its files")
     exports: dict[str, str] = Field(
@@ -243,12 +243,12 @@ class SessionResource(Resource):
     time_left: TimeLeft | None = Field(description="What is left and what the time rests on, while it holds the rig")
     reason: Problem | None = Field(description="Why the session is in this state, when something went wrong")
     conclusion: str | None = Field(
-        default=None, description="With an ordered accuracy: why no more lights are added, once this is decided"
+        default=None, description="With a target accuracy: why no more lights are added, once this is decided"
     )
     allowed_actions: list[SessionAction] = Field(
         description="Actions that this caller may take now and that change the state"
     )
-    recipe: AnyRecipe = Field(description="As it was ordered; label and notes may have been changed since")
+    recipe: AnyRecipe = Field(description="As it was requested; label and notes may have been changed since")
     label: str = Field(description="Its present label: that of the last edit, else of the recipe")
     notes: str = Field(description="Its present notes: those of the last edit, else of the recipe")
     cell: str = Field(description="Name of the cell that it was made for")
@@ -259,7 +259,7 @@ class SessionResource(Resource):
         default=None, description="SHA-256 of the calibration that it was created with; null: its folder is not there"
     )
     estimate: CalibrationSummary | None = Field(
-        default=None, description="Figures of a calibration session's newest estimate; null: none, or one of capture"
+        default=None, description="Figures of a calibration session's newest estimate; null: none, or a capture session"
     )
     answer: ResultResource | None = Field(
         description="The result that a person chose; else the newest that the session itself made"
@@ -267,7 +267,7 @@ class SessionResource(Resource):
     damage: Problem | None = Field(
         default=None,
         description="In a list: the file that is missing or damaged; `progress` is then as last announced, `answer` "
-        "and `calibration` are null. The session's own address answers this problem",
+        "and `calibration` are null. A request for the session itself is answered with this problem",
     )
     links: Links
 

@@ -55,7 +55,7 @@ class Settings(ServerSettings):
 
     cell: Path = Field(description="The cell file")
     archive: str | None = Field(
-        None, min_length=1, description="Where ended sessions are handed on to: folder or s3://…"
+        None, min_length=1, description="Archive to which ended sessions are sent: folder or s3://…"
     )
     archive_catalogue: str | None = Field(None, min_length=1, description="Its catalogue; none: SQLite in the folder")
 
@@ -79,14 +79,14 @@ def read_as(kind: type[SettingsT], **values: Any) -> SettingsT:
         raise RigError(ErrorCode.CONFIG_INVALID, fields) from error
 
 
-def refuse_open_bind(host: str, keys: bool, what: str = "moves the arm", role: str = "operator") -> None:
+def refuse_open_bind(host: str, keys: bool, what: str = "move the arm", role: str = "operator") -> None:
     """Refuses a host other than loopback without keys. Raises RigError config.invalid with `what` anybody could do."""
     if not keys and not is_loopback(host):
         raise RigError(
             ErrorCode.CONFIG_INVALID,
-            f"The service does not listen on {host!r} without keys: whoever reaches it {what}. Make one with "
-            f"`lightpose keys add NAME --role {role}`, or listen on 127.0.0.1 and reach it from elsewhere by an SSH "
-            "tunnel (ssh -L 8000:127.0.0.1:8000 …).",
+            f"The service does not listen on {host!r} without keys: anybody who reaches it could {what}. Make a key "
+            f"with `lightpose keys add NAME --role {role}`, or listen on 127.0.0.1 and reach it from elsewhere by an "
+            "SSH tunnel (ssh -L 8000:127.0.0.1:8000 …).",
             host=host,
         )
 

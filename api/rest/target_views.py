@@ -43,8 +43,8 @@ class PlannedView(Resource):
 
     number: int = Field(ge=0, description="Number within the pass, from 0: `light_number` of its image")
     reason: str = Field(description="Why it was chosen")
-    taken: bool = Field(description="Whether its image is there")
-    view: ExpectedView | None = Field(description="Where the board will be; null: not before the camera")
+    taken: bool = Field(description="Whether its image has been taken")
+    view: ExpectedView | None = Field(description="Where the board will be; null: not in front of the camera")
 
 
 class PlannedViews(Resource):

@@ -40,13 +40,13 @@ def context(certificate: Path | None, key: Path | None) -> ssl.SSLContext | None
             raise _invalid(f"The TLS {name} {path} cannot be read: {error.strerror}") from error
     mode = stat.S_IMODE(key.stat().st_mode)
     if mode & OF_EVERYBODY:
-        raise _invalid(f"The TLS key {key} may be read or written by everybody (mode {mode:04o}): run chmod 640 {key}")
+        raise _invalid(f"The TLS key {key} can be read or written by everybody (mode {mode:04o}): run chmod 640 {key}")
     try:
         made = create_ssl_context(
             certificate, key, _NO_PASSWORD, ssl.PROTOCOL_TLS_SERVER, ssl.CERT_NONE, ca_certs=None, ciphers=None
         )
     except (ssl.SSLError, OSError, ValueError) as error:
-        raise _invalid(f"{certificate} and {key} are no certificate and key, in PEM, of each other: {error}") from error
+        raise _invalid(f"{certificate} and {key} are not a matching certificate and key in PEM: {error}") from error
     made.minimum_version = ssl.TLSVersion.TLSv1_2
     return made
 

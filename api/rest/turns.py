@@ -32,7 +32,7 @@ def refuse_crowd(limiter: CapacityLimiter) -> None:
     if limiter.statistics().tasks_waiting >= MOST_WAITING:
         raise RigError(
             ErrorCode.SERVICE_OVERLOADED,
-            f"{MOST_WAITING} requests of this kind wait for their turn",
+            f"{MOST_WAITING} requests of this kind are already waiting",
             limit=MOST_WAITING,
             retry_after_s=RETRY_AFTER_S,
         )

@@ -52,5 +52,5 @@ def _after(cursor: str) -> sa.ColumnElement[bool]:
     except ValueError:
         time = math.nan
     if not math.isfinite(time):
-        raise RigError(ErrorCode.REQUEST_INVALID, f"after: {cursor[:100]!r} is no cursor; `next` of a page holds one")
+        raise RigError(ErrorCode.REQUEST_INVALID, f"after: {cursor[:100]!r} is not a cursor; take it from `next`")
     return captured.is_(None) | (captured < time) | ((captured == time) & after)

@@ -42,7 +42,7 @@ def picture(archive: ReadArchive, key: str, file: FileEntry, width: int) -> byte
             return image_encoding.thumbnail(tifffile.imread(BytesIO(content)), calibration.sensor, width)
         pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
         if pixels is None:
-            raise RigError(ErrorCode.ARCHIVE_DAMAGED, f"{NORMALS} of session {key[:12]} is no picture")
+            raise RigError(ErrorCode.ARCHIVE_DAMAGED, f"{NORMALS} of session {key[:12]} is not a picture")
         return image_encoding.small(pixels.astype(np.uint8), width)
 
     return archive.pictures.of((file.sha256, width), make)

@@ -76,7 +76,7 @@ class ReadArchive:
         """Returns a session's row of the catalogue. Raises RigError archive.not_found."""
         rows = self.archive().catalogue.sessions(COLUMNS["key"] == key)
         if not rows:
-            raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"{key!r}: there is no session of this key")
+            raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"{key!r}: there is no session with this key")
         return rows[0]
 
     def session(self, key: str) -> SessionEntry:

@@ -54,10 +54,10 @@ pages = static_files.router("/archive", "/archive/page", bundle, page.CONTENT_SE
 )
 async def archived_sessions(
     archive: ArchiveOf,
-    search: Annotated[str, Query(max_length=200, description="A part of object, id or notes, in any case")] = "",
+    search: Annotated[str, Query(max_length=200, description="Part of object, id or notes; case is ignored")] = "",
     where: Annotated[str, Query(max_length=1000, description="A condition, such as `solver < '0.2'`")] = "",
-    limit: Annotated[int, Query(ge=1, le=200, description="Most sessions of one page")] = 50,
-    after: Annotated[str, Query(max_length=120, description="Where a page goes on; `next` holds it")] = "",
+    limit: Annotated[int, Query(ge=1, le=200, description="Maximum number of sessions per page")] = 50,
+    after: Annotated[str, Query(max_length=120, description="Where the page begins; `next` holds it")] = "",
 ) -> Page[ArchivedSession]:
     """Lists the sessions of the archive, newest first."""
     return await archive.read(listing.page, archive, search, where, limit, after)

@@ -108,7 +108,7 @@ def serve(wanted: ArchivePageSettings, on_ready: Callable[[str], None]) -> None:
     """
     logs.configure(wanted.log, wanted.log_file)
     ring = KeyRing(keys.path_in(wanted.data))
-    settings.refuse_open_bind(wanted.host, ring.required, "reads the archive", "viewer")
+    settings.refuse_open_bind(wanted.host, ring.required, "read the archive", "viewer")
     tls.context(wanted.tls_cert, wanted.tls_key)  # says what is wrong with them; uvicorn would not
     capacity.raise_descriptor_limit()
     config = uvicorn.Config(

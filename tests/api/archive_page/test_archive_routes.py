@@ -177,7 +177,7 @@ def test_keys_are_asked_for_and_a_viewer_s_is_enough(address: str, tmp_path: Pat
 
 
 def test_server_does_not_listen_to_others_without_keys(address: str, tmp_path: Path):
-    with pytest.raises(RigError, match="whoever reaches it reads the archive"):
+    with pytest.raises(RigError, match="anybody who reaches it could read the archive"):
         server.serve(ArchivePageSettings(archive=address, data=tmp_path, host="archive.lab", port=0), print)
 
 

@@ -83,5 +83,5 @@ def test_image_address_with_hash_is_immutable_and_ends_with_frame(own: Any, sess
 
     assert all("immutable" in answer.headers["cache-control"] for answer in answers)
     assert [answer.status_code for answer in gone] == [404, 404]
-    assert "taken anew" in gone[0].json()["detail"]
+    assert "taken again" in gone[0].json()["detail"]
     assert own.http.get(f"{address}image?frame=xyz").status_code == 422

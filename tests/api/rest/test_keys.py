@@ -206,7 +206,7 @@ def test_tickets_expire_and_are_bounded(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", "a b", "x" * 61, "../x", "ключ"])
 def test_keys_bad_names_are_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(RigError, match=r"no name for a key"):
+    with pytest.raises(RigError, match=r"cannot name a key"):
         keys.add(keys.path_in(tmp_path), name, Role.VIEWER)
     assert not keys.path_in(tmp_path).exists()
 

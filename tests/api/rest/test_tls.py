@@ -143,9 +143,9 @@ def test_tls_bad_files_are_refused_by_name(files: tuple[Path, Path], tmp_path: P
         ((None, key), "--tls-cert"),
         ((tmp_path / "missing.pem", key), "missing.pem cannot be read"),
         ((certificate, tmp_path / "missing.pem"), "missing.pem cannot be read"),
-        ((certificate, tmp_path / "other.pem"), "other.pem are no certificate and key"),
-        ((certificate, tmp_path / "open.pem"), "open.pem may be read"),
-        ((key, key), "are no certificate and key"),
+        ((certificate, tmp_path / "other.pem"), "other.pem are not a matching certificate and key"),
+        ((certificate, tmp_path / "open.pem"), "open.pem can be read"),
+        ((key, key), "are not a matching certificate and key"),
     ):
         with pytest.raises(RigError) as refused:
             tls.context(*given)
