@@ -249,7 +249,7 @@ def check(
     images: Annotated[int, typer.Option("--images", help="Number of images, at least 6")] = 8,
     as_json: AsJson = False,
 ) -> None:
-    """Checks with few images whether the calibration in use is still valid; best done daily. Changes nothing.
+    """Checks with few images whether the calibration in use is still valid; suggested daily. Changes nothing.
 
     The board on the flange checks camera, arm and lens. The matt plane in the object's place, with the lamp on the
     flange, checks the lamp. The exit code is 3 if something has changed, and the output names it.

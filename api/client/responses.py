@@ -59,6 +59,6 @@ def raise_problem(response: httpx.Response) -> NoReturn:
     try:
         problem = Problem.model_validate_json(response.content)
     except ValidationError:
-        detail = f"{response.url} answered {response.status_code} in another form: {response.text[:200]!r}"
+        detail = f"{response.url} answered {response.status_code} with an unexpected body: {response.text[:200]!r}"
         problem = Problem.of(ErrorCode.SERVICE_FAULT, detail)
     raise ProblemError(problem)
