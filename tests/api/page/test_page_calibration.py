@@ -75,8 +75,8 @@ def test_page_hand_eye_by_clicks_is_activated(wizard: Callable[[Role], Page], bo
     page.get_by_role("button", name="Yes, it is").click()
     expect(page.locator("#tool")).to_have_attribute("data-tool", "board")
     assert client.rig().tool == "board"
-    page.get_by_label("At most so many images").fill("12")
-    page.get_by_label("Accuracy wished: the place").fill("0.05")
+    page.get_by_label("Maximum number of images").fill("12")
+    page.get_by_label("Target accuracy: place of the camera").fill("0.05")
     page.locator("#start-calibration").click()
     page.locator("svg.view polygon").wait_for(timeout=COMPUTED_WITHIN_MS)
     assert contrast(page.locator("svg.view")) > 20
@@ -90,7 +90,7 @@ def test_page_hand_eye_by_clicks_is_activated(wizard: Callable[[Role], Page], bo
     assert found is not None
     assert found.position_sigma_mm is not None
     expect(page.locator("[data-view]")).to_have_count(12)
-    expect(page.locator("[data-figure=position_sigma_mm]")).to_have_text(f"{found.position_sigma_mm:.2f} (0.05 wished)")
+    expect(page.locator("[data-figure=position_sigma_mm]")).to_have_text(f"{found.position_sigma_mm:.2f} (target 0.05)")
     expect(page.locator("#reached")).to_contain_text("is not reached")
     assert client.calibration().id == "cell"  # not by itself
     page.locator(f"[data-calibration='{session.id}']").get_by_role("button", name="Use it").click()
@@ -126,7 +126,7 @@ def test_page_wizard_is_accessible_narrow_and_worked_by_keys(wizard: Callable[[R
     page.locator("#kinds input[value='hand-eye']").focus()
     page.keyboard.press("ArrowUp")
     expect(page.locator("#kinds input[value='camera']")).to_be_checked()
-    expect(page.get_by_label("the place, 1 σ, mm")).to_have_count(0)  # a camera alone has no place to be found
+    expect(page.get_by_label("place of the camera, 1 σ, mm")).to_have_count(0)  # a camera alone has no place to find
     for _ in range(30):
         page.keyboard.press("Tab")
         if page.evaluate("document.activeElement?.dataset.tool") == "board":
@@ -145,7 +145,7 @@ def test_page_wizard_shows_first_views_before_anything_moves(wizard: Callable[[R
     assert contrast(page.locator("first-views svg")) > 5
     expect(page.locator("first-views svg")).to_have_attribute("aria-label", re.compile(r"View 8: \d+ mm away"))
     assert np.abs(board_lab.joints() - before).max() < 1e-3
-    page.get_by_label("At most so many images").fill("30")
+    page.get_by_label("Maximum number of images").fill("30")
     expect(page.locator("first-views svg")).to_have_count(0)  # other views may be planned for it
     expect(page.locator("#show-views")).to_be_enabled()
 

@@ -74,6 +74,6 @@ def test_page_keeps_key_that_could_not_be_tried(
     page.get_by_label("Key", exact=True).fill(lab.secrets[Role.VIEWER])
     network.cut()
     page.get_by_role("button", name="Sign in").click()
-    expect(page.locator("sign-in [role=alert]")).to_contain_text("the key has not been looked at yet")
+    expect(page.locator("sign-in [role=alert]")).to_contain_text("the key has not been checked yet")
     network.restore()
     expect(page.locator("#connection")).to_contain_text("viewer")

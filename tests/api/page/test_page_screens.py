@@ -142,7 +142,7 @@ def test_page_queue_takes_orders_and_removes_entries(opened: Callable[..., Page]
     expect(page.locator("tbody tr")).to_have_count(1)
     page.get_by_role("button", name="Go on …").click()
     expect(page.get_by_text("Is “vase” in place")).to_be_visible()
-    page.get_by_role("button", name="It is: go on").click()
+    page.get_by_role("button", name="Yes: go on").click()
     page.locator("tbody tr", has_text="running").get_by_role("link", name="vase").click()
     page.locator("#session-state").wait_for()
     page.keyboard.press("Escape")

@@ -148,7 +148,7 @@ def test_page_session_from_sign_in_to_download(
     # The result: maps, movable light, profile, comparison, download.
     page.get_by_role("link", name="Result").click()
     expect(page.locator("#mean-sigma")).to_contain_text("°")
-    expect(page.locator("result-view")).to_contain_text("of the stated noise")  # fit of the images, in words
+    expect(page.locator("result-view")).to_contain_text("× the stated noise")  # fit of the images, in words
     for name in ("Normals", "Albedo", "Uncertainty σ", "Depth", "Residual"):
         page.locator("map-viewer").get_by_role("button", name=name).click()
         expect(page.locator("map-viewer figure")).to_have_attribute("aria-busy", "false")

@@ -64,7 +64,7 @@ def test_page_start_pressed_in_outage_moves_nothing(context: BrowserContext, con
         expect(start).to_be_enabled()
         network.hold()
         start.click()
-        expect(page.locator("#in-charge")).to_have_text("Being sent: Start …")
+        expect(page.locator("#in-charge")).to_have_text("Sending: Start …")
         expect(start).to_be_disabled()
         page.locator("#connection[data-stale=true]").wait_for()
         expect(page.locator("#failure")).to_contain_text("Start: The service did not answer")

@@ -30,10 +30,10 @@ export const archiveDe: Record<keyof typeof archiveEn, string> = {
   images: "Bilder",
   origin: "Gelöst in",
   solved: "Gelöst",
-  moved: "Bewegt, Mittel",
-  over_sigma: "Bewegt über σ",
+  moved: "Änderung, Mittel",
+  over_sigma: "Änderung über σ",
   "moved.means":
-    "Bewegt: Winkel zu den Normalen des Ergebnisses davor. Beide beruhen auf denselben Bildern, eine gesunde Änderung bleibt also unter einem σ.",
+    "Änderung: Winkel zu den Normalen des vorigen Ergebnisses. Beide beruhen auf denselben Bildern, sie sollte also unter einem σ bleiben.",
   all_images: "alle",
   to_pass: "bis Durchgang {number}",
   "state.claimed": "wird gelöst",
