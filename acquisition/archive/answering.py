@@ -61,7 +61,7 @@ def require_scheduler(address: str | None) -> None:
     url = urlsplit(address)
     try:
         if url.scheme not in DASK_PROTOCOLS:
-            raise OSError(f"the address begins with none of {', '.join(f'{name}://' for name in DASK_PROTOCOLS)}")
+            raise OSError(f"the address must begin with one of {', '.join(f'{name}://' for name in DASK_PROTOCOLS)}")
         _exchange(url, 8786, b"GET / HTTP/1.1\r\n\r\n" if url.scheme == "ws" else b"")
     except OSError as error:
         raise RigError(
@@ -87,7 +87,7 @@ def _exchange(url: SplitResult, port: int, question: bytes) -> None:
             return
         connection.sendall(question)
         if not connection.recv(1):
-            raise OSError("closes the connection without an answer")
+            raise OSError("it closed the connection without an answer")
 
 
 def _unreachable(what: str, error: OSError) -> RigError:

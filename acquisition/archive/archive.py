@@ -67,11 +67,11 @@ class Archive:
         if mark is None:
             if not create:
                 raise RigError(
-                    ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address}: holds no archive; `archive push` begins one"
+                    ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address} holds no archive: `lightpose archive push` makes one"
                 )
             if self.contents.names(""):
                 raise RigError(
-                    ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address}: holds other files; name an empty folder or prefix"
+                    ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address} holds other files: name an empty folder or prefix"
                 )
             self.contents.write(MARK, _Mark().model_dump_json().encode())
         else:
@@ -80,7 +80,7 @@ class Archive:
         if catalogue is None and folder is None:
             raise RigError(
                 ErrorCode.ARCHIVE_ADDRESS_INVALID,
-                f"{address}: is no folder, so its catalogue is elsewhere; name it with --catalogue",
+                f"{address} is not a folder, so its catalogue is elsewhere: name it with --catalogue",
             )
         self.catalogue_address = catalogue or catalogues.in_folder(folder or Path())
         self.catalogue = Catalogue(self.catalogue_address, patience_s)
@@ -124,8 +124,10 @@ class Archive:
         """Returns the key of the one session whose key or id begins with `name`. Raises RigError archive.not_found."""
         keys = self.catalogue.session_keys(name)
         if len(keys) != 1:
-            what = f"several sessions begin with it: {', '.join(key[:12] for key in keys)}, …" if keys else "is unknown"
-            raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"{name!r}: {what}")
+            several = f"Several sessions begin with {name!r}: {', '.join(key[:12] for key in keys)}, …"
+            raise RigError(
+                ErrorCode.ARCHIVE_NOT_FOUND, several if keys else f"No session's key or id begins with {name!r}"
+            )
         return keys[0]
 
     def session(self, key: str) -> SessionEntry:
@@ -208,7 +210,7 @@ class Archive:
     def _entry(self, name: str, kind: type[EntryT]) -> EntryT:
         content = self.contents.read(name)
         if content is None:
-            raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"{name}: there is no such entry")
+            raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"The archive has no entry {name}")
         try:
             return kind.model_validate_json(content)
         except ValidationError as error:
@@ -224,5 +226,6 @@ def _refuse_newer(address: str, mark: bytes) -> None:
         raise RigError(ErrorCode.ARCHIVE_DAMAGED, f"{address}: {MARK} is not readable") from error
     if found > _Mark().format:
         raise RigError(
-            ErrorCode.ARCHIVE_CATALOGUE_NEWER, f"{address}: is of a newer release (format {found}); use that release"
+            ErrorCode.ARCHIVE_CATALOGUE_NEWER,
+            f"{address} was made by a newer release (format {found}): use that release",
         )

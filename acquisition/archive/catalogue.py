@@ -139,7 +139,7 @@ class Catalogue:
         try:
             url = sa.make_url(address)
         except ArgumentError as error:
-            raise _invalid(address, "is no address of a database") from error
+            raise _invalid(address, "is not the address of a database") from error
         if url.get_backend_name() not in ("sqlite", "postgresql"):
             raise _invalid(address, "is neither SQLite nor PostgreSQL")
         if url.get_backend_name() == "postgresql":
@@ -251,7 +251,7 @@ class Catalogue:
         if found is None or found > FORMAT:
             raise RigError(
                 ErrorCode.ARCHIVE_CATALOGUE_NEWER,
-                f"the catalogue {self._shown} is of a newer release (format {found}); use that release",
+                f"the catalogue {self._shown} was made by a newer release (format {found}): use that release",
                 format=found,
             )
 
@@ -307,6 +307,4 @@ def make_newest(connection: sa.Connection, entry: ResultEntry) -> None:
 
 
 def _invalid(address: str, why: str) -> RigError:
-    return RigError(
-        ErrorCode.ARCHIVE_ADDRESS_INVALID, f"--catalogue {address}: {why}; give postgresql://USER@HOST/NAME"
-    )
+    return RigError(ErrorCode.ARCHIVE_ADDRESS_INVALID, f"--catalogue {address} {why}; give postgresql://USER@HOST/NAME")

@@ -75,7 +75,7 @@ class ContentStore:
         if self.hash_of(name) != digest:
             self.remove(name)
             raise RigError(
-                ErrorCode.ARCHIVE_DAMAGED, f"{file}: has changed since its manifest was written", file=str(file)
+                ErrorCode.ARCHIVE_DAMAGED, f"{file} has changed since its manifest was written", file=str(file)
             )
         return True
 
@@ -127,7 +127,7 @@ class ContentStore:
             except FSTimeoutError as error:
                 raise RigError(
                     ErrorCode.ARCHIVE_UNREACHABLE,
-                    f"{self.address}: does not answer within {FIRST_ANSWER_S:g} s",
+                    f"{self.address}: no answer within {FIRST_ANSWER_S:g} s",
                     address=self.address,
                 ) from error
 

@@ -132,7 +132,7 @@ def version_order(version: str) -> str:
     try:
         parsed = Version(version)
     except InvalidVersion as error:
-        raise ValueError(f"{version!r} is no version, such as 0.2 or 1.0.3") from error
+        raise ValueError(f"{version!r} is not a version, such as 0.2 or 1.0.3") from error
     release = [*parsed.release, 0, 0, 0, 0][: max(4, len(parsed.release))]
     numbers = ".".join(f"{number:0{_DIGITS}d}" for number in release)
     # A development release without a phase sorts before all others of its number; one without `dev` after those with.

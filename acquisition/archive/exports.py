@@ -32,7 +32,7 @@ def write(archive: Archive, key: str, form: Form, out: Path) -> None:
     archive.damaged, archive.not_found.
     """
     if out.exists():
-        raise RigError(ErrorCode.FOLDER_INVALID, f"{out}: exists; name a new folder", file=str(out))
+        raise RigError(ErrorCode.FOLDER_INVALID, f"{out} already exists: name a new folder", file=str(out))
     entry, results = archive.session(key), archive.results(key)
     with atomic_folder(out) as partial:
         if form == "relight":
@@ -95,9 +95,15 @@ def _bag_info(entry: SessionEntry) -> dict[str, str]:
 def _relight(archive: Archive, entry: SessionEntry, results: list[ResultEntry], out: Path) -> None:
     """Writes images as PNG with 8 bits, less their lamp-off frames, with `lights.lp` and `lights.dome`."""
     if entry.facts.kind != "capture":
-        raise RigError(ErrorCode.FOLDER_INVALID, f"{entry.facts.session_id}: is a session of kind {entry.facts.kind}")
+        raise RigError(
+            ErrorCode.FOLDER_INVALID,
+            f"Session {entry.facts.session_id} is of kind {entry.facts.kind}: relight needs a capture",
+        )
     if not results:
-        raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"{entry.facts.session_id}: has no result, whose mask it needs")
+        raise RigError(
+            ErrorCode.ARCHIVE_NOT_FOUND,
+            f"Session {entry.facts.session_id} has no result, whose mask is needed: solve it first",
+        )
     scratch = out / ".session"
     archive.fetch(entry.files, scratch)
     archive.fetch(results[-1].files, scratch)

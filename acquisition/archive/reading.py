@@ -109,7 +109,7 @@ def _checked(path: Path, stated: dict[str, Any] | None) -> FileEntry:
     except OSError as error:
         raise refusal(path, "is missing: restore it from a backup") from error
     if stated is not None and found.sha256 != stated["sha256"]:
-        raise refusal(path, "is damaged: its SHA-256 is not that of its manifest; restore it from a backup")
+        raise refusal(path, "is damaged: its SHA-256 differs from that in the manifest; restore it from a backup")
     return found
 
 
@@ -122,5 +122,5 @@ def _manifest(folder: Path) -> dict[str, Any]:
         if not isinstance(files, dict) or not isinstance(software, str):
             raise TypeError("files or software are of another type")
     except (ValueError, KeyError, TypeError) as error:
-        raise refusal(path, f"is no manifest of an ended session: {error}") from error
+        raise refusal(path, f"is not the manifest of an ended session: {error}") from error
     return stated

@@ -27,7 +27,7 @@ class SenderProcess:
             if importlib.util.find_spec(name) is None:
                 raise RigError(
                     ErrorCode.CONFIG_INVALID,
-                    f"LIGHTPOSE_ARCHIVE is set and {name} is not installed: pip install 'lightpose[archive]'",
+                    f"LIGHTPOSE_ARCHIVE is set, but {name} is not installed: pip install 'lightpose[archive]'",
                 )
         more = [] if catalogue is None else [catalogue]
         self._command = [sys.executable, "-m", "acquisition.archive.sender", str(data), address, *more]

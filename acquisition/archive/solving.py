@@ -87,7 +87,8 @@ def solve(job: SolveJob) -> SolveOutcome:
     own = version("lightpose")
     if own != job.solver:
         raise RigError(
-            ErrorCode.CONFIG_INVALID, f"the worker has lightpose {own}, the caller {job.solver}: update one of them"
+            ErrorCode.CONFIG_INVALID,
+            f"the worker has lightpose {own}, but the caller has {job.solver}: update one of them",
         )
     try:
         return _claim_and_solve(job)
@@ -113,7 +114,7 @@ def _claim_and_solve(job: SolveJob) -> SolveOutcome:
         ):
             entry, moved = _solve(archive, job, Path(scratch))
             if not claims.finish(archive.catalogue, held, entry, moved):
-                return SolveOutcome(job.session, "elsewhere", "the claim ran out meanwhile")
+                return SolveOutcome(job.session, "elsewhere", "the claim ran out during the solve")
     except RigError as error:
         if error.code in TRANSIENT:
             claims.release(archive.catalogue, held)

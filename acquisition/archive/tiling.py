@@ -96,7 +96,11 @@ class ArchivedFrames:
 
     def _fetch(self, name: str, folder: Path) -> None:
         if name not in self.files:
-            raise RigError(ErrorCode.ARCHIVE_DAMAGED, f"{name}: the session's entry does not name it", file=name)
+            raise RigError(
+                ErrorCode.ARCHIVE_DAMAGED,
+                f"{name}: the session's entry in the archive does not list this file",
+                file=name,
+            )
         try:
             ContentStore(self.address).get(self.files[name].sha256, folder / name)
         except RigError as error:

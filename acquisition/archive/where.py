@@ -86,7 +86,7 @@ class _ToSql(Transformer[Token, sa.ColumnElement[bool]]):
         text = None if value.type == "NUMBER" else str(value)[1:-1]
         if operator == "~":
             if text is None or not isinstance(column.type, sa.String) or name in _VERSIONS:
-                raise ValueError(f"~ finds a part of a text, in quotes; {name} is none")
+                raise ValueError(f"~ needs a text column and a text in quotes, not {name} ~ {value}")
             return column.icontains(text, autoescape=True)
         return _compared(column, str(operator), _value(str(name), column, text, str(value)))
 
@@ -104,7 +104,7 @@ def parse(condition: str) -> sa.ColumnElement[bool]:
 
 def _column(name: str) -> sa.Column[Any]:
     if name not in COLUMNS:
-        raise ValueError(f"{name} is unknown; choose of {', '.join(COLUMNS)}")
+        raise ValueError(f"{name} is unknown; choose one of {', '.join(COLUMNS)}")
     return COLUMNS[name]
 
 
@@ -115,7 +115,7 @@ def _value(name: str, column: sa.Column[Any], text: str | None, number: str) -> 
         try:
             moment = datetime.fromisoformat(text)
         except ValueError as error:
-            raise ValueError(f"{text!r} is no date, such as '2026-03-01'") from error
+            raise ValueError(f"{text!r} is not a date, such as '2026-03-01'") from error
         return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
     if name in _VERSIONS:
         if text is None:
@@ -144,5 +144,5 @@ def _compared(column: sa.Column[Any], operator: str, value: str | float) -> sa.C
 
 def _refusal(condition: str, why: str) -> RigError:
     return RigError(
-        ErrorCode.ARCHIVE_QUERY_INVALID, f"--where {condition!r} {why}; an example: solver < '0.2' and object ~ 'vase'"
+        ErrorCode.ARCHIVE_QUERY_INVALID, f"--where {condition!r}: {why}; an example: solver < '0.2' and object ~ 'vase'"
     )

@@ -19,20 +19,21 @@ def require_fit(camera: CameraCapabilities, calibration: Calibration, config: Ca
     """
     bits = calibration.sensor.bits
     wrong = [
-        f"its frames have {camera.width} × {camera.height} pixels, the calibration's {calibration.width} × "
+        f"its frames have {camera.width} × {camera.height} pixels, but the calibration's have {calibration.width} × "
         f"{calibration.height}: set the size that was calibrated, or calibrate again"
         if (camera.width, camera.height) != (calibration.width, calibration.height)
         else "",
-        f"its values have {camera.bits} bits, the calibration's {bits}: set another pixel format, or calibrate again"
+        f"its values have {camera.bits} bits, but the calibration's have {bits}: set another pixel format, or "
+        "calibrate again"
         if camera.bits != bits
         else "",
-        f"its sites are {camera.mosaic or 'monochrome'}, the calibration's "
+        f"its sensor is {camera.mosaic or 'monochrome'}, but the calibration's is "
         f"{calibration.sensor.mosaic or 'monochrome'}: set the pixel format (or `mosaic`) that was calibrated, or "
         "`sensor.mosaic` in the calibration"
         if camera.mosaic != calibration.sensor.mosaic
         else "",
-        f"its exposure times go from {camera.min_exposure_s:g} to {camera.max_exposure_s:g} s, the cell file's from "
-        f"{config.min_exposure_s:g} to {config.max_exposure_s:g} s: correct `min_exposure_s` and `max_exposure_s`"
+        f"its exposure times go from {camera.min_exposure_s:g} to {camera.max_exposure_s:g} s, but the cell file's "
+        f"from {config.min_exposure_s:g} to {config.max_exposure_s:g} s: correct `min_exposure_s` and `max_exposure_s`"
         if config.min_exposure_s < camera.min_exposure_s * (1 - 1e-6)
         or config.max_exposure_s > camera.max_exposure_s * (1 + 1e-6)
         else "",
@@ -48,6 +49,6 @@ def warnings(camera: CameraCapabilities) -> list[str]:
         return []
     step = 1 / (2**camera.bits - 1)
     return [
-        f"{camera.name}: {camera.bits} bits only: steps of {step:.2%} of full scale, so that a pixel at {SHADED:.0%}"
+        f"{camera.name} has only {camera.bits} bits: with steps of {step:.2%} of full scale, a pixel at {SHADED:.0%}"
         f" of it is uncertain by {step / 12**0.5 / SHADED:.1%} (1 σ) from rounding alone, whatever the exposure"
     ]

@@ -76,7 +76,7 @@ def lit_frame(
     elif level < MIN_SHARE_OF_TARGET * wanted.target:
         longer = exposure.series_value(exposure_s * wanted.target / level, camera)
         if longer > exposure_s * 1.01:
-            reason = f"dark: the brightest pixels are at {level:.1%} of full scale"
+            reason = f"too dark: the brightest pixels are at {level:.1%} of full scale"
             return Verdict(quality.model_copy(update={"accepted": False, "reason": reason}), longer)
     return Verdict(quality, None)
 
@@ -128,10 +128,10 @@ def compare_with_earlier(
     measured = quality.model_copy(update={"sharpness": sharp, "shift_px": shift_px})
     usual = float(np.median(earlier)) if earlier else 0.0
     if sharp is not None and sharp < MIN_SHARPNESS_RATIO * usual:
-        reason = f"blurred: its finest detail is {sharp / usual:.0%} of that of earlier frames"
+        reason = f"blurred: its sharpness is {sharp / usual:.0%} of that of earlier frames"
         return Verdict(measured.model_copy(update={"accepted": False, "reason": reason}), exposure_s, usable=False)
     if shift is not None and shift.moved:
-        reason = f"the object seems shifted by {shift.shift_px:.1f} pixels since it was first seen"
+        reason = f"the object seems to have shifted by {shift.shift_px:.1f} pixels since it was first seen"
         rejected = measured.model_copy(update={"accepted": False, "reason": reason})
         return Verdict(rejected, exposure_s, usable=False, moved=True)
     return Verdict(measured, None)
@@ -176,7 +176,7 @@ def dark_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: Sensor
     quality = _measure(pixels, region, sensor)
     if quality.bright_level > 0.5:
         reason = (
-            f"with the lamp off the brightest pixels are at {quality.bright_level:.0%} of full scale: darken the room"
+            f"with the lamp off, the brightest pixels are at {quality.bright_level:.0%} of full scale: darken the room"
         )
         return quality.model_copy(update={"accepted": False, "reason": reason})
     return quality

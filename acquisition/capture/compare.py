@@ -58,7 +58,7 @@ def same_scene(
     differences = [
         f"has shifted by {shift_px:.2f} pixels" if has_shifted(shift_px, first.shape[1]) else "",
         f"differs in {changed:.1%} of its pixels" if changed > MAX_CHANGED_SHARE else "",
-        f"has {brightness:.0%} of its brightness" if abs(brightness - 1) > MAX_BRIGHTNESS_CHANGE else "",
+        f"has {brightness:.0%} of its earlier brightness" if abs(brightness - 1) > MAX_BRIGHTNESS_CHANGE else "",
     ]
     detail = " and ".join(item for item in differences if item)
     return Comparison(round(shift_px, 3), round(brightness, 4), round(changed, 4), not detail, detail)

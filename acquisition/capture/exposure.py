@@ -30,14 +30,14 @@ def require_in_range(wanted: Exposure, camera: CameraConfig) -> None:
     if wanted.seconds is not None and not low <= wanted.seconds <= high:
         raise RigError(
             ErrorCode.REQUEST_INVALID,
-            f"exposure.seconds is {wanted.seconds:g} s, and the camera's exposure times go from {low:g} to {high:g} s: "
-            "choose one of these, or leave it out for an automatic exposure",
+            f"exposure.seconds is {wanted.seconds:g} s, but the camera's exposure times go from {low:g} to {high:g} s: "
+            "choose a time in this range, or leave it out for an automatic exposure",
         )
     if wanted.plan == "planned" and wanted.seconds_per_light < low:
         raise RigError(
             ErrorCode.REQUEST_INVALID,
-            f"exposure.seconds_per_light is {wanted.seconds_per_light:g} s, and the camera's shortest exposure time is "
-            f"{low:g} s: allow as much for each light",
+            f"exposure.seconds_per_light is {wanted.seconds_per_light:g} s, but the camera's shortest exposure time is "
+            f"{low:g} s: allow at least as much for each light",
         )
 
 

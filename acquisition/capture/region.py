@@ -62,7 +62,7 @@ def decode_mask(content: bytes, calibration: Calibration) -> BoolArray:
         )
     image = None if size is None else cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
-        raise RigError(ErrorCode.REQUEST_INVALID, "the mask is not a PNG image, or a damaged one: send a PNG file")
+        raise RigError(ErrorCode.REQUEST_INVALID, "the mask is not a PNG image, or it is damaged: send a PNG file")
     mask = np.any(np.asarray(image) > 0, axis=-1)
     if not np.any(mask):
         raise RigError(ErrorCode.REQUEST_INVALID, "the mask is all black: paint the region of interest in white")
@@ -94,8 +94,8 @@ def grey_tile(cell: CellConfig, calibration: Calibration) -> BoolArray | None:
     if np.count_nonzero(image) < MIN_TILE_PIXELS:
         raise RigError(
             ErrorCode.CONFIG_INVALID,
-            f"grey_tile.outline_px leaves {np.count_nonzero(image)} pixels of the image, and {MIN_TILE_PIXELS} are "
-            f"needed: columns 0 to {calibration.width - 1}, rows 0 to {calibration.height - 1}",
+            f"grey_tile.outline_px leaves {np.count_nonzero(image)} usable pixels, but {MIN_TILE_PIXELS} are needed: "
+            f"the image has columns 0 to {calibration.width - 1} and rows 0 to {calibration.height - 1}",
         )
     return image.astype(np.bool_)
 

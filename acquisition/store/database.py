@@ -116,7 +116,7 @@ class Database:
         if version > len(MIGRATIONS):
             raise RigError(
                 ErrorCode.STORE_CORRUPT,
-                f"The database is of a newer release (schema {version}); use that release",
+                f"The database was written by a newer release (schema {version}): use that release",
                 schema=version,
             )
         for number, name in enumerate(MIGRATIONS[version:], start=version + 1):
@@ -172,7 +172,7 @@ def _refusals() -> Generator[None]:
         if kind == sqlite3.SQLITE_FULL:
             raise RigError(ErrorCode.STORE_DISK_FULL, "No space left for the journal", file="rig.db") from error
         if kind in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
-            raise RigError(ErrorCode.STORE_CORRUPT, f"The journal rig.db: {error}", file="rig.db") from error
+            raise RigError(ErrorCode.STORE_CORRUPT, f"The journal rig.db is damaged: {error}", file="rig.db") from error
         if not isinstance(error, sqlite3.OperationalError):
             raise
         detail = f"The journal cannot be written: {error}"

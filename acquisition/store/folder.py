@@ -36,7 +36,8 @@ def require_space(folder: Path, size: int) -> None:
     if free < size + RESERVED_BYTES:
         raise RigError(
             ErrorCode.STORE_DISK_FULL,
-            f"{(size + RESERVED_BYTES) / 1e6:.0f} MB are needed in {folder.name}, {free / 1e6:.0f} MB are free",
+            f"{(size + RESERVED_BYTES) / 1e6:.0f} MB are needed in {folder.name}, but only {free / 1e6:.0f} MB are "
+            "free",
             needed_bytes=size + RESERVED_BYTES,
             free_bytes=free,
         )
@@ -77,7 +78,7 @@ def read_value(kind: type[Stored], folder: Path, name: str) -> Stored:
 
 def damaged(folder: Path, name: str, error: Exception) -> RigError:
     """Returns RigError store.corrupt for a session's file that cannot be read, or whose content has changed."""
-    why = error.strerror if isinstance(error, OSError) else "its content is not what was written"
+    why = error.strerror if isinstance(error, OSError) else "its content has changed since it was written"
     return RigError(ErrorCode.STORE_CORRUPT, f"sessions/{folder.name}/{name}: {why}", session_id=folder.name, file=name)
 
 

@@ -174,8 +174,8 @@ class Journal(OutboxTable):
         if row.state not in (State.CREATED, State.PAUSED) or planned:
             raise RigError(
                 ErrorCode.SESSION_ACTION_NOT_ALLOWED,
-                "A region of interest is drawn before the start, or while the session is paused before its lights are "
-                f"planned; this one is {row.state}{' and planned' if planned else ''}",
+                "A region of interest can be drawn before the start, or while the session is paused and its lights "
+                f"are not yet planned; this session is {row.state}{' and its lights are planned' if planned else ''}",
                 state=row.state,
                 allowed=[str(action) for action in allowed_actions(row.state)],
             )
@@ -210,7 +210,7 @@ class Journal(OutboxTable):
             if row.state is not State.PAUSED or number in self._reviewed(session_id):
                 raise RigError(
                     ErrorCode.SESSION_ACTION_NOT_ALLOWED,
-                    f"The plan of pass {number} is not waiting for a person any more",
+                    f"The plan of pass {number} is no longer waiting for review",
                     state=row.state,
                     allowed=[str(action) for action in allowed_actions(row.state)],
                 )

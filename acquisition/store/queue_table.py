@@ -119,7 +119,7 @@ class QueueTable(SessionTable):
                     return entry, False
             (waiting,) = self._all("SELECT count(*) AS count FROM queue_entry WHERE state = ?", EntryState.WAITING)
             if waiting["count"] >= MAX_WAITING:
-                raise RigError(ErrorCode.REQUEST_INVALID, f"{MAX_WAITING} entries wait already")
+                raise RigError(ErrorCode.REQUEST_INVALID, f"The queue is full: {MAX_WAITING} entries are waiting")
             cursor = connection.execute(
                 "INSERT INTO queue_entry (place, object_name, recipe, unattended, state, idempotency_key, added_by,"
                 " added_at) VALUES ((SELECT coalesce(max(place), 0) + 1 FROM queue_entry), ?, ?, ?, ?, ?, ?, ?)",
@@ -137,7 +137,7 @@ class QueueTable(SessionTable):
             if entry.state is EntryState.RUNNING:
                 raise RigError(
                     ErrorCode.QUEUE_ENTRY_BEGUN,
-                    f"Entry {entry_id} has begun: session {entry.session_id} is to be stopped first",
+                    f"Entry {entry_id} has begun: stop session {entry.session_id} first",
                     session_id=entry.session_id,
                 )
             connection.execute("DELETE FROM queue_entry WHERE id = ?", (entry_id,))
@@ -151,7 +151,7 @@ class QueueTable(SessionTable):
             if sorted(entry_ids) != sorted(waiting):
                 raise RigError(
                     ErrorCode.REQUEST_INVALID,
-                    f"The order must name each waiting entry once; waiting are {waiting}",
+                    f"The order must name each waiting entry once: {waiting}",
                     waiting=waiting,
                 )
             for place, entry_id in enumerate(entry_ids):

@@ -36,7 +36,7 @@ def prune(data: Path, *, older_than_days: float, keep: int, now: float, dry_run:
     """
     database = data / "rig.db"
     if not database.is_file():
-        raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"{data} is no data folder: it has no rig.db")
+        raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"{data} is not a data folder: it has no rig.db")
     journal = Journal(database)
     try:
         rows = journal.sessions(limit=2**31)

@@ -95,7 +95,7 @@ def test_server_that_hangs_up_does_not_answer(monkeypatch: pytest.MonkeyPatch):
 
         thread = threading.Thread(target=hang_up)
         thread.start()
-        with pytest.raises(RigError, match=r"closes the connection|reset"):
+        with pytest.raises(RigError, match=r"closed the connection|reset"):
             ask("tcp", f"127.0.0.1:{server.getsockname()[1]}", monkeypatch)
         thread.join()
 

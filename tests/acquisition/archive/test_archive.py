@@ -176,9 +176,9 @@ def test_find_ambiguous_or_unknown_name_is_refused(archive: Archive, session_fol
     archive.push(session_folder("20261121-190041-aaaaaa", 1))
     archive.push(session_folder("20261121-190041-bbbbbb", 2))
     assert archive.find("20261121-190041-b") in {row.key for row in archive.catalogue.sessions()}
-    with pytest.raises(RigError, match="several"):
+    with pytest.raises(RigError, match="Several sessions begin with"):
         archive.find("20261121")
-    with pytest.raises(RigError, match="unknown"):
+    with pytest.raises(RigError, match="No session's key or id begins with"):
         archive.find("vase")
 
 

@@ -73,7 +73,7 @@ def test_solve_damaged_session_fails_by_file_and_holds_nothing(archive: Archive,
 def test_solve_by_another_version_is_refused(archive: Archive, session_folder: MakeSession):
     key = archive.push(session_folder()).key
     other = SolveJob(archive.address, archive.catalogue_address, key, SolveIdentity(), "99.0", "first")
-    with pytest.raises(RigError, match=r"the caller 99\.0") as refused:
+    with pytest.raises(RigError, match=r"the caller has 99\.0") as refused:
         solving.solve(other)
     assert refused.value.code is ErrorCode.CONFIG_INVALID
 

@@ -117,5 +117,5 @@ def test_archived_frame_that_is_damaged_is_named(archive: Archive, session_folde
     with pytest.raises(RigError, match=name) as damaged:
         frames.rows(shot.frame, 0, 5)
     assert damaged.value.code is ErrorCode.ARCHIVE_DAMAGED
-    with pytest.raises(RigError, match="does not name it"):
+    with pytest.raises(RigError, match="does not list this file"):
         replace(frames, files={}).rows(shot.frame, 0, 5)

@@ -71,7 +71,7 @@ def test_require_fit_of_other_sites_names_both(camera: Mosaic | None, calibrated
         name="one", width=SIZE, height=SIZE, bits=12, triggers=("software",), min_exposure_s=1e-5, max_exposure_s=10.0,
         mosaic=camera,
     )  # fmt: skip
-    said = f"{camera or 'monochrome'}, the calibration's {calibrated or 'monochrome'}"
+    said = f"{camera or 'monochrome'}, but the calibration's is {calibrated or 'monochrome'}"
     with pytest.raises(RigError, match=said) as no:
         camera_fit.require_fit(told, known, scenes_camera())
     assert no.value.code is ErrorCode.CONFIG_INVALID

@@ -135,7 +135,7 @@ def test_prune_command_removes_old_sessions(tmp_path: Path) -> None:
 
 
 def test_prune_folder_without_journal_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RigError, match="no data folder"):
+    with pytest.raises(RigError, match="not a data folder"):
         retention.prune(tmp_path, older_than_days=0, keep=0, now=0, dry_run=False)
     assert not (tmp_path / "rig.db").exists()
 

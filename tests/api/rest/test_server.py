@@ -105,7 +105,7 @@ def test_serve_damaged_database_ends_with_a_remedy(cell_file: Path, tmp_path: Pa
     ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
     assert ended.returncode == 2
-    assert f"{ErrorCode.STORE_CORRUPT}: The journal rig.db: file is not a database" in ended.stderr
+    assert f"{ErrorCode.STORE_CORRUPT}: The journal rig.db is damaged: file is not a database" in ended.stderr
     assert "What to do: Restore" in ended.stderr
     assert "Traceback" not in ended.stderr
 
