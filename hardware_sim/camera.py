@@ -39,7 +39,7 @@ Place = Callable[[str], str]
 
 def no_placing(name: str) -> str:
     """Refuses `name`: this camera's server cannot place objects."""
-    raise RigError(ErrorCode.REQUEST_INVALID, f"nothing can be put into this cell, not even {name!r}")
+    raise RigError(ErrorCode.REQUEST_INVALID, f"this camera cannot place objects: {name!r}")
 
 
 class CameraServer:
@@ -136,7 +136,7 @@ class CameraServer:
         """Exposure time and attempt of a request. Raises ValueError that states what is wrong."""
         unknown = set(request) - {"exposure_s", "attempt", "number"}
         if unknown:
-            raise ValueError(f"unknown: {', '.join(sorted(unknown))}")
+            raise ValueError(f"unknown fields: {', '.join(sorted(unknown))}")
         exposure_s, attempt = request.get("exposure_s"), request.get("attempt", 0)
         if isinstance(exposure_s, bool) or not isinstance(exposure_s, int | float) or not math.isfinite(exposure_s):
             raise ValueError("exposure_s must be a finite number of seconds")

@@ -155,7 +155,7 @@ class Cell:
     def world_pid(self) -> int:
         """Process id of the world, which is the camera too. Raises RigError service.fault outside the context."""
         if self._world is None:
-            raise RigError(ErrorCode.SERVICE_FAULT, "the simulated cell does not run")
+            raise RigError(ErrorCode.SERVICE_FAULT, "the simulated cell is not running")
         return self._world.pid
 
     def _await_world(self, world: "subprocess.Popen[bytes]") -> None:
@@ -196,9 +196,9 @@ def run(
         ):
             label = object_spec.as_spec(options.spec).label
             sys.stderr.write(
-                "The arm has a table, a camera and an object round it: a program that moves where it likes"
-                " ends in a contact, which is a protective stop.\n"
-                f"Without: python -m hardware_sim.controller --address {options.address}\n"
+                "A table, a camera and an object surround the arm: a program that moves freely will touch them,"
+                " which causes a protective stop.\n"
+                f"Without them: python -m hardware_sim.controller --address {options.address}\n"
             )
             say(
                 f"ready cell={cell.cell_file} address={options.address} object={label}"
@@ -207,7 +207,7 @@ def run(
             lines = StatusLines() if json_status else None
             while not ending.wait(0.5 if lines is None else STATUS_EVERY_S):
                 if not cell.alive:
-                    raise RigError(ErrorCode.SERVICE_FAULT, "a process of the simulated cell ended by itself")
+                    raise RigError(ErrorCode.SERVICE_FAULT, "a process of the simulated cell ended unexpectedly")
                 if lines is not None:
                     line = lines.line(cell.state(), time.monotonic())
                     if line is not None:
@@ -222,7 +222,7 @@ def _check(options: CellOptions) -> None:
     if options.profile not in get_args(ProfileName):
         raise RigError(
             ErrorCode.REQUEST_INVALID,
-            f"there is no profile {options.profile!r}: choose of {', '.join(get_args(ProfileName))}",
+            f"there is no profile {options.profile!r}: choose one of {', '.join(get_args(ProfileName))}",
         )
     if not 0.1 <= options.speed <= 100:
         raise RigError(ErrorCode.REQUEST_INVALID, f"speed is {options.speed}: it must lie between 0.1 and 100")

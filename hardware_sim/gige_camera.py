@@ -65,7 +65,7 @@ class GigeCamera:
         """Starts to answer, with all settings as after a power cycle."""
         self._device = self._aravis.GvFakeCamera.new(INTERFACE, self._serial)
         if not self._device.is_running():
-            raise OSError(f"no GigE Vision camera can listen at {INTERFACE}: is there another one?")
+            raise OSError(f"cannot start a GigE Vision camera at {INTERFACE}: is another one running?")
         self._device.set_property("gvsp-lost-ratio", self._lost)
         # PyGObject's hash of an object is the address of its C structure.
         self._library.arv_fake_camera_set_fill_pattern(hash(self._memory), self._fill, None)
@@ -159,7 +159,7 @@ def obey(camera: GigeCamera, line: str) -> None:
         case ["trigger"]:
             camera.trigger()
         case _:
-            raise ValueError(f"unknown: {line.strip()}")
+            raise ValueError(f"unknown command: {line.strip()}")
 
 
 def main() -> None:

@@ -70,7 +70,10 @@ def graded_pixels(truth: Truth, calibration: Calibration, grading: Grading = "wi
     if grading == "within_78_deg":
         return facing
     if truth.one_surface is None:
-        raise RigError(ErrorCode.REQUEST_INVALID, "the truth does not say which pixels show one surface")
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            "the truth file has no `one_surface` mask: choose another grading, or make the file again",
+        )
     return facing & truth.one_surface
 
 
@@ -97,7 +100,8 @@ def grade(
     """
     if normals.shape != truth.normals.shape or mask.shape != truth.mask.shape:
         raise RigError(
-            ErrorCode.REQUEST_INVALID, f"normals have shape {normals.shape}, the truth {truth.normals.shape}"
+            ErrorCode.REQUEST_INVALID,
+            f"the normals have shape {normals.shape}, but the truth has {truth.normals.shape}",
         )
     graded = graded_pixels(truth, calibration, grading)
     solved = graded & mask & (np.linalg.norm(normals, axis=-1) > 0.5)

@@ -52,7 +52,8 @@ def load(path: Path) -> dict[str, Any]:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise RigError(ErrorCode.STORE_CORRUPT, f"{path}: is no file of truths: {error}", file=str(path)) from error
+        detail = f"{path} is not a ground-truth file: {error}"
+        raise RigError(ErrorCode.STORE_CORRUPT, detail, file=str(path)) from error
 
 
 def errors(found: Calibration, truth: dict[str, Any]) -> CalibrationErrors:

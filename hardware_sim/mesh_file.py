@@ -67,7 +67,7 @@ def read(path: Path, size_mm: float | None = None) -> Mesh:
     a, b, c = np.moveaxis(np.asarray(solid.triangles, dtype=float), 1, 0)
     volume = float(np.einsum("fi,fi->", np.cross(a, b), c)) / 6
     if abs(volume) < LEAST_VOLUME * (extent * scale) ** 3:
-        raise _refused(path, "has no volume: its triangles lie on one another", "give the solid a thickness")
+        raise _refused(path, "has no volume: its triangles lie on top of one another", "give the solid a thickness")
     if volume < 0:
         solid.invert()
     triangles = np.asarray(solid.triangles, dtype=float)
@@ -122,7 +122,7 @@ def _triangles(path: Path) -> trimesh.Trimesh:
     """The file's triangles as they are. Raises RigError request.invalid."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise _refused(path, "is none of the formats that are read", f"give a file that ends in {', '.join(SUFFIXES)}")
+        raise _refused(path, "has a format that is not supported", f"give a file that ends in {', '.join(SUFFIXES)}")
     try:
         with path.open("rb") as file:
             mesh = trimesh.load_mesh(file, file_type=suffix[1:], process=False, skip_materials=True)
@@ -130,16 +130,16 @@ def _triangles(path: Path) -> trimesh.Trimesh:
         raise _refused(path, f"cannot be read: {error.strerror or error}", "check path and permissions") from error
     except Exception as error:
         what = " ".join(str(error).split())[:200] or type(error).__name__
-        raise _refused(path, f"is no {suffix[1:].upper()} file: {what}", "export the mesh anew") from error
+        raise _refused(path, f"is not a valid {suffix[1:].upper()} file: {what}", "export the mesh again") from error
     if len(mesh.faces) == 0:
         raise _refused(
             path,
-            f"has no triangles: it is empty, a cloud of points, or no {suffix[1:].upper()} file",
+            f"has no triangles: it is empty, a point cloud, or not a valid {suffix[1:].upper()} file",
             "export a solid as a triangle mesh",
         )
     if not np.isfinite(mesh.vertices).all():
         bad = int((~np.isfinite(mesh.vertices).all(axis=1)).sum())
-        raise _refused(path, f"has {bad} vertices that are not finite (NaN or infinite)", "export the mesh anew")
+        raise _refused(path, f"has {bad} vertices that are not finite (NaN or infinite)", "export the mesh again")
     return mesh
 
 
@@ -151,7 +151,7 @@ def _check_closed(path: Path, mesh: trimesh.Trimesh) -> None:
         raise _refused(
             path,
             f"is not closed: {int((faces_at != 2).sum())} of its edges do not belong to exactly two triangles",
-            "fill its holes and take out inner walls in the program that made it; the simulator mends nothing",
+            "fill its holes and remove inner walls in the program that made it; the simulator repairs nothing",
         )
     if not mesh.is_winding_consistent:
         raise _refused(

@@ -101,7 +101,7 @@ def target(spec: ObjectSpec, seed: int, cell: CellConfig) -> Target | None:
         return None
     if spec.reflectance is not None:
         raise RigError(
-            ErrorCode.REQUEST_INVALID, f"the target {spec.name!r} reflects as it does: leave --reflectance out"
+            ErrorCode.REQUEST_INVALID, f"the target {spec.name!r} has a fixed reflectance: leave --reflectance out"
         )
     return targets.build(targets.parse(spec.name), seed, targets.nominal_of(cell))
 
@@ -176,7 +176,7 @@ def _check_fits(spec: ObjectSpec, scene: SceneObject, keep_out: KeepOut) -> None
     remedy = "choose a smaller one or enlarge the cylinder"
     if spec.source == "mesh":
         largest = 1e3 * float(np.ptp(scene.mesh.triangles.reshape(-1, 3), axis=0).max())
-        remedy = f"give --size-mm {int(share * largest)} or less, or turn the mesh about, or enlarge the cylinder"
+        remedy = f"give --size-mm {int(share * largest)} or less, or turn the mesh, or enlarge the cylinder"
     raise RigError(ErrorCode.CONFIG_INVALID, f"{said}; {remedy}", object=spec.name)
 
 

@@ -94,9 +94,10 @@ def check_name(name: str) -> None:
     """Raises RigError request.invalid that lists the objects, unless `name` is one."""
     if name not in names():
         known = ", ".join(SHAPES)
+        finishes = ", ".join(f"-{finish}" for finish in get_args(Finish) if finish != "soft")
         raise RigError(
             ErrorCode.REQUEST_INVALID,
-            f"there is no object {name!r}: choose one of {known}, plain or with -matt, -textured or -glossy",
+            f"there is no object {name!r}: choose one of {known}, alone or followed by one of {finishes}",
             object=name,
         )
 

@@ -26,6 +26,6 @@ def place(address: str, port: int, name: str) -> str:
             ErrorCode.DEVICE_DISCONNECTED, f"no simulated cell answers at {address}:{port}: {error}"
         ) from error
     if not isinstance(answer, dict) or "placed" not in answer:
-        why = answer.get("error") if isinstance(answer, dict) else "the simulated cell has hung up"
+        why = answer.get("error") if isinstance(answer, dict) else "the simulated cell closed the connection"
         raise RigError(ErrorCode.REQUEST_INVALID, str(why), object=name)
     return str(answer["placed"])

@@ -64,7 +64,7 @@ class Reflectance:
         try:
             roughness = float(number) if colon else 0.0
         except ValueError:
-            raise ValueError(f"{number!r} in {text!r} is no number: choose {FORMS}") from None
+            raise ValueError(f"{number!r} in {text!r} is not a number: choose {FORMS}") from None
         return Reflectance(kind, roughness)
 
     def diffuse(

@@ -140,8 +140,8 @@ def parse(name: str) -> TargetSpec:
     if match is None or kind not in get_args(Kind) or mount not in get_args(Mount):
         raise RigError(
             ErrorCode.REQUEST_INVALID,
-            f"there is no target {name!r}: choose one of {', '.join(get_args(Kind))}, with @flange after it for the "
-            "arm's flange, and #N for the N-th way of laying it down",
+            f"there is no target {name!r}: choose one of {', '.join(get_args(Kind))}; append @flange to mount it on "
+            "the flange, and #N for placing number N",
             object=name,
         )
     return TargetSpec(cast(Kind, kind), cast(Mount, mount), int(match["placing"] or 0))

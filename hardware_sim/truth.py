@@ -39,4 +39,5 @@ def load(path: Path) -> Truth:
             known = {name: file[name] for name in file.files}
         return Truth(known["normals"], known["depth"], known["albedo"], known["mask"], known.get("one_surface"))
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-        raise RigError(ErrorCode.STORE_CORRUPT, f"{path}: is no file of truths: {error}", file=str(path)) from error
+        detail = f"{path} is not a ground-truth file: {error}"
+        raise RigError(ErrorCode.STORE_CORRUPT, detail, file=str(path)) from error

@@ -113,7 +113,7 @@ def main(folder: Path, spec: ObjectSpec, seed: int, profile: ProfileName, *, per
         print(json.dumps({"error": error.detail}), flush=True)
         raise SystemExit(1) from error
     except OSError as error:
-        print(json.dumps({"error": f"the camera's port: {error}"}), flush=True)
+        print(json.dumps({"error": f"the camera's port cannot be opened: {error}"}), flush=True)
         raise SystemExit(1) from error
     with server:
         print(json.dumps({"ready": True}), flush=True)

@@ -27,20 +27,32 @@ def _joints(text: str) -> list[float]:
 def main(real_time: RealTime | None = None) -> int:
     """Reads the command line and serves until the end of standard input, SIGTERM or SIGINT."""
     parser = argparse.ArgumentParser(prog=f"python -m {__package__}", description=__doc__)
-    parser.add_argument("--address", default="127.0.0.1", help="loopback address; the ports are those of a real one")
-    parser.add_argument("--model", choices=sorted(MODELS), default="ur5e", help="the arm")
-    parser.add_argument("--polyscope", choices=["5", "x"], default="5", help="software; x has no dashboard")
-    parser.add_argument("--robot-api-port", type=int, default=80, help="of --polyscope x; below 1024 may need a right")
+    parser.add_argument("--address", default="127.0.0.1", help="loopback address; ports as of a real controller")
+    parser.add_argument("--model", choices=sorted(MODELS), default="ur5e", help="model of the arm")
+    parser.add_argument("--polyscope", choices=["5", "x"], default="5", help="PolyScope version; x has no dashboard")
+    parser.add_argument(
+        "--robot-api-port", type=int, default=80,
+        help="port of the Robot API with --polyscope x; below 1024 may need a privilege",
+    )  # fmt: skip
     parser.add_argument("--home", type=_joints, default=HOME, help="initial joints in rad")
-    parser.add_argument("--calibration-seed", type=int, help="an arm off its nominal kinematics; default: nominal")
-    parser.add_argument("--calibration-error-m", type=float, default=TYPICAL_ERROR_M, help="rms, of the flange's place")
+    parser.add_argument(
+        "--calibration-seed", type=int, help="seed of deviations from the nominal kinematics; default: no deviations"
+    )
+    parser.add_argument(
+        "--calibration-error-m", type=float, default=TYPICAL_ERROR_M,
+        help="rms error of the flange's position with --calibration-seed, m",
+    )  # fmt: skip
     parser.add_argument("--speed", type=float, default=1.0, help="speed factor of motion")
-    parser.add_argument("--low-when-stopped", type=int, nargs="*", default=[], help="outputs low while nothing plays")
-    parser.add_argument("--surroundings", type=Path, help="what the arm can touch (.npz); default: nothing")
+    parser.add_argument(
+        "--low-when-stopped", type=int, nargs="*", default=[], help="digital outputs held low while no program plays"
+    )
+    parser.add_argument("--surroundings", type=Path, help="file of bodies that the arm can touch (.npz); default: none")
     parser.add_argument("--programs", type=Path, help="folder of programs (NAME.urp, URScript) for `load NAME.urp`")
     parser.add_argument("--record", type=Path, help="append every tick to this file")
-    parser.add_argument("--for-urx", action="store_true", help="old mode data at port 30002, for urx 0.11.0")
-    parser.add_argument("--until-eof", action="store_true", help="end when standard input does")
+    parser.add_argument(
+        "--for-urx", action="store_true", help="send mode data as before software 3.5 at port 30002, for urx 0.11.0"
+    )
+    parser.add_argument("--until-eof", action="store_true", help="end when standard input ends")
     parser.add_argument("--log", default="WARNING", choices=["DEBUG", "INFO", "WARNING", "ERROR"])
     arguments = parser.parse_args()
     if not 0.0 < arguments.speed <= 1000.0:

@@ -146,7 +146,7 @@ class Arm:
         """The blend radius at the end of a move of `length` m: zero, with a warning, if blends would overlap."""
         before = 0.0 if corner is None else corner.radius
         if radius > 0.0 and before + radius > length:
-            warn(f"overlapping blends: radius {radius:g} m after {before:g} m on {length:.4f} m is left out")
+            warn(f"overlapping blends: radius {radius:g} m after {before:g} m on {length:.4f} m is omitted")
             return 0.0
         return radius
 

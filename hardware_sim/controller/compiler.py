@@ -59,7 +59,7 @@ def compile_program(text: str, vocabulary: Vocabulary, statement: bool = False) 
     try:
         program = parse(text)
         if program.parameters:
-            raise ScriptSyntaxError(f"line {program.line}: nobody gives {program.name} its parameters")
+            raise ScriptSyntaxError(f"line {program.line}: a program must not have parameters: {program.name}")
         source, lines = _Writer(program, vocabulary, statement).write()
         code = compile(source, f"<{program.name}>", "exec")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:

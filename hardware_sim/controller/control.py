@@ -29,9 +29,9 @@ class ControlClient(AbstractContextManager["ControlClient"]):
             self._socket.sendall((json.dumps(fields) + "\n").encode())
             line = self._lines.readline()
         except OSError as error:
-            raise ConnectionError(f"the simulated controller is lost: {error}") from error
+            raise ConnectionError(f"the connection to the simulated controller is lost: {error}") from error
         if not line:
-            raise ConnectionError(f"the simulated controller at {self._address} has hung up")
+            raise ConnectionError(f"the simulated controller at {self._address} closed the connection")
         reply: dict[str, Any] = json.loads(line)
         if not reply.get("ok"):
             raise ValueError(str(reply.get("error")))

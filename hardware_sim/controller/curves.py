@@ -60,7 +60,7 @@ class Arc:
         across = poses.cross(to_via, to_end)
         area = math.hypot(*across)
         if area <= _COLLINEAR * math.hypot(*to_via) * math.hypot(*to_end):
-            raise ValueError("start, via and end must be three points of a circle, and are on a line")
+            raise ValueError("start, via and end must be three points of a circle, but are on a line")
         self._normal = (across[0] / area, across[1] / area, across[2] / area)
         # The centre, from the start: (|ab|² ac − |ac|² ab) × normal / 2 area.
         v, e = poses.dot(to_via, to_via), poses.dot(to_end, to_end)

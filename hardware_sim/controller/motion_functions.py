@@ -34,9 +34,9 @@ class MotionFunctions(FunctionGroup):
         """Raises ScriptError if the program may not move the arm now."""
         self._robot.require_main_program()
         if self._arm.freedrive is not None:
-            raise ScriptError(f"{name}: the arm is in {self._arm.freedrive.by}, end that first")
+            raise ScriptError(f"{name}: the arm is in {self._arm.freedrive.by}: end that first")
         if isinstance(self._arm.motion, ForceMotion) and name != "force_mode":
-            raise ScriptError(f"{name}: a move in force mode is not simulated by this controller, end force mode first")
+            raise ScriptError(f"{name}: a move in force mode is not simulated by this controller: end force mode first")
 
     def _begun(self, begin: Callable[[], Begun]) -> Begun | None:
         """The motion that `begin` makes; None, with a protective stop, if the arm cannot follow it."""
@@ -253,7 +253,7 @@ class MotionFunctions(FunctionGroup):
             yield from self._wait_for(lambda: self._arm.brake_tool(_FORCE_DECELERATION))
 
     def protective_stop(self) -> Waiting:
-        self._robot.protective_stop("asked for by the program")
+        self._robot.protective_stop("requested by the program")
         yield
 
     def _enter_freedrive(self, guiding: Freedrive) -> Waiting:

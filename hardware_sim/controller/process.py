@@ -41,7 +41,7 @@ class ControllerProcess(AbstractContextManager["ControllerProcess"]):
         readable = output is not None and select.select([output], [], [], _START_TIMEOUT)[0]
         if output is None or not readable or not output.readline().startswith(b"ready"):
             self.close()
-            raise ConnectionError(f"the simulated controller did not start at {self.address}; its log says why")
+            raise ConnectionError(f"the simulated controller did not start at {self.address}; see its log")
 
     def control(self) -> ControlClient:
         """Returns a new client of its control port."""

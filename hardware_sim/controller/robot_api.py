@@ -93,7 +93,10 @@ def _acting(**actions: Callable[[Controller], object]) -> Callable[[Controller, 
             return HTTPStatus.UNPROCESSABLE_ENTITY, {"message": f"action must be one of {', '.join(actions)}"}
         refusal = action(controller)
         if refusal is False or isinstance(refusal, str):
-            return HTTPStatus.CONFLICT, {"message": "Conflict", "details": refusal or "not in the present state"}
+            return HTTPStatus.CONFLICT, {
+                "message": "Conflict",
+                "details": refusal or "not allowed in the present state",
+            }
         return HTTPStatus.OK, {"message": "State changed successfully"}
 
     return act

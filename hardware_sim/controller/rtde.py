@@ -85,7 +85,7 @@ class InputRecipe:
 def _split(payload: bytes) -> list[str]:
     """The names of a list; none if it is longer than allowed."""
     if len(payload) > _LONGEST_LIST:
-        LOG.warning("RTDE list of %d bytes refused: at most %d", len(payload), _LONGEST_LIST)
+        LOG.warning("RTDE list of %d bytes refused: at most %d are allowed", len(payload), _LONGEST_LIST)
         return []
     # ur_rtde ends its lists with a comma; UR's own client does not.
     return [name for name in payload.decode("latin-1").split(",") if name]
@@ -237,7 +237,7 @@ class RtdeConnection(Connection):
         recipe = self._inputs[number - 1]
         if len(payload) - 1 != recipe.layout.size:
             # The library does send packets longer than their recipe; their first bytes count.
-            LOG.info("RTDE data of %d bytes for recipe %d of %d", len(payload) - 1, number, recipe.layout.size)
+            LOG.info("RTDE data of %d bytes for recipe %d, which has %d", len(payload) - 1, number, recipe.layout.size)
             if len(payload) - 1 < recipe.layout.size:
                 return
         values = recipe.layout.unpack_from(payload, 1)
@@ -262,7 +262,7 @@ def apply_outputs(controller: Controller, written: dict[str, Any]) -> None:
         if 0.0 <= fraction <= 1.0:
             controller.slider = fraction
         else:
-            LOG.warning("speed slider left at %g: %g was written", controller.slider, fraction)
+            LOG.warning("speed slider left at %g: %g is outside 0 to 1", controller.slider, fraction)
     mask = written.get("standard_analog_output_mask", 0)
     for number in (0, 1):
         ratio = written.get(f"standard_analog_output_{number}", math.nan)
@@ -272,7 +272,7 @@ def apply_outputs(controller: Controller, written: dict[str, Any]) -> None:
             outputs.analog_ratio[number] = ratio
             outputs.analog_is_voltage[number] = bool(written.get("standard_analog_output_type", 0) >> number & 1)
         else:
-            LOG.warning("analogue output %d left as it was: %g was written", number, ratio)
+            LOG.warning("analogue output %d left unchanged: %g is outside 0 to 1", number, ratio)
 
 
 def broadcast(connections: Sequence[RtdeConnection], controller: Controller) -> None:

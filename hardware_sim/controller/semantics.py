@@ -123,13 +123,13 @@ def put_member(value: Any, name: str, element: Any) -> None:
 
 def _check_member(value: Any, name: str) -> None:
     if type(value) is not Struct:
-        raise ScriptError(f"{script_text(value)} has no member {name!r}: it is no struct")
+        raise ScriptError(f"{script_text(value)} has no member {name!r}: it is not a struct")
     if name not in value:
         raise ScriptError(f"the struct has no member {name!r}, only {', '.join(value)}")
 
 
 def _refuse(sign: str, a: Any, b: Any) -> NoReturn:
-    raise ScriptError(f"{script_text(a)} {sign} {script_text(b)}: these types do not go together")
+    raise ScriptError(f"{script_text(a)} {sign} {script_text(b)}: unsupported operand types")
 
 
 def _arithmetic(sign: str, operation: Operation) -> Operation:

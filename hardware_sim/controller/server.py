@@ -170,7 +170,7 @@ class Server:
                 self._serve(descriptor, event)
             now = time.monotonic()
             if now - deadline > _LONGEST_CATCH_UP:
-                LOG.warning("%.3f s were lost", now - deadline)
+                LOG.warning("the loop was late: %.3f s of controller time skipped", now - deadline)
                 deadline = now
             while deadline <= now:
                 deadline += STEP_TIME

@@ -202,5 +202,5 @@ def _ticks(seconds: float) -> int:
 
 def _text(value: Any) -> str:
     if not isinstance(value, str):
-        raise ScriptError(f"{script_text(value)} is no string")
+        raise ScriptError(f"{script_text(value)} is not a string")
     return value

@@ -87,12 +87,12 @@ def load(path: Path) -> Surroundings:
     """Reads the npz file. Raises OSError, and ValueError if it is no such file or lacks an array."""
     with np.load(path, allow_pickle=False) as file:
         if not hasattr(file, "files"):
-            raise ValueError(f"{path} is not a file of surroundings")
+            raise ValueError(f"{path} is not a surroundings file")
         try:
             arrays = {name: file[name].astype(float) for name in _ARRAYS}
             names = tuple(str(name) for name in file["names"])
         except KeyError as error:
-            raise ValueError(f"{path} is not a file of surroundings: {error} is missing") from error
+            raise ValueError(f"{path} is not a surroundings file: {error} is missing") from error
     return Surroundings(**arrays, names=names)
 
 

@@ -97,12 +97,13 @@ class Arithmetic(FunctionGroup):
 
     def integer_to_binary_list(self, x: Any) -> list[bool]:
         if type(x) is not int:
-            raise ScriptError(f"integer_to_binary_list: {script_text(x)} is no integer")
+            raise ScriptError(f"integer_to_binary_list: {script_text(x)} is not an integer")
         return [bool(x >> bit & 1) for bit in range(_BITS)]
 
     def binary_list_to_integer(self, values: Any) -> int:
         if not isinstance(values, list) or len(values) > _BITS:
-            raise ScriptError(f"binary_list_to_integer: no list of up to {_BITS} truth values: {script_text(values)}")
+            wanted = f"a list of up to {_BITS} truth values"
+            raise ScriptError(f"binary_list_to_integer: the value must be {wanted}, not {script_text(values)}")
         unsigned = sum(truth(value) << bit for bit, value in enumerate(values))
         return unsigned - (1 << _BITS) if unsigned >> (_BITS - 1) else unsigned
 
@@ -122,7 +123,7 @@ class Strings(FunctionGroup):
         try:
             value = float(text)
         except ValueError as error:
-            raise ScriptError(f"to_num: {text!r} is no number") from error
+            raise ScriptError(f"to_num: {text!r} is not a number") from error
         return number(value, "to_num: the value")
 
     def str_at(self, src: Any, index: Any) -> str:
@@ -151,7 +152,7 @@ class Strings(FunctionGroup):
 
 def _text(value: Any, function: str) -> str:
     if not isinstance(value, str):
-        raise ScriptError(f"{function}: {script_text(value)} is no string")
+        raise ScriptError(f"{function}: {script_text(value)} is not a string")
     return value
 
 

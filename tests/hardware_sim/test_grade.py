@@ -60,7 +60,7 @@ def test_gradings_wider_sets_hold_narrower_ones(ball: Truth, calibration: Calibr
 
 
 def test_grading_one_surface_unknown_is_refused(ball: Truth, calibration: Calibration) -> None:
-    with pytest.raises(RigError, match="one surface"):
+    with pytest.raises(RigError, match="one_surface"):
         grade.grade(ball.normals, ball.mask, None, ball, calibration, "one_surface")
 
 

@@ -77,6 +77,6 @@ def test_in_view_of_other_camera_turns_normals(truth: dict[str, Any]) -> None:
 
 def test_load_damaged_truth_is_named(tmp_path: Path) -> None:
     (tmp_path / "calibration_truth.json").write_text("{", encoding="utf-8")
-    with pytest.raises(RigError, match="no file of truths") as caught:
+    with pytest.raises(RigError, match="not a ground-truth file") as caught:
         grade_calibration.load(tmp_path / "calibration_truth.json")
     assert caught.value.code is ErrorCode.STORE_CORRUPT

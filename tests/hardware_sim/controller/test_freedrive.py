@@ -70,7 +70,7 @@ def test_freedrive_blocked_axis_resists() -> None:
 def test_freedrive_motion_commands_raise(move: str) -> None:
     record = run(f" freedrive_mode()\n {move}", 1.0)
     message = record.message("runtime exception")
-    assert "the arm is in freedrive_mode, end that first" in message
+    assert "the arm is in freedrive_mode: end that first" in message
     assert "line 3" in message
     assert (record.joints == HOME).all()
 
