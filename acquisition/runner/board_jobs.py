@@ -43,7 +43,7 @@ def board_poses(
     if previous is not None:
         known = CalibrationSummary.model_validate_json((previous / SUMMARY).read_bytes())
         if known.reached or count <= 0:
-            reason = "The accuracy asked for is reached" if known.reached else f"All {taken} images are taken"
+            reason = "The requested accuracy is reached" if known.reached else f"All {taken} images are taken"
             return LightPlan(lights=[], method="views", reasons=[], joints=[], conclusion=f"{reason}.")
     mounted = mounted_tool.with_tool(cell, recipe.tool)
     candidates = connected_views(mounted, calibration, CANDIDATES, recipe.seed + 1)
@@ -77,9 +77,9 @@ def board_moved(before: np.ndarray, after: np.ndarray, cell: CellConfig) -> str:
         return "the board is not seen any more" if second is None else ""
     shift_px = charuco.shift_px(first, second)
     if np.isinf(shift_px):
-        return "other parts of the board are seen"
+        return "the two frames share too few corners of the board: the board or the camera has moved"
     if has_shifted(shift_px, before.shape[1]):
-        return f"its corners are {shift_px:.1f} pixels from where they were: board or camera has moved"
+        return f"the board's corners have shifted by {shift_px:.1f} pixels: the board or the camera has moved"
     return ""
 
 

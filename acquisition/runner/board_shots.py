@@ -68,7 +68,7 @@ class BoardShots(ShotCapture):
             detail = f"{_name(first.key)}, taken again: {moved}"
             if step.closes_pass:
                 number = step.key.pass_number
-                detail += f"; all images of pass {number} will be taken anew"
+                detail += f"; all images of pass {number} will be taken again"
                 self._store.journal.discard_shots(record.session_id, number, detail)
             raise RigError(ErrorCode.SCENE_MOVED, detail)
         self._store_shot(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
@@ -117,5 +117,5 @@ def _name(key: ShotKey) -> str:
 
 def _board_recipe(record: SessionRecord) -> BoardRecipe | CheckRecipe:
     if not isinstance(record.recipe, BoardRecipe | CheckRecipe):
-        raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} has no views of a board")
+        raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} takes no views of a board")
     return record.recipe

@@ -127,6 +127,9 @@ def _part(test: GroupTest, sentence: Callable[[GroupTest], str]) -> PartTest:
 def _advice(passed: bool, changed: Sequence[PartTest]) -> tuple[str, ...]:
     said = [f"What has most likely changed: {test.sentence}." for test in changed]
     if passed:
-        return (*said, "The calibration in use is still true.")
+        return (*said, "The calibration in use still predicts the images.")
     kind = "lamp" if {test.name for test in changed} & {"intensity", "lobe", "lamp"} else "hand-eye"
-    return (*said, f"The calibration in use is not true any more: look for what is loose, then calibrate {kind} again.")
+    return (
+        *said,
+        f"The calibration in use no longer predicts the images: check for loose parts, then calibrate {kind} again.",
+    )

@@ -92,9 +92,9 @@ class Compute:
             except (EOFError, OSError) as error:  # the other end of the pipe has gone
                 ended, tries = _how_it_ended(self._kill(), error), tries + 1
                 if tries == _TRIES:
-                    detail = f"The compute process ended in {job} {_TRIES} times, the last time {ended}"
+                    detail = f"The compute process ended {_TRIES} times during {job}, the last time {ended}"
                     raise RigError(ErrorCode.COMPUTE_LOST, detail, job=job) from error
-                _log.warning("the compute process ended in %s %s; the job is done once more", job, ended)
+                _log.warning("the compute process ended during %s, %s; the job is repeated once", job, ended)
 
     def _try(self, stop: threading.Event, job: str, arguments: tuple[Any, ...], preemptible: bool) -> tuple[bool, Any]:
         """Returns whether the job succeeded, and its result or error. Raises EOFError, OSError if the process ends."""
@@ -151,7 +151,7 @@ class Compute:
 def _how_it_ended(exit_code: int | None, error: Exception) -> str:
     """Describes for people how a process ended; `exit_code` is None if it could not even be started."""
     if exit_code is None:
-        return f"before it had begun ({error})"
+        return f"before it had started ({error})"
     if exit_code >= 0:
         return f"with exit code {exit_code}"
     name = f"signal {-exit_code}"

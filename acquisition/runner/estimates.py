@@ -128,7 +128,9 @@ def _made_with(
         "arm": _text(folder / "arm.txt") or cell.arm.model,
         "cell file": f"{cell.name}, SHA-256 {cell.fingerprint}",
         "images": f"{summary.images}, of which {summary.used} were used",
-        "calibration before": f"{'the cell file' if known is None else known.name}, SHA-256 {calibration.fingerprint}",
+        "previous calibration": (
+            f"{'the cell file' if known is None else known.name}, SHA-256 {calibration.fingerprint}"
+        ),
         "this calibration": f"SHA-256 {summary.fingerprint}" if summary.fingerprint else "none",
     }
 

@@ -170,9 +170,9 @@ def require_within_keep_out(normal_map: NormalMap, cell: CellConfig, calibration
     if top_m > keep_out.height_m + cell.clearances.object_m / 2:
         raise RigError(
             ErrorCode.CONFIG_INVALID,
-            f"The object is {1e3 * top_m:.0f} mm high by its images, its keep-out in the cell file only "
-            f"{1e3 * keep_out.height_m:.0f} mm, and the arm was to move close to that. Nothing was moved. Measure the "
-            "object, correct `[object] keep_out`, and bring the arm home by hand or by a parking session then.",
+            f"The images show an object {1e3 * top_m:.0f} mm high, but its keep-out in the cell file is only "
+            f"{1e3 * keep_out.height_m:.0f} mm high, and the arm would pass close to it. Nothing was moved. Measure "
+            "the object, correct `[object] keep_out`, then bring the arm home by hand or by a parking session.",
             measured_top_m=round(top_m, 4),
             keep_out_height_m=keep_out.height_m,
         )

@@ -85,8 +85,8 @@ def _plan(
     if len(chosen) < count:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"The arm can take up {len(chosen)} poses of the lamp over the object's place, and {count} are wanted: ask "
-            "for fewer images, or widen the reach",
+            f"The arm reaches only {len(chosen)} of the {count} requested poses of the lamp over the object's place: "
+            "request fewer images, or extend the reach",
         )
     tools = measured_pose.tools(joints, cell.arm, calibration)
     shown = [lamp_pose.light_from_tool(tools[one], calibration) for one in chosen]
@@ -117,11 +117,11 @@ def look_at_target(
     if seen is None:
         return (
             f"the matt plane's frame ({board.columns} × {board.rows} squares of {1e3 * board.square_m:g} mm) is not "
-            "seen: does the plane lie in the object's place, face up, is the lamp on, and is it that of the cell file?"
+            "seen: check that the plane of the cell file lies in the object's place, face up, and that the lamp is on"
         )
     before = None if placed_before is None else charuco.detect(placed_before, board, "before")
     if before is not None and charuco.shift_px(before, seen) < MAX_SHIFT_PX:
-        return "the plane lies as it did before: lay it on a wedge, tilted by 10–20°"
+        return "the plane lies as in the previous placing: lay it on a wedge, tilted by 10–20°"
     return ""
 
 
@@ -132,7 +132,7 @@ def target_moved(before: np.ndarray, after: np.ndarray, sphere: bool, cell: Cell
         if isinstance(second, str):
             # The first image had the same exposure time and was not clipped.
             return (
-                f"{second}; it was not before: lamp or camera has changed"
+                f"{second}; it was not clipped before: the lamp or the camera has changed"
                 if second == lamp_targets.CLIPPED_HIGHLIGHT
                 else second
             )
@@ -144,7 +144,8 @@ def target_moved(before: np.ndarray, after: np.ndarray, sphere: bool, cell: Cell
             return "the plane's frame is not seen any more"
         shift_px = 0.0 if one is None else charuco.shift_px(one, other)
     if has_shifted(shift_px, before.shape[1]):
-        return f"it is {shift_px:.1f} pixels from where it was: target, camera or lamp has moved"
+        what = "the highlight" if sphere else "the plane's frame"
+        return f"{what} has shifted by {shift_px:.1f} pixels: the target, the camera or the lamp has moved"
     return ""
 
 
@@ -202,11 +203,11 @@ def estimate_lamp(
 def _advice(found: CalibrationSummary) -> list[str]:
     said: list[str] = []
     if found.position_sigma_mm is not None and found.position_sigma_mm > 0.5:
-        said.append("The lamp's place is not known to half a millimetre: take more images of the sphere.")
+        said.append("The uncertainty of the lamp's position exceeds 0.5 mm: take more images of the sphere.")
     if found.verified_deg is not None and found.verified_deg > 0.5:
         said.append(
-            "On the placing that took no part normals are off by more than half a degree: is the plane flat, matt and "
-            "alone in the lamp's light?"
+            "On the verification placing, normals are off by more than 0.5°: check that the plane is flat and matt, "
+            "and lit by the lamp alone."
         )
     return said or ["Make it the active calibration (PUT /v1/rig/calibrations/active)."]
 
@@ -261,8 +262,8 @@ def _hand_eye(known: Path | None) -> HandEyeResult:
         raise RigError(ErrorCode.STORE_CORRUPT, f"{file}: {error}", file=HAND_EYE) from error
     raise RigError(
         ErrorCode.CALIBRATION_INFEASIBLE,
-        "How well the camera's place is known is not stated: calibrate hand-eye first, and make that the calibration "
-        "in use",
+        "The calibration in use states no uncertainty of the camera's pose: calibrate hand-eye first, and make that "
+        "the calibration in use",
     )
 
 

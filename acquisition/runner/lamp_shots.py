@@ -35,9 +35,9 @@ class LampShots(BoardShots):
         width, height = board.size_m
         raise RigError(
             ErrorCode.CALIBRATION_PLACE_TARGET,
-            f"Take what lies in the object's place away and lay the matt plane there, face up (its frame of "
+            f"Clear the object's place and lay the matt plane there, face up (its frame of "
             f"{board.columns} × {board.rows} squares covers {1e3 * width:.0f} × {1e3 * height:.0f} mm)"
-            + (", tilted by 10–20° on a wedge, otherwise than before" if number else ""),
+            + (", tilted by 10–20° on a wedge, differently from before" if number else ""),
             target="matt-plane",
             placing=number,
         )
@@ -89,7 +89,7 @@ class LampShots(BoardShots):
         if not sphere:
             levels = work.plan.levels_per_s if work.plan is not None else None
             if levels is None:
-                raise RigError(ErrorCode.SERVICE_FAULT, "The plan of a placing of the plane states no levels")
+                raise RigError(ErrorCode.SERVICE_FAULT, "The plan for the matt plane states no levels")
             return exposure.for_predicted_level(levels[step.key.number], _lamp_recipe(record).exposure, camera)
         seen = [shot.quality.bright_level / shot.exposure_s for shot in work.shots.values() if shot.quality.accepted]
         wanted = Exposure(target=SPHERE_TARGET)
@@ -107,7 +107,7 @@ class LampShots(BoardShots):
         better = exposure.for_level(
             level / exposure_s, Exposure(target=SPHERE_TARGET / (3 if level > 1 else 1)), camera
         )
-        side = "clipped" if level > SPHERE_MOST else "dark"
+        side = "clipped" if level > SPHERE_MOST else "too dark"
         quality = quality.model_copy(update={"reason": f"the brightest pixel is at {level:.0%} of full scale: {side}"})
         too_long = level > SPHERE_MOST and better >= exposure_s
         too_short = level < SPHERE_LEAST and better <= exposure_s
@@ -128,5 +128,5 @@ def _shows_sphere(record: SessionRecord, pass_number: int) -> bool:
 
 def _lamp_recipe(record: SessionRecord) -> LampRecipe | CheckRecipe:
     if not isinstance(record.recipe, LampRecipe | CheckRecipe):
-        raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} calibrates no lamp")
+        raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} does not calibrate a lamp")
     return record.recipe

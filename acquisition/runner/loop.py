@@ -105,7 +105,7 @@ class SessionLoop:
         except RigError as error:
             if error.code is not ErrorCode.SESSION_ACTION_NOT_ALLOWED:
                 raise
-            _log.info("session %s: %s came too late", session_id, trigger)
+            _log.info("session %s: %s is ignored, because a person's action came first", session_id, trigger)
             return False
         return True
 
@@ -169,7 +169,7 @@ class SessionLoop:
         if state is State.STOPPING:
             self.trigger(session_id, Trigger.AT_REST)
         elif self._closing.is_set() and state in session.RIG_HOLDING:
-            reason = problem(ErrorCode.SERVICE_RESTARTED, "The service was ended")
+            reason = problem(ErrorCode.SERVICE_RESTARTED, "The service was shut down")
             self.trigger(session_id, Trigger.INTERRUPT, reason=reason)
         # Else the halt is not journalled yet: a queued request will make its entry.
 
@@ -187,7 +187,7 @@ class SessionLoop:
         deadline = time.monotonic() + AT_REST_WITHIN_S
         while not self._arm_at_rest():
             if self._closing.wait(REST_POLL_S) or time.monotonic() > deadline:
-                why = problem(ErrorCode.ARM_MOVE_FAILED, "The arm was not seen to come to rest")
+                why = problem(ErrorCode.ARM_MOVE_FAILED, "No reading showed that the arm came to rest")
                 return self.trigger(session_id, Trigger.INTERRUPT, reason=why)
         return self.trigger(session_id, Trigger.AT_REST, reason=reason)
 

@@ -210,7 +210,7 @@ class MovingShotCapture(ShotCapture):
     def _track(self, seconds: float) -> moving.LampTrack:
         points = self._rig.arm.track(seconds)
         if not points:
-            raise RigError(ErrorCode.DEVICE_DISCONNECTED, "The arm's driver gives no poses")
+            raise RigError(ErrorCode.DEVICE_DISCONNECTED, "No poses arrive from the arm's driver")
         return moving.lamp_track(points, np.array(self._calibration.tool_from_lamp))
 
     def _take_at_rest(self, record: SessionRecord, shot: TakeShot, stop: StopToken) -> None:

@@ -159,7 +159,7 @@ class OperatorMoves:
         """Raises RigError rig.busy while somebody jogs the arm."""
         jog = self._jog
         if jog is not None and not jog.ended.is_set():
-            raise RigError(ErrorCode.RIG_BUSY, f"{jog.actor} jogs the arm: let the button go first")
+            raise RigError(ErrorCode.RIG_BUSY, f"{jog.actor} is jogging the arm: release the button first")
 
     def jog(self, hold: str, motion: JogMotion, actor: str, *, once: bool) -> bool:
         """Begins a motion, or renews the hold of the one in progress; returns whether the arm already moves by it.
@@ -177,7 +177,7 @@ class OperatorMoves:
         with self._lock:
             jog = self._jog
             if jog is not None and not jog.ended.is_set() and jog.actor != actor:
-                raise RigError(ErrorCode.RIG_BUSY, f"{jog.actor} jogs the arm")
+                raise RigError(ErrorCode.RIG_BUSY, f"{jog.actor} is jogging the arm")
             if jog is not None and jog.hold == hold and not jog.token.is_set() and not jog.ended.is_set():
                 jog.token.renew()
                 return jog.moving
@@ -275,5 +275,5 @@ class OperatorMoves:
     def _present_joints(self) -> tuple[float, ...]:
         reading = self._rig.arm.reading
         if not reading.connected:
-            raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"Where the arm stands is unknown: {reading.lost}")
+            raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The arm's position is unknown: {reading.lost}")
         return reading.joints

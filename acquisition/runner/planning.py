@@ -94,7 +94,10 @@ class PlanningService:
         calibration = self._calibration
         cache = self._executor.reach_cache_of(calibration)
         if self._store.journal.holder() is not None and not cache.exists():
-            raise RigError(ErrorCode.RIG_BUSY, "The reach is made once, when no session runs: ask again later")
+            raise RigError(
+                ErrorCode.RIG_BUSY,
+                "The reach is not computed yet, and cannot be while a session holds the rig: ask again later",
+            )
         if not cache.exists():
             self._compute.run(self._closing, "make_reach", self._choices.lamp_cell, calibration, cache)
         return cache.read_text(encoding="utf-8")
@@ -220,7 +223,7 @@ class PlanningService:
         try:
             return self._forecasts.of((key, tuple(positions)), compute)
         except Preempted as error:
-            raise RigError(ErrorCode.RIG_BUSY, "A session computes at the moment: ask again later") from error
+            raise RigError(ErrorCode.RIG_BUSY, "A session is using the compute process: ask again later") from error
 
     def approve(self, session_id: str, actor: str) -> None:
         """Records that `actor` approves the plan, or has placed the target, if the session waits for one of these."""
@@ -240,7 +243,7 @@ class PlanningService:
         if row.state is not State.PAUSED or not isinstance(step, AwaitReview) or step.pass_number != number:
             raise RigError(
                 ErrorCode.SESSION_ACTION_NOT_ALLOWED,
-                f"Session {session_id} is {row.state} and does not wait for the review of pass {number}",
+                f"Session {session_id} is {row.state} and is not waiting for the review of pass {number}",
                 state=row.state,
                 allowed=[str(action) for action in session.allowed_actions(row.state)],
             )
@@ -251,4 +254,4 @@ class PlanningService:
 
 
 def _busy() -> RigError:
-    return RigError(ErrorCode.RIG_BUSY, "A dry run is made when no session works: ask again later")
+    return RigError(ErrorCode.RIG_BUSY, "A session is working: request the dry run again later")

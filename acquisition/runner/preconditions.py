@@ -51,7 +51,7 @@ def require_same_arm(folder: Path, identity: ArmIdentity) -> None:
     if not file.exists():
         write_bytes(file, arm.encode())
     elif (first := file.read_text(encoding="utf-8")) != arm:
-        raise RigError(ErrorCode.RIG_CHANGED, f"The session began with the arm {first}; this is {arm}")
+        raise RigError(ErrorCode.RIG_CHANGED, f"The session began with arm {first}, but the connected arm is {arm}")
 
 
 def require_near_path(path: Sequence[Sequence[float]], joints: Sequence[float]) -> None:
@@ -60,7 +60,7 @@ def require_near_path(path: Sequence[Sequence[float]], joints: Sequence[float]) 
     if distance > MAX_PATH_DISTANCE_RAD:
         raise RigError(
             ErrorCode.ARM_ELSEWHERE,
-            f"A joint stands {distance:.2f} rad from the last path of this session",
+            f"A joint is {distance:.2f} rad away from the last path of this session",
             distance_rad=round(distance, 4),
         )
 

@@ -180,7 +180,9 @@ class ReSolveService:
             if len(shots) < 3 or last not in captured_passes:
                 raise RigError(
                     ErrorCode.NORMALS_INFEASIBLE,
-                    f"Session {session_id} has {len(shots)} images up to pass {last}: three are the least",
+                    f"Session {session_id} has {len(shots)} images up to pass {last}: at least three are needed"
+                    if len(shots) < 3
+                    else f"Session {session_id} has no images of pass {last}",
                     passes=captured_passes,
                 )
             wanted = SolveRequest(session_id, 0, settings, last, idempotency_key, version("lightpose"), calibration)
@@ -216,7 +218,9 @@ class ReSolveService:
             journal.session(session_id)
             asked = solve_requests.submitted(journal, session_id, with_finished=True)
             if number not in [request.number for request in asked]:
-                raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Nobody asked for a result {number} of {session_id}")
+                raise RigError(
+                    ErrorCode.REQUEST_NOT_FOUND, f"There is no request for result {number} of session {session_id}"
+                )
             pending = {request.number: request for request in solve_requests.submitted(journal, session_id)}
             if number not in pending:
                 failure = solve_requests.failures(journal, session_id).get(number, {})
@@ -266,7 +270,7 @@ class ReSolveService:
         if identity is not None:
             cell = CellConfig.model_validate_json(self._store.journal.session(session_id).cell)
             images = solve_calibration.lit_by(images, cell, calibration)
-        busy = RigError(ErrorCode.RIG_BUSY, f"{name} is made when no session runs: ask again later")
+        busy = RigError(ErrorCode.RIG_BUSY, f"{name} cannot be made while a session runs: ask again later")
         if self._session_runs():
             raise busy
         try:
@@ -319,7 +323,7 @@ class ReSolveService:
         except RigError as error:
             self._end(request, error)
         except Exception as error:  # noqa: BLE001 - the thread must live on; the event says what failed
-            _log.exception("solving session %s again", request.session_id)
+            _log.exception("solving session %s again failed", request.session_id)
             self._end(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
 
     def _end(self, request: SolveRequest, error: RigError) -> None:
@@ -330,7 +334,7 @@ class ReSolveService:
             except RigError as refused:
                 if refused.code in NOT_WRITTEN and not self._closing.wait(POLL_S):
                     continue
-                _log.exception("the outcome of solving session %s again", request.session_id)
+                _log.exception("the failed solve of session %s could not be recorded", request.session_id)
             return
 
     def _begin(self, request: SolveRequest) -> bool:

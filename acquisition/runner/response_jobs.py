@@ -43,7 +43,7 @@ def response_light(recipe: ResponseRecipe, cell: CellConfig, calibration: Calibr
         if light is not None:
             break
     if light is None:
-        raise RigError(ErrorCode.WAYPOINTS_UNREACHABLE, "The lamp reaches no place of the dome", lights=[])
+        raise RigError(ErrorCode.WAYPOINTS_UNREACHABLE, "The lamp cannot reach any position on the dome", lights=[])
     joints = routing.route([light], cell.arm.home, cell, calibration).waypoints[0].joints
     settings = recipe.frames
     return LightPlan(

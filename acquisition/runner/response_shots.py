@@ -102,5 +102,7 @@ def _setting(record: SessionRecord) -> FrameSetting:
 
 def _recipe(record: SessionRecord) -> ResponseRecipe:
     if not isinstance(record.recipe, ResponseRecipe):
-        raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} has no response")
+        raise RigError(
+            ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} does not measure the sensor's response"
+        )
     return record.recipe

@@ -133,7 +133,8 @@ class RigChoices:
         if needed != self._tool:
             raise RigError(
                 ErrorCode.RIG_OTHER_TOOL,
-                f"A session of kind {recipe.kind} needs the {needed} on the flange, and the {self._tool} is stated",
+                f"A session of kind {recipe.kind} needs the {needed} on the flange, but the {self._tool} is stated: "
+                f"mount the {needed}, then state it",
                 needed=needed,
                 stated=self._tool,
             )
@@ -143,13 +144,13 @@ class RigChoices:
         arm = self._arm_name()
         size = (self._of_cell.width, self._of_cell.height)
         found = [
-            f"its images have {made.width} × {made.height} pixels, this camera's {size[0]} × {size[1]}"
+            f"its images have {made.width} × {made.height} pixels, but this camera has {size[0]} × {size[1]}"
             if (made.width, made.height) != size
             else "",
-            f"it is of camera {made.camera}, this is {camera_name(self._cell)}"
+            f"it was made with camera {made.camera}, but this is {camera_name(self._cell)}"
             if made.camera != camera_name(self._cell)
             else "",
-            f"it is of arm {made.arm}, this is {arm}" if arm is not None and made.arm != arm else "",
+            f"it was made with arm {made.arm}, but this is {arm}" if arm is not None and made.arm != arm else "",
         ]
         return [one for one in found if one]
 

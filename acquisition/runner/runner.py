@@ -254,7 +254,7 @@ class Runner:
         try:
             return self._compute.run(self._closing, job, *arguments, preemptible=True)
         except Preempted as error:
-            raise RigError(ErrorCode.RIG_BUSY, "A session computes at the moment: ask again later") from error
+            raise RigError(ErrorCode.RIG_BUSY, "A session is using the compute process: ask again later") from error
 
     def _start(self, session_id: str, action: Trigger, actor: str, from_here: bool) -> State:
         journal = self._store.journal
@@ -271,7 +271,8 @@ class Runner:
         folder = self._store.folder(session_id)
         preconditions.require_same_rig(row, self._rig.cell, self.choices, folder)
         if datetime.now().astimezone() > self._valid_until():
-            raise RigError(ErrorCode.RIG_NOT_READY, f"The calibration is out of date since {self._valid_until()}")
+            since = f"The calibration has been out of date since {self._valid_until()}: calibrate again"
+            raise RigError(ErrorCode.RIG_NOT_READY, since)
         preconditions.require_space_for_session(
             self._store, row.recipe if action is Trigger.START else None, self.choices.calibration
         )
@@ -319,7 +320,7 @@ class Runner:
                 with suppress(queue.Empty):
                     self._requests.get(timeout=0.25)()
             except Exception:  # noqa: BLE001 - the thread must live on, also where a full disk refuses an entry
-                _log.exception("the runner's thread")
+                _log.exception("a task of the runner's thread failed")
 
     def _connect_missing(self) -> None:
         try:
@@ -368,7 +369,9 @@ class Runner:
             if futures.wait([future], CLOSING_POLL_S).done:
                 return future.result()
         future.cancel()
-        why = "The service is ending" if self._closing.is_set() else f"Not ready within {READY_WITHIN_S:g} s"
+        why = (
+            "The service is ending" if self._closing.is_set() else f"The rig did not answer within {READY_WITHIN_S:g} s"
+        )
         raise RigError(ErrorCode.RIG_NOT_READY, why)
 
     def _refuse_held(self) -> None:

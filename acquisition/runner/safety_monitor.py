@@ -161,4 +161,4 @@ class SafetyMonitor:
             try:
                 self.poll()
             except Exception:  # noqa: BLE001 - nothing else sees the next fault: the thread must live on
-                _log.exception("the latch is set, but what follows from it failed")
+                _log.exception("the latch is set, but handling the fault failed")

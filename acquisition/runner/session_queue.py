@@ -103,11 +103,11 @@ class SessionQueue:
                 with self._lock:
                     self._advance()
             except RigError:  # the disk is full, say: nothing begins before its entry is written
-                _log.exception("the queue waits")
+                _log.exception("the queue cannot go on yet")
             except Exception:  # noqa: BLE001 - the thread must live on, and say that it has failed
                 _log.exception("the queue has failed")
                 with suppress(RigError):  # a full disk: it fails, and stops, again
-                    self._stop(problem(ErrorCode.SERVICE_FAULT, "The queue has failed: the log says why"))
+                    self._stop(problem(ErrorCode.SERVICE_FAULT, "The queue has failed: see the service's log"))
             self._store.journal.wait_for_event(newest, _POLL_S)
 
     def _advance(self) -> None:
@@ -199,7 +199,7 @@ class SessionQueue:
 def _to_place(entry: QueueEntry) -> RigError:
     return RigError(
         ErrorCode.QUEUE_OBJECT_TO_PLACE,
-        f"The next session is of {entry.object_name!r} (entry {entry.id})",
+        f"The next object is {entry.object_name!r} (entry {entry.id})",
         entry=entry.id,
         object_name=entry.object_name,
     )

@@ -184,7 +184,8 @@ class ShotCapture:
     def _return_to(self, record: SessionRecord, first: Shot, here: tuple[float, ...], stop: StopToken) -> None:
         """Moves from `here` (rad) to where the arm stood for an image."""
         if first.joints is None:
-            raise RigError(ErrorCode.SERVICE_FAULT, f"The image {first.key} does not hold the joints of the arm")
+            name = f"Image {first.key.number} of pass {first.key.pass_number}"
+            raise RigError(ErrorCode.SERVICE_FAULT, f"{name} was stored without the arm's joints")
         if not session.same_joints(here, first.joints):
             known = (self.cell_of(record), self._calibration)
             self._follow(record, self._compute.run(stop, "plan_return", here, first.joints, *known), stop)
@@ -257,7 +258,7 @@ class ShotCapture:
         first, number = step.shot.key, step.key.pass_number
         detail = f"Image {first.number} of pass {first.pass_number}, taken again, {same.detail}"
         if step.closes_pass:
-            detail += f"; all images of pass {number} will be taken anew"
+            detail += f"; all images of pass {number} will be taken again"
             self._store.journal.discard_shots(record.session_id, number, detail)
         return RigError(
             ErrorCode.SCENE_MOVED, detail, shift_px=same.shift_px, brightness=same.brightness, changed=same.changed

@@ -30,7 +30,7 @@ def require_fits(store: Store, session_id: str, identity: str) -> None:
     if (made.width, made.height) != (captured.width, captured.height):
         raise RigError(
             ErrorCode.CALIBRATION_DOES_NOT_FIT,
-            f"Calibration {identity} is of images of {made.width} × {made.height} pixels, the session's have "
-            f"{captured.width} × {captured.height}",
+            f"Calibration {identity} is for images of {made.width} × {made.height} pixels, but the session's images "
+            f"have {captured.width} × {captured.height}",
             id=identity,
         )

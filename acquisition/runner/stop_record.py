@@ -109,6 +109,6 @@ def _tried(entry: Callable[[], None]) -> bool:
     try:
         entry()
     except RigError:
-        _log.exception("the cell is halted and the latch closed, but an entry failed")
+        _log.exception("the cell is halted and the latch closed, but an entry could not be written")
         return False
     return True

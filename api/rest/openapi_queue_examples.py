@@ -41,7 +41,7 @@ QUEUE_VALUES: tuple[BaseModel, ...] = (
         state=QueueState.STOPPED,
         reason=Problem.of(
             ErrorCode.QUEUE_OBJECT_TO_PLACE,
-            "The next session is of 'denarius 12' (entry 3)",
+            "The next object is 'denarius 12' (entry 3)",
             {"entry": 3, "object_name": "denarius 12"},
             "/v1/queue",
         ),

@@ -162,7 +162,7 @@ def test_arm_that_is_not_where_it_says_is_noticed_by_repeated_view(rig: Rig) -> 
     rig.control.fault("joint_offset", offsets_rad=[0.0] * 6)
     reason = reason_of(rig, session_id)
     assert reason["code"] == ErrorCode.SCENE_MOVED
-    assert "board or camera has moved" in reason["detail"]
+    assert "the board or the camera has moved" in reason["detail"]
     images_after_resuming(rig, session_id, 2)
 
 
