@@ -219,7 +219,8 @@ class StepExecutor:
         mask = region.decode_mask(content, self._calibration)
         if not np.any(mask & self._shots.region):
             raise RigError(
-                ErrorCode.REQUEST_INVALID, "the mask covers no pixel where the object can be: draw it on the object"
+                ErrorCode.REQUEST_INVALID,
+                "the mask lies outside the area where the object can be: draw it on the object",
             )
         region_count = len(self._store.journal.artifacts(session_id, "region"))
         name = "region.png" if region_count == 0 else f"region_{region_count + 1}.png"
