@@ -2,11 +2,15 @@
 
 How good the fit has to be depends on what demands the alternative. A test that is surer than the fit needs no better
 one. A term that a score promises has to be found in about that amount. What only a poor fit calls for has to fit far
-better. Changed images are judged by the loss, which counts every measurement, and not by the misfit, a median.
+better. One rule holds for all: each alternative states the largest loss, and the largest relative residual, that its
+solution may leave (decision 98).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
 
 from acquisition import photometry
 from acquisition.models.result import ModelFinding
@@ -14,31 +18,65 @@ from acquisition.normals.alternatives import model_trial
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.pixels import image_terms
 from acquisition.normals.pixels.image_terms import ImageTerms
+from acquisition.normals.uncertainty.goodness_of_fit import Fit
+
+FOUND_SHARE = 0.5
+"""Share of the amount that a score predicts, above which a term counts as found."""
+
+
+class Limits(NamedTuple):
+    """Largest loss of a trial, and largest relative residual, each over that of the solution before it.
+
+    A loss that counts every measurement tells more than the misfit, a median over pixels. Relative residuals are shares
+    of the values: a model that makes the object darker lowers the loss, but not these.
+    """
+
+    loss: float
+    relative_residual: float = np.inf
+
+    def met(self, before: Fit, after: Fit) -> bool:
+        """Returns whether a fit is within the limits. A loss of `better_at_least` is enough where relative residuals
+        need only not rise."""
+        if after.loss > self.loss * before.loss:
+            return False
+        far_better = after.loss <= model_trial.SETTINGS.better_at_least * before.loss
+        within = after.relative_residual <= self.relative_residual * before.relative_residual
+        return within or (far_better and self.relative_residual == 1)
+
+
+def far_better() -> Limits:
+    """Returns the limits of what only a poor fit calls for."""
+    return Limits(model_trial.SETTINGS.better_at_least, model_trial.SETTINGS.better_at_least)
+
+
+AS_GOOD = Limits(1.0)
+"""What a test demands and no score or residual contradicts: the loss does not rise."""
+
+EXPLAINS_MORE = Limits(1.0, 1.0)
+"""A reflectance that a score demands: light between the walls of a matt vessel scores as gloss or roughness, but then
+neither lowers relative residuals."""
 
 
 @dataclass(frozen=True)
 class Alternative:
     """Another model: kind, message and value of its finding, the hypothesis to solve, and when its fit is accepted.
 
-    - `worse_at_most`: misfit over that before, up to which it is accepted. Some kinds have rules of their own
-      (`accepted`). A value above `better_at_least` marks an alternative that a test demands (`demanded`).
+    - `limits`: how much of the loss and of the relative residuals before it may leave.
+    - `demanded`: a test demands it, and not the poor fit alone.
     - `coding`: exponent by which it changes the values; 1: it does not.
     - `term`: the field of `ImageTerms` that it estimates; empty: none.
-    - `step`: value of the term that one Newton step of the score test predicts; 0: no score demands it. If the estimate
-      exceeds half of it, the misfit may rise to 1/`slightly_better` of that before if the loss falls, and not at all if
-      not. Otherwise it has to fall to `better`. Where values at black have been taken for censored ones, misfits are
-      not comparable: any sound fit is accepted whose estimate exceeds half of the step.
+    - `step`: value of the term that one Newton step of the score test predicts; 0: no score demands it.
     - `unreported`: it corrects the solver, not the capture, so there is no finding.
     - `independently_tested`: a test demands it that does not use residuals; any sound fit is accepted.
     - `least_images`: number of images from which residuals tell it from other models.
     - `decisive`: once it is by far the best so far, only other decisive ones are tried.
-    - `leaves_out`: it leaves an image out; `by_loss`: it is accepted by the loss, not by the misfit.
+    - `leaves_out`: it leaves an image out.
     """
 
     kind: str
     message: str
     hypothesis: Hypothesis
-    worse_at_most: float
+    limits: Limits
     value: float | None = None
     coding: float = 1.0
     term: str = ""
@@ -48,55 +86,33 @@ class Alternative:
     least_images: int = photometry.REDUNDANT
     decisive: bool = False
     leaves_out: bool = False
-    by_loss: bool = False
-
-    @property
-    def demanded(self) -> bool:
-        """Whether a test demands it, and not the poor fit alone."""
-        return self.independently_tested or self.worse_at_most > model_trial.SETTINGS.better_at_least
+    demanded: bool = True
 
     def has_enough_images(self, images: int) -> bool:
         """Returns whether so many images tell it from other models; a test without residuals needs no minimum."""
         return self.independently_tested or images >= self.least_images
 
     def accepted(self, before: Solution, trial: Solution) -> bool:
-        """Returns whether a trial replaces the solution before it. The object has to be in its place, or nearer to it
-        than before: next to the lamps most measurements are in shadow, and anything fits the rest. Ambient and stray
-        light must not exceed what is measured. After a solution that could not be judged, the fit has to be sound;
-        otherwise the rule of the alternative decides."""
-        before_fit, after, terms = before.fit, trial.fit, trial.state.shared.terms
+        """Returns whether a trial replaces the solution before it.
+
+        A fit that cannot be judged is not accepted; after a solution that could not be judged any sound fit is. Any
+        sound fit is also accepted of an alternative that is independently tested, and where values at black are newly
+        taken for censored ones, because losses are not comparable then. Otherwise the `limits` decide; a term of which
+        less is found than half of what its score predicts has to fit clearly better.
+        """
         if self._ruled_out(before, trial):
             return False
         if before.unjudged:
-            return after.probability > model_trial.SETTINGS.min_probability
+            return trial.fit.probability > model_trial.SETTINGS.min_probability
+        if trial.unjudged:
+            return False
         if self.independently_tested and not trial.badly_fitting:
             return True
-        if self.by_loss:
-            return after.loss <= self.worse_at_most * before_fit.loss
-        if self.term == "roughness":
-            return terms.roughness / self.step > 0.5 and after.loss < before_fit.loss
-        if self.term == "metal":
-            return (
-                after.loss < before_fit.loss
-                and after.relative_residual <= model_trial.SETTINGS.better * before_fit.relative_residual
-            )
-        if self.coding != 1:
-            return self._linearises(before, trial)
-        if self.step != 0:
-            found = getattr(terms, self.term) / self.step > 0.5
-            if not self.hypothesis.nominal.shadows_informative:
-                return found and not trial.badly_fitting
-            hardly_worse = 1 / model_trial.SETTINGS.slightly_better if after.loss < before_fit.loss else 1.0
-            return after.misfit <= (hardly_worse if found else model_trial.SETTINGS.better) * before_fit.misfit
-        if not after.misfit <= self.worse_at_most * before_fit.misfit:
-            return False
-        if self.worse_at_most > model_trial.SETTINGS.better_at_least:
-            # Light between the walls of a matt vessel scores as gloss, but gloss does not lower its relative residuals.
-            return self.term != "gloss" or after.relative_residual <= before_fit.relative_residual
-        return (
-            after.probability > model_trial.SETTINGS.min_probability
-            and after.relative_residual <= self.worse_at_most * before_fit.relative_residual
-        )
+        found = self.step == 0 or getattr(trial.state.shared.terms, self.term) / self.step > FOUND_SHARE
+        if before.hypothesis.nominal.shadows_informative and not self.hypothesis.nominal.shadows_informative:
+            return found and not trial.badly_fitting
+        limits = self.limits if found else self.limits._replace(loss=model_trial.SETTINGS.better)
+        return limits.met(before.fit, trial.fit)
 
     def _ruled_out(self, before: Solution, trial: Solution) -> bool:
         """Returns whether a trial cannot be true, however well it fits."""
@@ -111,26 +127,6 @@ class Alternative:
         if self.term in ("gloss", "metal") and image_terms.nearly_diffuse(trial.state.shared.terms):
             return True
         return self.term in ("ambient", "offset") and trial.more_subtracted_than_measured
-
-    def _linearises(self, before: Solution, trial: Solution) -> bool:
-        """Returns whether linearised values fit so much better that they were coded.
-
-        The fainter the exponent's score, the better the fit has to be. Undoing a coding multiplies relative noise by
-        its exponent, and no more. In dark images, as of smooth metal, it brings most values near zero, where any model
-        fits them, and relative residuals rise by factors of 4 to 100. Where the score does not point to a coding,
-        relative residuals have to fall, because a wrong shape may fit linearised values that were linear before.
-        """
-        least, before_fit, after = model_trial.SETTINGS.better_at_least, before.fit, trial.fit
-        loss, share = after.loss / before_fit.loss, after.relative_residual / before_fit.relative_residual
-        sound = after.probability > model_trial.SETTINGS.min_probability
-        if before.hypothesis.term_sigma.from_elsewhere and max(loss, share) <= model_trial.SETTINGS.better:
-            return True  # it replaces ambient or stray light, which explained the same shadows less well
-        if before.seems_coded:
-            most = model_trial.SETTINGS.better if sound or loss <= least**2 else least
-            return loss <= model_trial.SETTINGS.better and share <= most * self.coding
-        if before.scores is not None and before.scores.exponent.step < 0:
-            return loss <= (least if before.may_be_coded else least**2) and share <= least * self.coding
-        return sound and after.misfit <= least * before_fit.misfit and share <= 1
 
     def convincing(self, before: Solution, trial: Solution) -> bool:
         """Returns whether an accepted trial puts the images right; only metal may be accepted without. Metal whose

@@ -12,7 +12,7 @@ from acquisition import photometry
 from acquisition.models.base import FloatArray
 from acquisition.normals import self_calibration
 from acquisition.normals.alternatives import image_alternatives, light_tests, model_trial, term_alternatives
-from acquisition.normals.alternatives.alternative import Alternative, decisive
+from acquisition.normals.alternatives.alternative import AS_GOOD, Alternative, Limits, decisive
 from acquisition.normals.alternatives.light_tests import IntegrableAxes
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 
@@ -186,7 +186,13 @@ def _relit(
     """Returns the alternative with the lamps' axes multiplied by a matrix (2, 2)."""
     relit = hypothesis.with_axes(axes)
     return Alternative(
-        kind, _axes_sentence(axes), relit, most, independently_tested=independently_tested, unreported=unreported
+        kind,
+        _axes_sentence(axes),
+        relit,
+        Limits(most),
+        independently_tested=independently_tested,
+        demanded=most > model_trial.SETTINGS.better_at_least,
+        unreported=unreported,
     )
 
 
@@ -219,4 +225,4 @@ def swapped_lamps(present: Solution) -> list[Alternative]:
     order[[swap.first, swap.second]] = swap.second, swap.first
     first, second = (hypothesis.masked.images.label(number) for number in (swap.first, swap.second))
     message = f"the lamps of images {first} and {second} are swapped: they are exchanged"
-    return [Alternative("swapped lamps", message, hypothesis.with_lamps_of(order), 1.0)]
+    return [Alternative("swapped lamps", message, hypothesis.with_lamps_of(order), AS_GOOD)]

@@ -13,7 +13,14 @@ from acquisition.models.base import Float32Array
 from acquisition.models.tuned import tuned
 from acquisition.normals import alternation, self_calibration
 from acquisition.normals.alternatives import changed_images, image_alternatives, model_trial
-from acquisition.normals.alternatives.alternative import Alternative, decisive
+from acquisition.normals.alternatives.alternative import (
+    AS_GOOD,
+    EXPLAINS_MORE,
+    Alternative,
+    Limits,
+    decisive,
+    far_better,
+)
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.alternatives.term_tests import TermScore, TermScores
 from acquisition.normals.indirect_light import surface_diffusion, translucency
@@ -90,7 +97,7 @@ def other_formation(present: Solution) -> list[Alternative]:
     if present.poor:
         for name, start in SECOND_STARTS:
             terms = replace(LAMBERTIAN, **{name: start})
-            alternatives.append(_with_term(hypothesis, name, terms, model_trial.SETTINGS.better_at_least))
+            alternatives.append(replace(_with_term(hypothesis, name, terms, far_better()), demanded=False))
     return alternatives
 
 
@@ -119,13 +126,14 @@ def scored_terms(present: Solution) -> list[Alternative]:
     demanded: list[Alternative] = []
     for name in names:
         score: TermScore = getattr(scores, name)
+        limits = EXPLAINS_MORE if name == "roughness" else AS_GOOD
         least = self_calibration.STRONG_EVIDENCE if rough else model_trial.SETTINGS.min_gain
         if name == "roughness":
             least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
         if tried_gain(scores, name) > least and not (_outdone(name, present) or _may_be_indirect(name, present)):
-            demanded.append(_with_term(hypothesis, name, known or LAMBERTIAN, 1.0, score.step))
+            demanded.append(_with_term(hypothesis, name, known or LAMBERTIAN, limits, score.step))
         elif name == "roughness" and known is None and _fits_as_rough(present):
-            demanded.append(_with_term(hypothesis, name, LAMBERTIAN, 1.0, model_trial.ROUGH.roughness))
+            demanded.append(_with_term(hypothesis, name, LAMBERTIAN, limits, model_trial.ROUGH.roughness))
     return decisive(demanded)
 
 
@@ -149,7 +157,7 @@ def darker_than_black(present: Solution) -> list[Alternative]:
     if hypothesis.nominal.stores_black_as_zero:
         hypothesis = hypothesis.reread(changed_images.below_black(hypothesis.masked.images, excess.step))
         hypothesis = replace(hypothesis, nominal=replace(hypothesis.nominal, shadows_informative=False))
-    return [_with_term(hypothesis, "offset", replace(known, offset=excess.step), 1.0, excess.step)]
+    return [_with_term(hypothesis, "offset", replace(known, offset=excess.step), AS_GOOD, excess.step)]
 
 
 def tried_gain(scores: TermScores, name: str) -> float:
@@ -195,17 +203,29 @@ def coded(present: Solution) -> list[Alternative]:
     below 1; all where it finds one well below."""
     usual = CODED_EXPONENTS[-1:] if present.poor or present.may_be_coded else ()
     exponents = CODED_EXPONENTS if present.seems_coded else usual
-    settings = model_trial.SETTINGS
-    most = settings.better if present.may_be_coded else settings.better_at_least
     hypothesis = _without_light_from_elsewhere(present.hypothesis)
     return [
         Alternative(
             CODED, f"the images are not linear: values are taken to the power of {exponent}",
-            hypothesis.reread(changed_images.linearised(hypothesis.masked.images, exponent)), most, exponent,
-            coding=exponent,
+            hypothesis.reread(changed_images.linearised(hypothesis.masked.images, exponent)),
+            _limits_of_coding(present, exponent), exponent, coding=exponent, demanded=present.may_be_coded,
         )
         for exponent in exponents
     ]  # fmt: skip
+
+
+def _limits_of_coding(present: Solution, exponent: float) -> Limits:
+    """Returns the limits of linearised values: the fainter the exponent's score, the better they have to fit.
+
+    Undoing a coding multiplies relative noise by its exponent, and no more. In dark images, as of smooth metal, it
+    brings most values near zero, where any model fits them, and relative residuals rise by factors of 4 to 100. A
+    coding that replaces ambient or stray light, which explains the same shadows, has to explain them better.
+    """
+    better, least = model_trial.SETTINGS.better, model_trial.SETTINGS.better_at_least
+    if present.hypothesis.term_sigma.from_elsewhere:
+        return Limits(better, better)
+    loss = better if present.seems_coded else least if present.may_be_coded else least**2
+    return Limits(loss, least * exponent)
 
 
 def _without_light_from_elsewhere(hypothesis: Hypothesis) -> Hypothesis:
@@ -240,10 +260,12 @@ def gloss(present: Solution) -> list[Alternative]:
     found = tried_gain(present.scores, "gloss") > (0.0 if rough else self_calibration.STRONG_EVIDENCE)
     if not found and not (present.poor and known is None):
         return []
-    most = 1.0 if found else model_trial.SETTINGS.better_at_least
     known = known or LAMBERTIAN
     starts = replace(known, gloss=GLOSS_START), replace(known, gloss=GLOSS_START, strength=1.0)
-    dielectric, other = (_with_term(present.hypothesis, "gloss", one, most) for one in starts)
+    limits = EXPLAINS_MORE if found else far_better()
+    dielectric, other = (
+        replace(_with_term(present.hypothesis, "gloss", one, limits), demanded=found) for one in starts
+    )
     return [replace(dielectric, least_images=photometry.OVERDETERMINED, decisive=True), other]
 
 
@@ -252,16 +274,17 @@ def metal(present: Solution) -> list[Alternative]:
     if present.hypothesis.nominal.terms is not None or not present.poor:
         return []
     start = ImageTerms(metal=METAL_START)
-    return [_with_term(present.hypothesis, "metal", start, model_trial.SETTINGS.better_at_least)]
+    limits = Limits(1.0, model_trial.SETTINGS.better)
+    return [replace(_with_term(present.hypothesis, "metal", start, limits), demanded=False)]
 
 
-def _with_term(hypothesis: Hypothesis, name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
+def _with_term(hypothesis: Hypothesis, name: str, start: ImageTerms, limits: Limits, step: float = 0.0) -> Alternative:
     """Returns the alternative that estimates one of `TERMS`, beside other terms of the start and those estimated
-    already. It is accepted up to `most` of the misfit, roughness and metal by their loss."""
+    already, accepted within limits."""
     estimated = {name} | {field.name for field in fields(start) if getattr(start, field.name) > 0}
     sigma = replace(hypothesis.term_sigma, **{one: getattr(SETTINGS.term_sigma, one) for one in estimated})
     changed = replace(hypothesis, nominal=replace(hypothesis.nominal, terms=start), term_sigma=sigma)
-    return Alternative(*TERMS[name], changed, most, term=name, step=step)
+    return Alternative(*TERMS[name], changed, limits, term=name, step=step)
 
 
 def translucent_surface(present: Solution) -> list[Alternative]:
@@ -290,11 +313,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
         1000 * length_px * float(np.mean(present.state.depth_m)) / hypothesis.nominal.calibration.camera_matrix[0][0]
     )
     message = f"light spreads by {length_mm:.1f} mm below the surface, or images are out of focus: they are sharpened"
-    return [
-        Alternative(
-            translucency.KIND, message, hypothesis.reread(sharpened), model_trial.SETTINGS.clearly_worse, length_mm
-        )
-    ]
+    return [Alternative(translucency.KIND, message, hypothesis.reread(sharpened), AS_GOOD, length_mm)]
 
 
 def _full_surface(present: Solution) -> tuple[SurfaceGraph, Float32Array]:

@@ -5,13 +5,15 @@ has its own normal and albedo. Shadow edges do: the cast shadow of a small lamp 
 surface, while on a translucent one light from the lit side crosses the edge over a mean free path.
 
 The observed irradiance in the dark pixels near each edge, at least one pixel away from it, is regressed on the
-irradiance that `surface_diffusion.blurred` predicts there from the lit pixels. Both are taken without their local mean,
-which indirect light causes. Irradiance is the value over the albedo; it is used because a texture has edges of its own.
-The coefficient is the score of the blur in these pixels: 1 at the right mean free path, and near 0 on opaque surfaces.
+irradiance that `surface_diffusion.blurred` predicts there from the lit pixels. The predicted indirect light is
+subtracted before, because the walls of a vessel send light into shadows near their edges, too (decision 99). Both are
+taken without their local mean, which light from farther away causes. Irradiance is the value over the albedo; it is
+used because a texture has edges of its own. The coefficient is the score of the blur in these pixels: 1 at the right
+mean free path, and near 0 on opaque surfaces.
 
-There are exceptions: what a glossy surface mirrors, or the walls of a recess send, also reaches into shadows (decision
-48 lists the false positives). `term_alternatives` therefore looks for no leak once gloss or metal is modelled, and
-shadows have to cover `min_pixel_share` of the object. A defocused image looks the same, and is corrected alike.
+What a glossy surface mirrors also reaches into shadows (decision 48 lists the false positives). `term_alternatives`
+therefore looks for no leak once gloss or metal is modelled, and shadows have to cover `min_pixel_share` of the object.
+A defocused image looks the same, and is corrected alike.
 """
 
 from dataclasses import dataclass
@@ -92,11 +94,17 @@ class _Shadow:
     level: Float32Array
 
 
-def leak(pixels: Pixels, values: Float32Array, shading: Float32Array, over: SurfaceGraph) -> Leak | None:
+def leak(
+    pixels: Pixels, values: Float32Array, shading: Float32Array, received: Float32Array | None, over: SurfaceGraph
+) -> Leak | None:
     """Tests `values` (F, N) of nominal lamps against the `shading` (F, N) of a solution; none: too few dark pixels.
 
-    The mean free path is estimated only if the coefficient is significant.
+    `received` (F, N) is the irradiance from other surfaces; none: it is insignificant. The mean free path is estimated
+    only if the coefficient is significant.
     """
+    if received is not None:
+        albedo, _ = albedo_and_lit(values, shading)
+        values = values - albedo * received
     shadows = _shadows(pixels, values, shading, over)
     place = _cells(pixels)
     cell = np.concatenate([place[one.dark] for one in shadows] or [np.zeros(0, int)])

@@ -256,17 +256,18 @@ def test_solve_dielectric_that_halves_the_misfit_is_compared_with_no_other_refle
 def test_accepted_gloss_by_its_score_does_not_fit_worse_as_a_share_of_the_values(
     cushion: scenes.Scene, images: Images, tried: list[Trial]
 ) -> None:
-    """A matt vessel was solved as glossy at 0.99 times the misfit and 1.08 times the relative residuals."""
+    """A matt vessel was solved as glossy with 1.08 times the relative residuals. Of a glossy sheet these rose as much
+    while a third of the loss was left, and the error fell from 2.7 to 1.0°."""
     solved(cushion, reflected(cushion, images, Reflectance("ggx", 0.3)))
     alternative, before, trial = next(one for one in tried if one[0].kind == "gloss")
     assert before.scores is not None
     scored = replace(before, scores=replace(before.scores, gloss=TermScore(gain=50.0, step=0.8)))
     demanded = next(one for one in term_alternatives.gloss(scored) if one.least_images == alternative.least_images)
     fits = [
-        replace(trial.fit, relative_residual=share * before.fit.relative_residual, misfit=before.fit.misfit)
-        for share in (1.0, 1.08)
+        replace(trial.fit, relative_residual=share * before.fit.relative_residual, loss=loss * before.fit.loss)
+        for share, loss in ((0.99, 0.99), (1.08, 0.99), (1.08, 0.5))
     ]
-    assert [demanded.accepted(scored, replace(trial, fit=fit)) for fit in fits] == [True, False]
+    assert [demanded.accepted(scored, replace(trial, fit=fit)) for fit in fits] == [True, False, True]
 
 
 def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(

@@ -89,7 +89,7 @@ def leak_of(length_px: float, seed: int = 0) -> translucency.Leak | None:
         irradiance = np.stack([surface_diffusion.blurred(one, over, length_px) for one in irradiance])
     values = albedo * irradiance + rng.normal(0, 0.003, irradiance.shape).astype(np.float32)
     flat = values.reshape(len(values), -1)
-    return translucency.leak(pixels, flat, np.ones_like(flat), over)
+    return translucency.leak(pixels, flat, np.ones_like(flat), None, over)
 
 
 def test_leak_of_sharp_shadows_is_insignificant() -> None:
@@ -124,10 +124,24 @@ def test_leak_of_blurred_shadows_gives_the_mean_free_path(length_px: float) -> N
     assert leak.length_px == pytest.approx(length_px, rel=0.2)
 
 
+def test_light_received_from_other_surfaces_is_no_leak() -> None:
+    """The walls of matt vessels lit shadows near their edges: 8 of 44 were sharpened, whose errors rose by up to a
+    third."""
+    pixels, irradiance, albedo = shadow_images(np.random.default_rng(0))
+    over = plane(pixels)
+    received = 0.3 * np.stack([surface_diffusion.blurred(one, over, 2.0) for one in irradiance])
+    values = (albedo * (irradiance + received)).reshape(len(irradiance), -1)
+    flat = received.reshape(len(received), -1)
+    without, with_it = (translucency.leak(pixels, values, np.ones_like(values), one, over) for one in (None, flat))
+    assert without is not None
+    assert with_it is not None
+    assert [without.sought, with_it.sought] == [True, False]
+
+
 def test_leak_without_shadows_is_none() -> None:
     pixels, irradiance, albedo = shadow_images(np.random.default_rng(0))
     flat = (albedo * np.ones_like(irradiance)).reshape(len(irradiance), -1)
-    assert translucency.leak(pixels, flat, np.ones_like(flat), plane(pixels)) is None
+    assert translucency.leak(pixels, flat, np.ones_like(flat), None, plane(pixels)) is None
 
 
 def test_leak_in_one_small_recess_is_none() -> None:
@@ -137,7 +151,7 @@ def test_leak_in_one_small_recess_is_none() -> None:
     irradiance[:, 26:38, 26:38] = 0
     soft = albedo * np.stack([surface_diffusion.blurred(one, over, LENGTH_PX) for one in irradiance])
     flat = soft.reshape(len(soft), -1)
-    assert translucency.leak(pixels, flat, np.ones_like(flat), over) is None
+    assert translucency.leak(pixels, flat, np.ones_like(flat), None, over) is None
 
 
 def test_sharpened_images_have_sharper_shadows_and_no_other_texture() -> None:
