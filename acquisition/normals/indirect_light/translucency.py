@@ -104,7 +104,7 @@ def leak(
     """
     if received is not None:
         albedo, _ = albedo_and_lit(values, shading)
-        values = values - albedo * received
+        values = np.asarray(values - albedo * received, np.float32)
     shadows = _shadows(pixels, values, shading, over)
     place = _cells(pixels)
     cell = np.concatenate([place[one.dark] for one in shadows] or [np.zeros(0, int)])
