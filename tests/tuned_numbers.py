@@ -35,7 +35,7 @@ REASONS: dict[str, str] = {
         translucency.NEAR_PX""",
     "counts of unknowns, marks and definitions": """
         light_tests.NEAR light_tests.INWARDS image_terms.NEARLY_DIFFUSE
-        alternative.FOUND_SHARE alternative.AS_GOOD alternative.EXPLAINS_MORE
+        alternative.FOUND_SHARE alternative.AS_GOOD
         term_tests.OFFSET
         photometry.PIXEL_UNKNOWNS image_values.SATURATION_SHARE photometry.GRADED_SLANT_DEG changed_images.HALF
         reflectance_kernels.BASIS_SIZE

@@ -35,33 +35,33 @@ class Limits(NamedTuple):
     relative_residual: float = np.inf
 
     def met(self, before: Fit, after: Fit) -> bool:
-        """Returns whether a fit is within the limits. A loss of `better_at_least` is enough where relative residuals
-        need only not rise."""
-        if after.loss > self.loss * before.loss:
-            return False
-        far_better = after.loss <= model_trial.SETTINGS.better_at_least * before.loss
-        within = after.relative_residual <= self.relative_residual * before.relative_residual
-        return within or (far_better and self.relative_residual == 1)
+        """Returns whether a fit is within the limits."""
+        return (
+            after.loss <= self.loss * before.loss
+            and after.relative_residual <= self.relative_residual * before.relative_residual
+        )
 
 
-def far_better() -> Limits:
+AS_GOOD = (Limits(1.0),)
+"""Limits of what a test demands and no score or residual contradicts: the loss does not rise."""
+
+
+def explains_more() -> tuple[Limits, ...]:
+    """Returns the limits of a reflectance that a score demands. Light between the walls of a matt vessel scores as
+    gloss or roughness, but then neither lowers relative residuals, and the loss by little."""
+    return Limits(1.0, 1.0), Limits(model_trial.SETTINGS.better_at_least)
+
+
+def far_better() -> tuple[Limits, ...]:
     """Returns the limits of what only a poor fit calls for."""
-    return Limits(model_trial.SETTINGS.better_at_least, model_trial.SETTINGS.better_at_least)
-
-
-AS_GOOD = Limits(1.0)
-"""What a test demands and no score or residual contradicts: the loss does not rise."""
-
-EXPLAINS_MORE = Limits(1.0, 1.0)
-"""A reflectance that a score demands: light between the walls of a matt vessel scores as gloss or roughness, but then
-neither lowers relative residuals."""
+    return (Limits(model_trial.SETTINGS.better_at_least, model_trial.SETTINGS.better_at_least),)
 
 
 @dataclass(frozen=True)
 class Alternative:
     """Another model: kind, message and value of its finding, the hypothesis to solve, and when its fit is accepted.
 
-    - `limits`: how much of the loss and of the relative residuals before it may leave.
+    - `limits`: how much of the loss and of the relative residuals before it may leave; one of them has to be met.
     - `demanded`: a test demands it, and not the poor fit alone.
     - `coding`: exponent by which it changes the values; 1: it does not.
     - `term`: the field of `ImageTerms` that it estimates; empty: none.
@@ -76,7 +76,7 @@ class Alternative:
     kind: str
     message: str
     hypothesis: Hypothesis
-    limits: Limits
+    limits: tuple[Limits, ...]
     value: float | None = None
     coding: float = 1.0
     term: str = ""
@@ -111,8 +111,8 @@ class Alternative:
         found = self.step == 0 or getattr(trial.state.shared.terms, self.term) / self.step > FOUND_SHARE
         if before.hypothesis.nominal.shadows_informative and not self.hypothesis.nominal.shadows_informative:
             return found and not trial.badly_fitting
-        limits = self.limits if found else self.limits._replace(loss=model_trial.SETTINGS.better)
-        return limits.met(before.fit, trial.fit)
+        limits = self.limits if found else (Limits(model_trial.SETTINGS.better),)
+        return any(one.met(before.fit, trial.fit) for one in limits)
 
     def _ruled_out(self, before: Solution, trial: Solution) -> bool:
         """Returns whether a trial cannot be true, however well it fits."""

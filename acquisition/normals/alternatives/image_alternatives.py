@@ -44,7 +44,7 @@ def moved_object(present: Solution) -> list[Alternative]:
     message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
     spacing = 1 if hypothesis.masked.channel is None else mosaic.CELL
     registered = hypothesis.reread(changed_images.translated(hypothesis.masked.images, moves, spacing))
-    return [Alternative(MOVED, message, registered, Limits(model_trial.SETTINGS.better), distance)]
+    return [Alternative(MOVED, message, registered, (Limits(model_trial.SETTINGS.better),), distance)]
 
 
 def bad_image(present: Solution) -> list[Alternative]:
@@ -63,7 +63,7 @@ def bad_image(present: Solution) -> list[Alternative]:
         Alternative(
             "bad image", f"image {images.label(worst.number)} does not fit the others: it is left out",
             unscaled.reread(changed_images.without(unscaled.masked.images, worst.number)),
-            Limits(better if sure else better**2), worst.number, leaves_out=True, decisive=worst.outlying,
+            (Limits(better if sure else better**2),), worst.number, leaves_out=True, decisive=worst.outlying,
         )
         for worst, sure in sorted(doubted.items(), key=lambda one: not one[0].outlying)
         if sure or present.poor or present.intensities_scatter
@@ -136,7 +136,8 @@ def other_intensities(present: Solution) -> list[Alternative]:
     scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
     # The descent before has found most of the factors already, so that noise decides which of the two fits better.
-    return [Alternative(INTENSITIES, message, scaled, Limits(1 / model_trial.SETTINGS.better), float(factors[far][0]))]
+    limits = (Limits(1 / model_trial.SETTINGS.better),)
+    return [Alternative(INTENSITIES, message, scaled, limits, float(factors[far][0]))]
 
 
 def _far_intensities(present: Solution) -> BoolArray:
@@ -157,5 +158,5 @@ def held_shift(present: Solution) -> list[Alternative]:
     if not present.poor:
         return []
     held = replace(present.hypothesis, shift_sigma_m=0.0)
-    limits = Limits(model_trial.SETTINGS.better)
+    limits = (Limits(model_trial.SETTINGS.better),)
     return [Alternative(SHIFT, "the object is held at its stated place", held, limits, unreported=True)]

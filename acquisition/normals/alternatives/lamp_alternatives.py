@@ -189,7 +189,7 @@ def _relit(
         kind,
         _axes_sentence(axes),
         relit,
-        Limits(most),
+        (Limits(most),),
         independently_tested=independently_tested,
         demanded=most > model_trial.SETTINGS.better_at_least,
         unreported=unreported,

@@ -15,10 +15,10 @@ from acquisition.normals import alternation, self_calibration
 from acquisition.normals.alternatives import changed_images, image_alternatives, model_trial
 from acquisition.normals.alternatives.alternative import (
     AS_GOOD,
-    EXPLAINS_MORE,
     Alternative,
     Limits,
     decisive,
+    explains_more,
     far_better,
 )
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
@@ -126,7 +126,7 @@ def scored_terms(present: Solution) -> list[Alternative]:
     demanded: list[Alternative] = []
     for name in names:
         score: TermScore = getattr(scores, name)
-        limits = EXPLAINS_MORE if name == "roughness" else AS_GOOD
+        limits = explains_more() if name == "roughness" else AS_GOOD
         least = self_calibration.STRONG_EVIDENCE if rough else model_trial.SETTINGS.min_gain
         if name == "roughness":
             least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
@@ -214,7 +214,7 @@ def coded(present: Solution) -> list[Alternative]:
     ]  # fmt: skip
 
 
-def _limits_of_coding(present: Solution, exponent: float) -> Limits:
+def _limits_of_coding(present: Solution, exponent: float) -> tuple[Limits, ...]:
     """Returns the limits of linearised values: the fainter the exponent's score, the better they have to fit.
 
     Undoing a coding multiplies relative noise by its exponent, and no more. In dark images, as of smooth metal, it
@@ -223,9 +223,10 @@ def _limits_of_coding(present: Solution, exponent: float) -> Limits:
     """
     better, least = model_trial.SETTINGS.better, model_trial.SETTINGS.better_at_least
     if present.hypothesis.term_sigma.from_elsewhere:
-        return Limits(better, better)
-    loss = better if present.seems_coded else least if present.may_be_coded else least**2
-    return Limits(loss, least * exponent)
+        return (Limits(better, better),)
+    if present.seems_coded:
+        return Limits(better, least * exponent), Limits(least**2, better * exponent)
+    return (Limits(least if present.may_be_coded else least**2, least * exponent),)
 
 
 def _without_light_from_elsewhere(hypothesis: Hypothesis) -> Hypothesis:
@@ -262,7 +263,7 @@ def gloss(present: Solution) -> list[Alternative]:
         return []
     known = known or LAMBERTIAN
     starts = replace(known, gloss=GLOSS_START), replace(known, gloss=GLOSS_START, strength=1.0)
-    limits = EXPLAINS_MORE if found else far_better()
+    limits = explains_more() if found else far_better()
     dielectric, other = (
         replace(_with_term(present.hypothesis, "gloss", one, limits), demanded=found) for one in starts
     )
@@ -274,11 +275,13 @@ def metal(present: Solution) -> list[Alternative]:
     if present.hypothesis.nominal.terms is not None or not present.poor:
         return []
     start = ImageTerms(metal=METAL_START)
-    limits = Limits(1.0, model_trial.SETTINGS.better)
+    limits = (Limits(1.0, model_trial.SETTINGS.better),)
     return [replace(_with_term(present.hypothesis, "metal", start, limits), demanded=False)]
 
 
-def _with_term(hypothesis: Hypothesis, name: str, start: ImageTerms, limits: Limits, step: float = 0.0) -> Alternative:
+def _with_term(
+    hypothesis: Hypothesis, name: str, start: ImageTerms, limits: tuple[Limits, ...], step: float = 0.0
+) -> Alternative:
     """Returns the alternative that estimates one of `TERMS`, beside other terms of the start and those estimated
     already, accepted within limits."""
     estimated = {name} | {field.name for field in fields(start) if getattr(start, field.name) > 0}

@@ -54,7 +54,7 @@ def test_image_with_a_flash_is_tried_without_however_the_images_fit(lit_from_the
     assert image_alternatives.one_outlies(lit_from_the_camera)
     first = image_alternatives.bad_image(lit_from_the_camera)[0]
     assert first.value == BAD
-    assert first.limits.loss == model_trial.SETTINGS.better
+    assert first.limits == (Limits(model_trial.SETTINGS.better),)
     clipped = first.hypothesis.masked.images.whole.clipped
     assert np.all(clipped[BAD])
     assert not np.any(clipped[np.arange(len(clipped)) != BAD])
@@ -77,7 +77,7 @@ def test_image_that_fits_as_well_as_those_of_sound_captures_outlies_by_its_inten
 def test_worst_image_of_a_poor_fit_has_to_take_more_of_the_loss_with_it(sound: Solution) -> None:
     poor = replace(sound, fit=replace(sound.fit, misfit=10.0))
     alternatives = image_alternatives.bad_image(poor)
-    assert {one.limits.loss for one in alternatives} == {model_trial.SETTINGS.better**2}
+    assert {one.limits for one in alternatives} == {(Limits(model_trial.SETTINGS.better**2),)}
     assert int(np.nanargmax(poor.fit.images)) in {one.value for one in alternatives}
 
 
@@ -133,7 +133,7 @@ def test_worst_image_is_tried_without_where_intensities_scatter_by_more_than_thr
     scattered = np.tile([-1.0, 1.0], 4)
     tried = [image_alternatives.bad_image(with_intensities(sound, one * scattered)) for one in (0.028, 0.032)]
     assert [bool(one) for one in tried] == [False, True]
-    assert {one.limits.loss for one in tried[1]} == {model_trial.SETTINGS.better**2}
+    assert {one.limits for one in tried[1]} == {(Limits(model_trial.SETTINGS.better**2),)}
 
 
 @pytest.mark.parametrize(("left_out", "found"), [((BAD,), True), ((BAD, BAD + 1), False)])
@@ -147,7 +147,7 @@ def test_image_is_left_out_only_if_without_no_other_one_the_rest_fits_as_well(
         hypothesis = present.hypothesis
         return [
             Alternative(
-                "bad image", "", hypothesis.reread(changed_images.without(images, number)), Limits(2.0), number,
+                "bad image", "", hypothesis.reread(changed_images.without(images, number)), (Limits(2.0),), number,
                 leaves_out=True,
             )
             for number in left_out

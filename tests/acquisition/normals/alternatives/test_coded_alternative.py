@@ -132,22 +132,24 @@ def usual_coding(before: Solution) -> Alternative:
 
 
 @pytest.mark.parametrize(
-    ("exponent", "gain", "loss", "accepted"),
+    ("exponent", "gain", "loss", "most"),
     [
-        pytest.param(-0.5, 50.0, 0.85, True, id="clear score"),
-        pytest.param(-0.5, 50.0, 0.9, False, id="clear score, hardly less loss"),
-        pytest.param(-0.2, 50.0, 0.5, True, id="faint score"),
-        pytest.param(-0.2, 50.0, 0.6, False, id="faint score, little less loss"),
-        pytest.param(-0.1, 1.0, 0.3, True, id="no score, far less loss"),
-        pytest.param(-0.1, 1.0, 0.5, False, id="no score, less loss"),
-        pytest.param(0.1, 1.0, 0.3, True, id="contrary score, far less loss"),
+        pytest.param(-0.5, 50.0, 0.85, 1.21, id="clear score"),
+        pytest.param(-0.5, 50.0, 0.3, 1.93, id="clear score, far less loss"),
+        pytest.param(-0.5, 50.0, 0.9, 0.0, id="clear score, hardly less loss"),
+        pytest.param(-0.2, 50.0, 0.5, 1.21, id="faint score"),
+        pytest.param(-0.2, 50.0, 0.6, 0.0, id="faint score, little less loss"),
+        pytest.param(-0.1, 1.0, 0.3, 1.21, id="no score, far less loss"),
+        pytest.param(-0.1, 1.0, 0.5, 0.0, id="no score, less loss"),
+        pytest.param(0.1, 1.0, 0.3, 1.21, id="contrary score, far less loss"),
     ],
 )
 def test_linearised_values_need_less_loss_the_fainter_the_score_of_the_exponent(
-    trial: Trial, exponent: float, gain: float, loss: float, accepted: bool
+    trial: Trial, exponent: float, gain: float, loss: float, most: float
 ) -> None:
     """Relative residuals may rise by about half of the coding's exponent, which multiplies noise: linearised, a sound
-    profile fitted better, 26° off, with 1.45 times the share, and a vessel in ambient light, 10° off."""
+    profile fitted better, 26° off, with 1.45 times the share, and a vessel in ambient light, 10° off. Those of a coded
+    sheet rose to 1.57, while a fifth of the loss was left."""
     _, before, after = trial
     stated = scored(replace(before, fit=replace(before.fit, misfit=4.0)), gain, exponent)
     alternative = usual_coding(stated)
@@ -159,7 +161,8 @@ def test_linearised_values_need_less_loss_the_fainter_the_score_of_the_exponent(
         return alternative.accepted(stated, replace(after, fit=fit))
 
     assert alternative.coding == 2.2
-    assert [verdict(share) for share in (0.9, 1.15, 1.25)] == [accepted, accepted, False]
+    shares = (0.9, 1.2, 1.25, 1.9, 2.0)
+    assert [share for share in shares if verdict(share)] == [share for share in shares if share < most]
 
 
 @pytest.mark.parametrize(
