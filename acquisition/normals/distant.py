@@ -123,7 +123,9 @@ def from_afar(images: ImageSet) -> ImageSet:
 
 def _distant(images: ImageSet) -> DistantLights:
     if not isinstance(images.lights, DistantLights):
-        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "these lights are near: solve them as near lights")
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE, "the lights are positions, not directions: solve them as near lights"
+        )
     return images.lights
 
 
@@ -175,7 +177,7 @@ def _least_squares_map(images: ImageSet) -> NormalMap:
         intensity_factors=np.ones(images.count),
         information=FisherInformation(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 4, 4))),
         doubtful=np.zeros(size, np.bool_),
-        notes={"why": "as asked: least squares of all measurements, shadows and highlights included"},
+        notes={"why": "plain least squares on request: all measurements, shadows and highlights included"},
     )
 
 

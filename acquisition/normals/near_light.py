@@ -47,7 +47,7 @@ def solve(images: ImageSet, settings: SolveSettings, *, thorough: bool = True) -
     if not np.any(normal_map.mask):
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
-            "no pixel could be solved: check the mask, the lamps' places and, of near light, the object's rough depth",
+            "no pixel could be solved: check the mask, the lights and, for near light, the object's rough depth",
         )
     notes = {"sensor": note} | ({} if images.mask_given else {"mask": "proposed"})
     normal_map = replace(normal_map, notes=normal_map.notes | notes)
@@ -93,7 +93,8 @@ def lights_of(images: ImageSet) -> NearLights:
     """Returns the near lights of the images. Raises RigError normals.infeasible if the lights are directions."""
     if not isinstance(images.lights, NearLights):
         raise RigError(
-            ErrorCode.NORMALS_INFEASIBLE, "near light needs the lamps' positions, these lights are directions"
+            ErrorCode.NORMALS_INFEASIBLE,
+            "near light needs lamp positions, but the lights are directions: give positions, or solve as distant light",
         )
     return images.lights
 
@@ -133,7 +134,7 @@ def calibration_of(images: ImageSet) -> Calibration:
     """
     lights, camera = lights_of(images), images.camera
     if camera is None:
-        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs a calibrated camera")
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs a calibrated camera: give the camera matrix")
     identity = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     top = max(images.full_scale, 255.0)
     first, second, third = (tuple(float(value) for value in row) for row in camera.matrix)

@@ -168,7 +168,8 @@ def _window(region: BoolArray | None, height: int, width: int) -> tuple[slice, s
         return slice(0, height), slice(0, width)
     if region.shape != (height, width) or not np.any(region):
         raise RigError(
-            ErrorCode.NORMALS_INFEASIBLE, "the region is empty or not of the image's size: draw it round the object"
+            ErrorCode.NORMALS_INFEASIBLE,
+            "the region is empty, or its size is not the image's: draw it round the object",
         )
     return photometry.bounding_box(region)
 

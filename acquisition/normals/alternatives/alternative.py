@@ -145,16 +145,16 @@ class Alternative:
         message, value = self.message, self.value
         if self.term == "roughness":
             value = terms.roughness_rad
-            message += f" of {value:.2f} rad"
+            message += f" {value:.2f} rad"
         elif self.term in ("gloss", "metal"):
             value = max(terms.gloss, terms.metal)
             message += f" {value:.2f}"
             if terms.strength > 0:
-                message += f" and {terms.strength:.1f} times a dielectric's strength"
+                message += f" and {terms.strength:.1f} times the strength of a dielectric's"
         elif self.term in ("ambient", "offset"):
             value = getattr(terms, self.term)
             message += f" ({value:.1%} of white)"
-        message += "" if convincing else ", which fits only in part: do not trust the normals"
+        message += "" if convincing else "; this explains the images only in part: do not trust the normals"
         return ModelFinding(kind=self.kind, message=message, corrected=convincing, value=value)
 
 

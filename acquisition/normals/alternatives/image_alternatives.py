@@ -134,7 +134,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
     names = ", ".join(f"image {images.label(int(n))} by {factors[n] - 1:+.0%}" for n in np.flatnonzero(far))
     scaled = present.hypothesis.reread(changed_images.scaled(images, factors))
     scaled = replace(scaled, factors=factors)
-    message = f"brighter or darker than stated, and scaled: {names}"
+    message = f"these images are brighter or darker than stated, and are scaled to match: {names}"
     # The descent before has found most of the factors already, so that noise decides which of the two fits better.
     limits = (Limits(1 / model_trial.SETTINGS.better),)
     return [Alternative(INTENSITIES, message, scaled, limits, float(factors[far][0]))]

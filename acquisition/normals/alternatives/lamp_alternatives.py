@@ -201,9 +201,9 @@ def _axes_sentence(axes: FloatArray) -> str:
     names = {(1, 0): "x", (-1, 0): "−x", (0, 1): "y", (0, -1): "−y"}
     rows = [names.get((round(row[0]), round(row[1]))) for row in axes if np.max(np.abs(row)) == 1]
     if len(rows) == 2:
-        return f"the lamps' axes are mirrored or turned: {rows[0]}, {rows[1]} are taken for their x, y"
-    first = "their x is mirrored, and then they are " if np.linalg.det(axes) < 0 else "they are "
-    return f"the lamps' axes are others than the camera's: {first}turned by {light_tests.turn_deg(axes):+.0f}°"
+        return f"the lamps' axes differ from the camera's: {rows[0]} and {rows[1]} are used as their x and y"
+    first = "they are mirrored in x, then " if np.linalg.det(axes) < 0 else "they are "
+    return f"the lamps' axes differ from the camera's: {first}turned by {light_tests.turn_deg(axes):+.0f}°"
 
 
 def swapped_lamps(present: Solution) -> list[Alternative]:
@@ -224,5 +224,5 @@ def swapped_lamps(present: Solution) -> list[Alternative]:
     order = np.arange(len(nominal.lamps))
     order[[swap.first, swap.second]] = swap.second, swap.first
     first, second = (hypothesis.masked.images.label(number) for number in (swap.first, swap.second))
-    message = f"the lamps of images {first} and {second} are swapped: they are exchanged"
+    message = f"the lamps of images {first} and {second} were swapped: they are exchanged back"
     return [Alternative("swapped lamps", message, hypothesis.with_lamps_of(order), AS_GOOD)]

@@ -89,8 +89,8 @@ def solve(hypothesis: Hypothesis) -> Solution:
     if not np.any(np.count_nonzero(sample.solution.estimate.usable, axis=0) > 1):
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
-            "no pixel of the object is lit by two lamps where lamps and object are stated to be: check the lamps' "
-            "positions, the object's rough depth and their units",
+            "with the stated positions of lamps and object, no pixel of the object is lit by two lamps: check the "
+            "lamps' positions, the object's rough depth and their units",
         )
     fit = sample.fit(sample.solution, nominal.noise)
     priors = replace(priors, shadows=state.shadows)
@@ -106,8 +106,8 @@ def remaining(solution: Solution) -> list[ModelFinding]:
         findings.append(
             ModelFinding(
                 kind="lamps",
-                message="the lamps' positions or intensities, or the object's place, are not what is stated "
-                f"(intensities {noise.intensity:.1%}, object off by "
+                message="lamp positions, lamp intensities or the object's distance differ from the stated values "
+                f"(intensities by {noise.intensity:.1%}, object by "
                 f"{1000 * solution.moved_m:.0f} mm): do not trust the normals",
                 corrected=False,
             )
@@ -116,8 +116,8 @@ def remaining(solution: Solution) -> list[ModelFinding]:
         findings.append(
             ModelFinding(
                 kind=term_alternatives.CODED,
-                message="the values seem to be coded, and none of the usual codings fits (a tone curve?): take linear "
-                "images, do not trust the normals",
+                message="the pixel values do not seem to be linear, and none of the usual gamma curves explains them "
+                "(a tone curve?): take linear images, do not trust the normals",
                 corrected=False,
             )
         )
@@ -125,7 +125,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
         findings.append(
             ModelFinding(
                 kind="misfit",
-                message="hardly a pixel has four images that count, so that nothing tells whether the model fits "
+                message="too few pixels have four usable images to judge the fit "
                 "(metal, sharp gloss, underexposed images?): do not trust the normals",
                 corrected=False,
             )
@@ -134,9 +134,9 @@ def remaining(solution: Solution) -> list[ModelFinding]:
         findings.append(
             ModelFinding(
                 kind="misfit",
-                message=f"the images fit the model badly: residuals are {fit.misfit:.1f} times the stated noise, which "
-                f"{fit.probability:.1%} of sound captures reach (metal, strong gloss, moving shadows?): do not trust "
-                "the normals",
+                message=f"the images fit the model badly: residuals are {fit.misfit:.1f} times the stated noise; only "
+                f"{fit.probability:.1%} of sound captures fit as badly (metal, strong gloss, moving shadows?): do not "
+                "trust the normals",
                 corrected=False,
                 value=fit.probability,
             )

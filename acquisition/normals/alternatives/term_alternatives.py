@@ -70,17 +70,18 @@ CODED = "coded values"
 """Kind of the finding of values that are not linear."""
 
 TERMS = {
-    "roughness": ("rough surface", "the surface is rough: it is solved with Oren and Nayar's reflectance, roughness"),
-    "ambient": ("ambient light", "light from elsewhere falls on the object: it is estimated and subtracted"),
+    "roughness": ("rough surface", "the surface is rough: it is solved with Oren and Nayar's reflectance of roughness"),
+    "ambient": ("ambient light", "ambient light falls on the object: it is estimated and subtracted"),
     "offset": (
         "stray light",
-        "a black level or stray light is in the images, or too much was subtracted: it is estimated and subtracted",
+        "the images have a constant offset (black level, stray light, or too much subtracted): it is estimated and "
+        "subtracted",
     ),
     "metal": (
         photometry.METAL,
-        "the surface has no diffuse light: it is solved as metal, less surely, of roughness α",
+        "the surface reflects no diffuse light: it is solved as metal, with a larger σ, of roughness α",
     ),
-    "gloss": ("gloss", "the surface is glossy: it is solved with microfacets, of roughness α"),
+    "gloss": ("gloss", "the surface is glossy: it is solved with a specular lobe of roughness α"),
 }
 """Kind and message of the finding for terms of `ImageTerms`."""
 
@@ -206,7 +207,7 @@ def coded(present: Solution) -> list[Alternative]:
     hypothesis = _without_light_from_elsewhere(present.hypothesis)
     return [
         Alternative(
-            CODED, f"the images are not linear: values are taken to the power of {exponent}",
+            CODED, f"the images are not linear: their values are raised to the power of {exponent}",
             hypothesis.reread(changed_images.linearised(hypothesis.masked.images, exponent)),
             _limits_of_coding(present, exponent), exponent, coding=exponent, demanded=present.may_be_coded,
         )
@@ -315,7 +316,9 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     length_mm = (
         1000 * length_px * float(np.mean(present.state.depth_m)) / hypothesis.nominal.calibration.camera_matrix[0][0]
     )
-    message = f"light spreads by {length_mm:.1f} mm below the surface, or images are out of focus: they are sharpened"
+    message = (
+        f"light spreads by {length_mm:.1f} mm below the surface, or the images are out of focus: they are sharpened"
+    )
     return [Alternative(translucency.KIND, message, hypothesis.reread(sharpened), AS_GOOD, length_mm)]
 
 

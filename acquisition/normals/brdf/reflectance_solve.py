@@ -65,7 +65,7 @@ def solve(images: Images, directions: FloatArray, before: NormalMap) -> NormalMa
     apart = reflectance_fit.neighbour_deviation(maps["normals"][window][mask], np.flatnonzero(mask), mask.shape[1])
     total = np.maximum(variance[mask], apart**2) + np.float32(photometry.SETTINGS.flat_field_sigma**2)
     maps["sigma_deg"][window][mask] = np.degrees(np.sqrt(np.minimum(total, UNKNOWN_VARIANCE_RAD2)))
-    why = "no reflectance of the whole object fits: each pixel has lobes of its own"
+    why = "no single reflectance fits the whole object: each pixel is fitted with its own specular lobes"
     return replace(
         before, **maps, flags=flags, intensity_factors=np.ones(len(directions)),
         notes=before.notes | {"why": why, "diffuse_form": {"kappa": float(form[0]), "omega": float(form[1])}},

@@ -96,8 +96,8 @@ def unusable() -> ModelFinding:
     """Returns the finding for a tile that cannot be used."""
     return ModelFinding(
         kind=photometry.GREY_TILE,
-        message="the grey tile is saturated or in a shadow in most images, so that it was not used: lay it where the "
-        "object's shadow does not fall, choose a darker one, and look whether `grey_tile.outline_px` is its outline",
+        message="the grey tile is saturated or in a shadow in most images, so it was not used: lay it where the "
+        "object's shadow does not fall, choose a darker one, and check that `grey_tile.outline_px` is its outline",
         corrected=False,
     )
 
@@ -123,6 +123,6 @@ def _finding(saturated: BoolArray, shadowed: BoolArray) -> ModelFinding:
         for which, why in ((saturated, "is saturated"), (shadowed, "lies in a shadow"))
         if np.any(which)
     ]
-    message = f"the grey tile {' and '.join(said)}: intensities of images before and after stand in"
+    message = f"the grey tile {' and '.join(said)}: their intensities are interpolated from the images before and after"
     value = float(np.count_nonzero(saturated | shadowed))
     return ModelFinding(kind=photometry.GREY_TILE, message=message, corrected=True, value=value)

@@ -215,8 +215,8 @@ def check(images: ImageSet) -> None:
 
     if images.count < 3:
         refuse(
-            f"{images.count} image(s) ({', '.join(images.names) or 'none'}): three lights are the least that give a "
-            "normal; add images from other lights"
+            f"{images.count} image(s) ({', '.join(images.names) or 'none'}): a normal needs at least three lights; "
+            "add images from other lights"
         )
     if first.shape != (images.count, 3) or len(strength) != images.count:
         refuse(
@@ -225,16 +225,16 @@ def check(images: ImageSet) -> None:
         )
     for name, place, power in zip(images.names, first, strength, strict=True):
         if not np.all(np.isfinite(place)) or (distant and not np.linalg.norm(place) > 0):
-            where = f"its light is at {place.tolist()}, which is no place or direction: correct that row"
+            where = f"its light {place.tolist()} is not a valid position or direction: correct that row"
             refuse(f"{name}: {where}", file=name)
         if not np.all(np.isfinite(power)) or not np.all(power > 0):
             refuse(
-                f"{name}: its light's intensity is {power.tolist()}: it must be positive; correct that row", file=name
+                f"{name}: its light's intensity is {power.tolist()}, but must be positive: correct that row", file=name
             )
     if images.mask.shape != (images.height, images.width) or not np.any(images.mask):
         refuse(
-            f"the mask is empty or not {images.width} × {images.height} like {images.names[0]}: draw it round the "
-            "object"
+            f"the mask is empty, or not {images.width} × {images.height} pixels like {images.names[0]}: draw it round "
+            "the object in an image of that size"
         )
     if distant:
         refuse_coplanar(first)

@@ -21,7 +21,7 @@ def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
     shots = observations.lit
     normalised_images.refuse_few(len(shots))
     if not np.all(np.isfinite([light.position for _, light in shots])):
-        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "a light's position is not a number: measure the pose again")
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "a light's position is not finite: measure the pose again")
     return shots
 
 
@@ -119,7 +119,7 @@ def _refuse_unusable(frames: list[Shot], observations: Observations, calibration
             if (frame.width, frame.height) != size:
                 raise RigError(
                     ErrorCode.NORMALS_INFEASIBLE,
-                    f"{frame.path} is {frame.width} × {frame.height} pixels, the calibration {size[0]} × {size[1]}: "
-                    "use the images and the calibration of one camera",
+                    f"{frame.path} is {frame.width} × {frame.height} pixels, the calibration is for {size[0]} × "
+                    f"{size[1]}: use the images and the calibration of one camera",
                     file=frame.path,
                 )

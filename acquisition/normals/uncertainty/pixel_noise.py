@@ -35,7 +35,7 @@ def estimate(
     (h, w), `steps` (F,) is the quantisation of values, 0 for none.
     """
     if len(images.lights) < photometry.REDUNDANT:
-        return images, f"guessed: {len(images.lights)} lights leave nothing over"
+        return images, f"guessed: {len(images.lights)} lights leave no redundant measurement"
     lamp = photometry.lamps(images.lights)
     masked = MaskedImages(images, mask, photometry.rays(calibration, images.rows, images.columns))
     parts = [
@@ -46,10 +46,13 @@ def estimate(
     top, step = float(np.max(1 / images.shot)), float(np.max(steps / images.shot))
     line = photon_transfer.fit_line(photon_transfer.transfer_curve(level, apart, top, step))
     if line is None or not line.known:
-        return images, "guessed: too few pixels tell"
+        return images, "guessed: too few pixels determine the noise"
     # Few lit pixels are dark, so the floor alone is uncertain; with the slope it gives the noise of lit pixels.
     shot, floor = images.shot * line.slope, np.maximum(line.floor * images.shot**2, images.floor)
-    note = f"noise found in how neighbours differ: {1 / np.median(shot):.3g} electrons at a white surface's value"
+    note = (
+        f"noise estimated from differences of neighbouring pixels: {1 / np.median(shot):.3g} electrons at a white "
+        "surface's value"
+    )
     return replace(images, shot=shot, floor=floor), note
 
 

@@ -64,8 +64,8 @@ def estimate(observations: Observations, calibration: Calibration, rows: slice, 
     line = photon_transfer.fit_line(photon_transfer.concatenate([*lit, dark]))
     if line is not None and line.known and any(len(curve.level) for curve in lit):
         return _from_line(calibration, line, source)
-    why = "too few pixels tell" if lit else "no two frames of one light"
-    note = f"as the calibration says, {_in_words(sensor)}: {why} ({source})"
+    why = "too few pixels determine it" if lit else "there are no two frames of one light"
+    note = f"kept from the calibration, {_in_words(sensor)}: {why} ({source})"
     return SensorEstimate(calibration, _figures(sensor), note)
 
 
@@ -86,8 +86,10 @@ def _from_line(calibration: Calibration, line: LinearFit, source: str) -> Sensor
     figures = _figures(estimated) | {"gain_sigma": gain_sigma}
     if known:
         figures["read_noise_sigma"] = float(np.hypot(read_sigma_dn * gain, read_dn * gain_sigma))
-    kept = "" if known else ", read noise in values that of the calibration, for too few dark pixels tell"
-    note = f"found in the frames ({source}): {_in_words(estimated)}{kept}; the calibration says {_in_words(sensor)}"
+    kept = "" if known else " (in values kept from the calibration, because too few dark pixels determine it)"
+    note = (
+        f"estimated from the frames ({source}): {_in_words(estimated)}{kept}; the calibration has {_in_words(sensor)}"
+    )
     return SensorEstimate(calibration.model_copy(update={"sensor": estimated}), figures, note)
 
 

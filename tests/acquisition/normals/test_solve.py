@@ -299,7 +299,7 @@ def test_solve_light_at_nan_is_refused(observations: Observations, cushion: scen
     shots = list(observations.shots)
     nowhere = Light.model_construct(position=(float("nan"), 0.0, 0.0), axis=(0.0, 0.0, -1.0))
     shots[2] = shots[2].model_copy(update={"light": nowhere})
-    assert "not a number" in refused(replace(observations, shots=shots), cushion.calibration).detail
+    assert "is not finite" in refused(replace(observations, shots=shots), cushion.calibration).detail
 
 
 def test_solve_missing_lamp_off_frame_is_named(observations: Observations, cushion: scenes.Scene) -> None:

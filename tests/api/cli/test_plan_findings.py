@@ -49,7 +49,9 @@ def test_plan_of_corrected_axes_is_refused(tmp_path: Path) -> None:
     for light in content["lights"]:
         light["position"][1] *= -1
     (folder / "lights.json").write_text(json.dumps(content))
-    with pytest.raises(RigError, match=r"axes are mirrored or turned: x, −y .* Correct the lamps' axes") as refused:
+    with pytest.raises(
+        RigError, match=r"axes differ from the camera's: x and −y .* Correct the lamps' axes"
+    ) as refused:
         planned(folder, 1)
     assert refused.value.code is ErrorCode.FOLDER_INVALID
 

@@ -240,7 +240,7 @@ def with_blinn_phong(true: scenes.Scene, images: Images, strength: float, expone
 def test_solve_glossy_dielectric_is_solved_as_one(cushion: scenes.Scene, images: Images, sound: NormalMap) -> None:
     result = solved(cushion, reflected(cushion, images, Reflectance("ggx", 0.3)))
     assert kinds(result) == [("gloss", True)]
-    assert "times a dielectric's strength" not in result.findings[0].message
+    assert "times the strength of a dielectric's" not in result.findings[0].message
     assert result.findings[0].value == pytest.approx(0.3, abs=0.03)
     assert mean_deg(cushion, result) < 1.5 * mean_deg(cushion, sound)
 
@@ -320,7 +320,7 @@ def test_solve_gloss_of_other_strength_is_solved_with_it(
     has a longer tail and a higher, narrower peak."""
     result = solved(cushion, with_blinn_phong(cushion, images, strength, exponent))
     assert kinds(result) == [("gloss", True)]
-    assert "times a dielectric's strength" in result.findings[0].message
+    assert "times the strength of a dielectric's" in result.findings[0].message
     assert result.notes["lobe"]["strength"] == pytest.approx(strength, rel=0.3)
     assert exponent / 1.6 < result.notes["lobe"]["exponent"] < exponent * 1.6
     assert mean_deg(cushion, result) < 1.5 * mean_deg(cushion, sound)
@@ -412,7 +412,7 @@ def test_solve_without_enough_images_to_judge_is_a_finding(cushion: scenes.Scene
     result = solved(cushion, images, thorough=False)
     assert result.fit is None
     assert kinds(result) == [("misfit", False)]
-    assert "nothing tells whether the model fits" in result.findings[0].message
+    assert "too few pixels have four usable images to judge the fit" in result.findings[0].message
 
 
 @full_smooth_size

@@ -59,7 +59,7 @@ def test_estimate_wrong_guess_recovers_noise(
     variance = images.shot[:, None] * values + images.floor[:, None]
     electrons2 = values * INTENSITY * full_well + read_e**2 + (full_well / (2**bits - 1)) ** 2 / 12
     np.testing.assert_allclose(variance, np.tile(electrons2 / (full_well * INTENSITY) ** 2, (8, 1)), rtol=0.2)
-    assert note.startswith("noise found")
+    assert note.startswith("noise estimated")
 
 
 def test_estimate_too_few_pixels_keeps_guess_and_notes_it(cushion: scenes.Scene, light: np.ndarray) -> None:

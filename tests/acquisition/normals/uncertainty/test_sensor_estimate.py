@@ -81,7 +81,7 @@ def test_estimate_wrong_calibration_recovers_gain_and_read_noise(
     assert image_values.clipping_dn(sensor) == pytest.approx(image_values.clipping_dn(calibration.sensor))
     assert estimate.figures["gain_e_per_dn"] == sensor.gain_e_per_dn
     assert 0 < estimate.figures["gain_sigma"] < 0.05 * sensor.gain_e_per_dn
-    assert "found in the frames (1 image taken twice" in estimate.note
+    assert "estimated from the frames (1 image taken twice" in estimate.note
 
 
 def discarded(observations: Observations) -> Observations:
@@ -116,7 +116,7 @@ def test_estimate_without_repeated_frame_keeps_calibration(how: Any) -> None:
     estimate = sensor_estimate.estimate(how(session(known, scene(np.random.default_rng(0)))), calibration, ALL, ALL)
     assert estimate.calibration == calibration
     assert estimate.figures == {"gain_e_per_dn": 5.0, "read_noise_e": 5.0}
-    assert "as the calibration says" in estimate.note
+    assert "kept from the calibration" in estimate.note
     assert "no two frames of one light" in estimate.note
 
 
@@ -128,7 +128,7 @@ def test_estimate_too_few_usable_pixels_keeps_calibration(what: str) -> None:
     calibration = said(known, 2.0)
     estimate = sensor_estimate.estimate(session(known, light), calibration, window, window)
     assert estimate.calibration == calibration
-    assert "too few pixels tell (1 image taken twice" in estimate.note
+    assert "too few pixels determine it (1 image taken twice" in estimate.note
     assert "gain_sigma" not in estimate.figures
 
 
