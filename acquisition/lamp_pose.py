@@ -75,8 +75,8 @@ def nearest_distinct(ideal: FloatArray, units: FloatArray) -> tuple[list[int], F
     if len(units) < len(ideal):
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"{len(ideal)} places of a pattern are to be filled from {len(units)} reachable positions: "
-            "ask for fewer lights, or widen the reach (GET /v1/rig/reach says why positions are refused)",
+            f"the pattern has {len(ideal)} positions, but the arm reaches only {len(units)}: "
+            "request fewer lights, or widen the reach (GET /v1/rig/reach says why positions are refused)",
             reachable=len(units),
             wanted=len(ideal),
         )

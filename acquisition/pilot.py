@@ -54,7 +54,7 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
             f"the pilot's lights at {slant_deg:g}° cannot be placed: one would be {worst_deg:.0f}° from "
-            "its ideal position; free more of the dome, GET /v1/rig/reach shows why positions are refused",
+            "its ideal position; clear more of the dome (GET /v1/rig/reach says why positions are refused)",
             worst_miss_deg=worst_deg,
         )
     return [lamp_pose.light_at(candidates[index], reach.center) for index in chosen]

@@ -113,7 +113,8 @@ class RealTime:
             if not self._told:
                 self._told = True
                 _log.warning(
-                    "took over %.0f %% of a core: not in real time for a while", 100 * self._share_s / WINDOW_S
+                    "used more than %.0f %% of a core: real-time scheduling is suspended until the window ends",
+                    100 * self._share_s / WINDOW_S,
                 )
             self._go_outside()
         elif self._wanted and within and not self._inside:

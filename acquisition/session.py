@@ -93,15 +93,15 @@ class State(StrEnum):
 
 
 ARM_STATE: dict[State, str] = {
-    State.CREATED: "The arm is not this session's.",
+    State.CREATED: "This session does not use the arm.",
     State.RUNNING: "The arm may move.",
     State.PAUSING: "The arm finishes the present step.",
     State.PAUSED: "The arm is at rest.",
     State.STOPPING: "The arm decelerates.",
     State.INTERRUPTED: "The arm is at rest or its state is unknown; nothing may move before an operator decides.",
-    State.COMPLETED: "The arm is not this session's.",
-    State.STOPPED: "The arm is not this session's.",
-    State.FAILED: "The arm is not this session's.",
+    State.COMPLETED: "This session does not use the arm.",
+    State.STOPPED: "This session does not use the arm.",
+    State.FAILED: "This session does not use the arm.",
 }
 """Each state, as a sentence for people about the arm."""
 

@@ -33,7 +33,7 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
     is not a pattern.
     """
     if method in ("optimal", "user"):
-        raise RigError(ErrorCode.REQUEST_INVALID, f"method `{method}` is no pattern")
+        raise RigError(ErrorCode.REQUEST_INVALID, f"method `{method}` is not a fixed pattern")
     units, notes = lamp_pose.directions(reach.candidates, reach.center, count), list[str]()
     if method == "random":
         chosen = np.random.default_rng(recipe.seed).permutation(len(units))[:count].tolist()
@@ -44,7 +44,7 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
         chosen, miss_deg = _nearest_pattern(method, count, recipe, units)
         least = "least trace of the inverse Gram matrix, unit lights"
         why = least if method == "paper" else f"position in the pattern {method}"
-        reasons = [f"{why}, missed by {one:.0f}°" for one in miss_deg]
+        reasons = [f"{why}, {one:.0f}° off" for one in miss_deg]
         if np.max(miss_deg) > FAR_DEG:
             notes.append(
                 f"{np.count_nonzero(miss_deg > FAR_DEG)} of {count} lights are more than {FAR_DEG:g}° from their "

@@ -115,8 +115,8 @@ def _certificate(problem: DesignProblem, chosen: list[int], pattern: list[int]) 
 def _reason(unit: FloatArray, with_all_deg: FloatArray, without_deg: FloatArray) -> str:
     """Describes the effect of a light in the direction `unit` (3,) on σ (P,)."""
     improved = with_all_deg < 0.95 * without_deg
-    effect = "makes all pixels a little more certain"
+    effect = "lowers σ of all pixels a little"
     if np.any(improved):
         change = f"from {np.median(without_deg[improved]):.1f}° to {np.median(with_all_deg[improved]):.1f}°"
-        effect = f"makes {np.mean(improved):.0%} of the pixels more certain, their median σ falls {change}"
+        effect = f"lowers the median σ of {np.mean(improved):.0%} of the pixels {change}"
     return f"{baselines.describe_direction(unit)}: {effect}"

@@ -38,8 +38,8 @@ ALBEDO = 0.5
 
 ASSUMPTION = (
     "Nothing is known of the object before the first image, so a matt sphere of {diameter_mm:.0f} mm is assumed, which "
-    "shows every slant and fits the model. Creases, gloss, deep shadows and light between surfaces make σ larger, and "
-    "the forecast after the pilot takes the place of this one."
+    "shows every slant and fits the model. Creases, gloss, deep shadows and light between surfaces make σ larger; the "
+    "forecast after the pilot replaces this one."
 )
 """The assumed object, as text for people."""
 

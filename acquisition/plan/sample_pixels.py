@@ -84,8 +84,8 @@ def reweight(sample: Samples, normal_map: NormalMap, observations: Observations,
     if not shots:
         return sample
     if len(shots) != len(normal_map.flags):
-        counts = f"the normals are of {len(normal_map.flags)} images, the session has {len(shots)}"
-        raise RigError(ErrorCode.PLAN_INFEASIBLE, f"{counts}: plan by the result of all of them")
+        counts = f"the normals were solved from {len(normal_map.flags)} images, the session has {len(shots)}"
+        raise RigError(ErrorCode.PLAN_INFEASIBLE, f"{counts}: plan from the result of all images")
     shaded = planned_images.shading(sample, [light for _, light in shots], calibration)
     frames = [of_frames(observations.frames_of(shot)) for shot, _ in shots]
     sensor, _ = planned_images.sensor_variance(shaded.value, frames, calibration)

@@ -53,9 +53,9 @@ def plan_to_target(problem: DesignProblem, achieved_deg: float, times: CaptureTi
     allowed = recipe.max_lights - captured
     first = captured <= recipe.pilot_lights and allowed > 0
     if achieved_deg <= (target / (1 + SETTINGS.first_slack) if first else target * (1 + SETTINGS.tolerance)):
-        return _conclusion(f"target met with {captured} images: {state}, wanted {target:.3g}°")
+        return _conclusion(f"target met with {captured} images: {state}, target {target:.3g}°")
     if allowed <= 0:
-        return _conclusion(f"all lights allowed were captured ({captured}): {state} > {target:.3g}°")
+        return _conclusion(f"all lights allowed were captured ({captured}): {state}, above the target of {target:.3g}°")
     counts = [count for count in COUNTS if count < allowed] + [allowed]
     now, *curve = planner.forecast(problem, [0, *counts])
     slack = SETTINGS.first_slack
@@ -68,11 +68,11 @@ def plan_to_target(problem: DesignProblem, achieved_deg: float, times: CaptureTi
     aim_deg = (1 + SETTINGS.tolerance) * lowest_deg if unreachable else target
     if unreachable and achieved_deg <= aim_deg:
         return _conclusion(
-            f"no further light is worth its time after {captured} images: {state}, with all "
-            f"{recipe.max_lights} lights allowed {lowest_deg:.2f}° would be expected; wanted {target:.3g}°"
+            f"further lights would hardly lower σ after {captured} images: {state}, target {target:.3g}°; "
+            f"{lowest_deg:.2f}° is expected even with all {recipe.max_lights} lights allowed"
         )
     chosen = planner.choose(problem, _fewest_lights_meeting(curve, (1 + slack) * aim_deg), times=times)
-    notes = [f"{state} with {captured} images; {target:.3g}° is wanted"]
+    notes = [f"{state} with {captured} images; the target is {target:.3g}°"]
     if unreachable:
         notes.append(
             f"the target may not be met: {lowest_deg:.2f}° is expected with all {recipe.max_lights} lights allowed"

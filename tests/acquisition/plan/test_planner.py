@@ -102,7 +102,7 @@ def test_choose_by_normals_of_other_images_is_refused(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     observations = scenes.capture(cushion, scenes.ring(8, 45.0))
-    with pytest.raises(RigError, match="of 4 images, the session has 8"):
+    with pytest.raises(RigError, match="from 4 images, the session has 8"):
         plan.DesignProblem.of(piloted, observations, Recipe(), reach, cushion.calibration)
 
 

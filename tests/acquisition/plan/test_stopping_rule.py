@@ -61,7 +61,7 @@ def test_plan_to_target_target_met_concludes(known: tuple[NormalMap, Observation
     for wanted in (reached, reached / 1.029):
         chosen = plan_to(known, target_sigma_deg=wanted, pilot_lights=3)
         assert chosen.lights == []
-        assert chosen.conclusion == f"target met with 4 images: mean σ {reached:.2f}°, wanted {wanted:.3g}°"
+        assert chosen.conclusion == f"target met with 4 images: mean σ {reached:.2f}°, target {wanted:.3g}°"
     assert plan_to(known, target_sigma_deg=reached / 1.031, pilot_lights=3).conclusion is None
 
 
@@ -87,8 +87,9 @@ def test_plan_to_target_negligible_gain_concludes(known: tuple[NormalMap, Observ
     assert conclusion is not None
     left = photometry.mean_sigma_deg(sure, TRUE.calibration)
     assert conclusion.startswith(
-        f"no further light is worth its time after 4 images: mean σ {left:.2f}°, with all 5 lights"
+        f"further lights would hardly lower σ after 4 images: mean σ {left:.2f}°, target 0.1°; "
     )
+    assert conclusion.endswith("is expected even with all 5 lights allowed")
 
 
 def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, Observations]) -> None:

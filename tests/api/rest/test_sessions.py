@@ -32,7 +32,7 @@ def test_create_empty_body_or_object_uses_defaults(shared: Any) -> None:
         assert made["allowed_actions"] == ["start", "stop"]
         assert made["recipe"] == Recipe().model_dump(mode="json")
         assert made["answer"] is None
-        assert made["arm"] == "The arm is not this session's."
+        assert made["arm"] == "This session does not use the arm."
         assert all(shared.http.get(link).status_code == 200 for name, link in made["links"].items() if name != "events")
 
 
