@@ -28,13 +28,15 @@ def refuse_foreign(folder: Path, sign: str) -> None:
     if not folder.exists():
         return
     if not folder.is_dir():
-        raise _refusal(folder, "is no folder: name one")
+        raise _refusal(folder, "is not a folder: name one")
     try:
         first = next((path for path in sorted(folder.iterdir()) if path.name not in LITTER), None)
         if first is None:
             return
         if not (folder / sign).is_file():
-            raise _refusal(folder, f"holds {first.name}, which is not ours: name a new folder, or empty this one")
+            raise _refusal(
+                folder, f"holds {first.name}, which this program did not write: name a new folder, or empty this one"
+            )
         _refuse_unlisted(folder, sign, _listed(folder / sign))
     except OSError as error:
         raise _refusal(folder, f"cannot be read: {error}; name a new folder") from error
@@ -73,8 +75,8 @@ def _listed(sign: Path) -> dict[str, str]:
     if not isinstance(listed, dict):
         raise _refusal(
             sign.parent,
-            f"{sign.name} in it does not list the folder's files (it is of an earlier release or not ours), so that "
-            "nobody knows what would be deleted: name a new folder, or remove this one",
+            f"its {sign.name} does not list the folder's files (it was written by an earlier release or another "
+            "program), so it is not known what would be deleted: name a new folder, or remove this one",
         )
     return {str(name): str(digest) for name, digest in cast(dict[Any, Any], listed).items()}
 

@@ -26,7 +26,7 @@ WHITE_QUANTILE = 0.995
 FRAME = "view frame: x right, y up, z to the camera; row 0 at the top"
 COLOURS = {
     "opengl": f"colour = (n + 1) / 2, OpenGL green (+Y up); {FRAME}",
-    "directx": f"colour = (n + 1) / 2 with y turned round, DirectX green (+Y down); {FRAME}",
+    "directx": f"colour = (n + 1) / 2 with y inverted, DirectX green (+Y down); {FRAME}",
 }
 
 

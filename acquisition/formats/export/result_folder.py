@@ -31,7 +31,7 @@ UNITS = {
     "albedo": "albedo",
     "albedo_rgb": "albedo of each channel, R G B",
     "residual": "rms of residuals over their expected spread",
-    "indirect": "share of the light that other surfaces threw",
+    "indirect": "share of the light that came from other surfaces",
 }
 
 

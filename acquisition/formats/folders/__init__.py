@@ -37,7 +37,7 @@ def _format(folder: Path) -> tuple[Kind, Path]:
     if folder.suffix.lower() == ".lp" and folder.is_file():
         return "lp", folder
     if not folder.is_dir():
-        raise refusal(folder, "is no folder: name the folder that holds the images")
+        raise refusal(folder, "is not a folder: name the folder that holds the images")
     if (folder / near_light_folder.LIGHTS).is_file():
         return "near", folder / near_light_folder.LIGHTS
     if (folder / session_folder.RECIPE).is_file() and (folder / session_folder.CALIBRATION).is_file():
@@ -46,13 +46,15 @@ def _format(folder: Path) -> tuple[Kind, Path]:
         return "diligent", folder / diligent_folder.DIRECTIONS
     lp_files = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".lp" and path.is_file())
     if len(lp_files) > 1:
-        raise refusal(folder, f"holds {', '.join(one.name for one in lp_files)}: name the one to solve")
+        raise refusal(
+            folder, f"holds several .lp files ({', '.join(one.name for one in lp_files)}): name the one to solve"
+        )
     if lp_files:
         return "lp", lp_files[0]
     raise refusal(
         folder,
         f"holds neither {diligent_folder.DIRECTIONS} nor an .lp file nor {near_light_folder.LIGHTS} nor a session: "
-        "add the lights' file",
+        "add the file of the lights",
     )
 
 
@@ -69,11 +71,11 @@ def read(
     """
     kind, lights = _format(folder)
     if kind == "session":
-        raise refusal(folder, "is a session's folder: read it as one")
+        raise refusal(folder, "is a session folder, not a folder of images: read it with `session_folder.read`")
     own = Path(tempfile.mkdtemp(dir=scratch))  # so that one scratch folder serves several reads
     if kind == "near":
         if full_scale is not None:
-            raise refusal(lights, "states full_scale itself: write it there, and leave --full-scale out")
+            raise refusal(lights, "is where full_scale belongs: write it there, and omit --full-scale")
         images = near_light_folder.read(lights, own, progress)
     else:
         images = READERS[kind](lights, own, progress, full_scale)
@@ -86,5 +88,7 @@ def read(
     normals, inside = ground_truth.sphere_normals(sphere, images.height, images.width, images.camera)
     graded = inside & (images.mask if images.evaluation_mask is None else images.evaluation_mask)
     if not np.any(graded):
-        raise refusal(folder, f"the sphere {tuple(sphere)} has no pixel of the mask: give column, row and radius")
+        raise refusal(
+            folder, f"the sphere {tuple(sphere)} contains no pixel of the mask: correct column, row and radius"
+        )
     return replace(images, truth=normals, evaluation_mask=graded)

@@ -15,8 +15,8 @@ from acquisition.normals.solve import SETTINGS as SOLVE_CHECK
 MASK, EVALUATION_MASK = "mask.png", "eval_mask.png"
 
 EIGHT_BITS = (
-    "The images have 8 bits: dark pixels are coarse, and 8-bit files are often gamma-encoded; they are taken as "
-    "linear. Use 16-bit linear images where there are any."
+    "The images have 8 bits: dark values are coarse, and values are taken as linear, although 8-bit files are often "
+    "gamma-encoded. Use linear 16-bit images if there are any."
 )
 
 LOSSY = (".jpg", ".jpeg")
@@ -29,7 +29,7 @@ def lossy(names: Sequence[str]) -> list[str]:
     """Returns a warning if images are JPEG files."""
     if not any(name.lower().endswith(LOSSY) for name in names):
         return []
-    return ["JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten."]
+    return ["JPEG images are compressed and mostly gamma-encoded: normals will be tilted and too flat."]
 
 
 def irradiance(lights: DistantLights) -> FloatArray:
@@ -93,5 +93,5 @@ def _refuse_few_pixels(images: FolderImages, mask: BoolArray) -> None:
     if count < most or any(one.stop - one.start == 1 for one in photometry.bounding_box(mask)):
         raise refusal(
             images.folder / MASK,
-            f"marks {count} pixel(s) only, {most} in two rows and columns are the least: draw the object white",
+            f"marks only {count} pixel(s); at least {most} in two rows and columns are needed: draw the object white",
         )

@@ -28,13 +28,13 @@ def read(
     folder = path.parent
     names = tuple(name for _, name in text_table.lines(folder / NAMES))
     if not names:
-        raise refusal(folder / NAMES, "names no images: write one file name a line")
+        raise refusal(folder / NAMES, "names no images: write one file name per line")
     directions = text_table.rows(path, (3,), len(names), NAMES)
     intensities = text_table.rows(folder / INTENSITIES, (1, 3), len(names), NAMES)
     if np.any(intensities <= 0):
         row = int(np.argmax(np.any(intensities <= 0, axis=1)))
         line, _ = text_table.lines(folder / INTENSITIES)[row]
-        raise refusal(folder / INTENSITIES, f"line {line} is not positive: correct it, or take the image out")
+        raise refusal(folder / INTENSITIES, f"line {line} is not positive: correct it, or remove the image")
     images = image_files.open_images(folder, names, scratch, progress=progress, full_scale=full_scale)
     warnings = assembly.lossy(names)
     if images.channels == 1 and intensities.shape[1] == 3:

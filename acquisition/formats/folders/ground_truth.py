@@ -84,9 +84,9 @@ def _load(path: Path) -> np.ndarray:
             case _:
                 return np.asarray(tifffile.imread(path))
     except KeyError as error:
-        raise refusal(path, f"has no variable {VARIABLE}: name the normals so") from error
+        raise refusal(path, f"has no variable {VARIABLE}: give the normals this name") from error
     except NotImplementedError as error:
-        raise refusal(path, "is of MATLAB's version 7.3: save it with -v7") from error
+        raise refusal(path, "is in MATLAB's format 7.3: save it with -v7") from error
     except (OSError, ValueError, TypeError, EOFError, IndexError, tifffile.TiffFileError) as error:
         raise refusal(path, f"cannot be read: {error}; copy it again, or remove it") from error
 
@@ -101,7 +101,9 @@ def _exr(path: Path) -> np.ndarray:
     for names in EXR_CHANNELS:
         if all(name in channels for name in names):
             return np.stack([channels[name].pixels for name in names], axis=-1)
-    raise refusal(path, f"has channels {', '.join(sorted(channels))}: name the normals' N.X, N.Y, N.Z or R, G, B")
+    raise refusal(
+        path, f"has channels {', '.join(sorted(channels))}: name those of the normals N.X, N.Y, N.Z or R, G, B"
+    )
 
 
 def _normals(path: Path, values: np.ndarray, height: int, width: int) -> Float32Array:
@@ -110,7 +112,7 @@ def _normals(path: Path, values: np.ndarray, height: int, width: int) -> Float32
     normals = np.nan_to_num(values.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     if not np.any(length > 0):
-        raise refusal(path, "holds no normals: x right, y up, z to the camera")
+        raise refusal(path, "holds only zero vectors: store the normals with x right, y up, z to the camera")
     # Vectors may have any length; those far shorter than the others mark pixels without known normals.
     least = MIN_RELATIVE_LENGTH * float(np.median(length[length > 0]))
     return np.where(length > least, normals / np.maximum(length, least), 0).astype(np.float32)

@@ -52,13 +52,13 @@ def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float
                     raise refusal(
                         path,
                         f"holds values that are not numbers, or infinite, at row {rows.start + row}, column {column}: "
-                        "write the image again, or take these pixels out of the mask",
+                        "write the image again, or remove these pixels from the mask",
                     )
         values = _sample(images, index, mask).astype(np.float32) / images.full_scale
         if float(np.quantile(values, 0.999)) <= BLACK_LEVEL:
-            raise refusal(path, "is black within the mask: take the image again or take its row out of the list")
+            raise refusal(path, "is black within the mask: capture it again, or remove its row from the list")
         if float(np.mean(values >= saturated_from)) > MAX_SATURATED_SHARE:
-            raise refusal(path, "is overexposed within the mask: expose it shorter or take its row out of the list")
+            raise refusal(path, "is overexposed within the mask: shorten the exposure, or remove its row from the list")
 
 
 def exceeds(images: FolderImages, level: float, mask: BoolArray) -> str | None:
@@ -98,7 +98,7 @@ def unfilled_bits(images: FolderImages, black_level: int = 0) -> str | None:
         return None
     return (
         f"No value of the 16-bit files exceeds {top}: if the camera has {bits} bits, state full_scale {end} (in "
-        "lights.json, else --full-scale); without it no pixel counts as clipped and σ is wrong."
+        "lights.json, or else with --full-scale); without it no pixel counts as clipped and σ is wrong."
     )
 
 
@@ -129,7 +129,7 @@ def refuse_same(images: FolderImages, mask: BoolArray, lights: FloatArray) -> li
     if not groups and _shows_the_same(images, mask, lights):
         raise refusal(
             images.folder,
-            "all images show the same but for their noise, though their lights differ: was the lamp never switched?",
+            "all images are the same except for noise, although their lights differ: was the lamp never switched?",
         )
     return [
         f"{', '.join(images.names[one] for one in group)} hold the same values under different lights: copy the right "

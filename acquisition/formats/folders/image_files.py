@@ -117,7 +117,7 @@ def open_images(
     paths = [listed_file(folder, name) for name in names]
     for path in paths:
         if not path.is_file():
-            raise refusal(path, "is missing: put the image there, or take its row out of the list")
+            raise refusal(path, "is missing: put the image there, or remove its row from the list")
     # Our own messages say what is wrong with a file, not OpenCV's.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     located: list[PixelLocation] = []
@@ -145,9 +145,11 @@ def decode(path: Path) -> np.ndarray:
             raise refusal(path, "is a damaged or truncated PNG file: copy it again") from error
     pixels = cv2.imdecode(np.frombuffer(stored, np.uint8), cv2.IMREAD_UNCHANGED) if stored else None
     if pixels is None and stored.startswith(EXR_SIGNATURE):
-        raise refusal(path, f"is an OpenEXR image, which is not read: save it as float32 TIFF ({READ_FORMATS} are)")
+        raise refusal(path, f"is an OpenEXR image: save it as float32 TIFF (formats that can be read: {READ_FORMATS})")
     if pixels is None:
-        raise refusal(path, f"is no image that is read ({READ_FORMATS}), or is damaged or truncated: copy it again")
+        raise refusal(
+            path, f"is not an image in a format that can be read ({READ_FORMATS}), or is damaged: copy it again"
+        )
     return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB) if pixels.ndim == 3 and pixels.shape[2] == 3 else np.asarray(pixels)
 
 
@@ -180,7 +182,7 @@ def _locate(path: Path, scratch: Path, black_level: int) -> PixelLocation:
         if pixels.dtype.kind == "u" and black_level >= np.iinfo(pixels.dtype).max:
             raise refusal(
                 path,
-                f"holds {8 * pixels.dtype.itemsize}-bit values, of which a black_level of {black_level} leaves none: "
+                f"holds {8 * pixels.dtype.itemsize}-bit values, none of them above the black_level of {black_level}: "
                 "correct black_level in lights.json",
             )
         pixels = np.maximum(cv2.subtract(pixels, np.full_like(pixels, black_level)), 0)
@@ -204,7 +206,7 @@ def _plain_tiff(path: Path) -> PixelLocation | None:
     try:
         with tifffile.TiffFile(path) as file:
             if len(file.pages) != 1:
-                raise refusal(path, f"holds {len(file.pages)} pages: save one image as one page")
+                raise refusal(path, f"holds {len(file.pages)} pages: save each image as a file of one page")
             page = file.pages.first
             if page.samplesperpixel > 1 and page.planarconfig != tifffile.PLANARCONFIG.CONTIG:
                 raise refusal(path, "stores its channels as separate planes: save them interleaved")
@@ -218,7 +220,7 @@ def _plain_tiff(path: Path) -> PixelLocation | None:
             kind = page.dtype.newbyteorder(file.byteorder)
             location = PixelLocation(path, int(page.dataoffsets[0]), kind.str, tuple(map(int, page.shape)))
     except (OSError, ValueError, LookupError, ArithmeticError, struct.error, tifffile.TiffFileError) as error:
-        raise refusal(path, f"is no TIFF file or is damaged ({error}): copy it again") from error
+        raise refusal(path, f"is not a TIFF file, or is damaged ({error}): copy it again") from error
     if path.stat().st_size < location.offset + int(np.prod(location.shape)) * kind.itemsize:
         raise refusal(path, "is a truncated TIFF file: copy it again")
     return location
@@ -238,10 +240,10 @@ def _refuse_mismatch(path: Path, image: PixelLocation, first: Path, other: Pixel
         sizes = f"is {_size(image.shape)}, {first.name} is {_size(other.shape)}"
         raise refusal(path, f"{sizes}: use images of one size")
     if image.shape != other.shape:
-        raise refusal(path, f"and {first.name} differ in their number of channels: save all as grey or all as RGB")
+        raise refusal(path, f"differs from {first.name} in its number of channels: save all as grey or all as RGB")
     if image.kind != other.kind:
         kinds = f"holds {image.kind} values, {first.name} {other.kind}"
-        raise refusal(path, f"{kinds}: save all images with the same depth")
+        raise refusal(path, f"{kinds}: save all images with the same bit depth")
 
 
 def _size(shape: tuple[int, ...]) -> str:

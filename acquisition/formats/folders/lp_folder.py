@@ -26,7 +26,7 @@ def read(
         raise refusal(path, f"line {line} is {first[:40]!r}: write the number of images there")
     if int(first) != len(rest):
         raise refusal(
-            path, f"line {line} says {first} images and {len(rest)} rows follow: give one `name x y z` for each"
+            path, f"line {line} says {first} images, but {len(rest)} rows follow: give one `name x y z` for each"
         )
     names: list[str] = []
     directions: list[list[float]] = []
@@ -37,14 +37,16 @@ def read(
         names.append(words[0])
         directions.append(text_table.numbers(path, line, words[1:]))
         if not np.any(directions[-1]):
-            raise refusal(path, f"line {line} has a direction of length zero: correct it, or take the image out")
+            raise refusal(path, f"line {line} has a direction of length zero: correct it, or remove the image")
     if not names:
         raise refusal(path, "names no images: write `name x y z` for each")
     images = image_files.open_images(path.parent, names, scratch, progress=progress, full_scale=full_scale)
     object_mask = assembly.mask_in(images)
-    warnings = ["An .lp file does not say how bright its lights are: they start as equal, the images correct that."]
+    warnings = ["An .lp file has no light intensities: they are assumed equal at first and estimated from the images."]
     if object_mask is None:
-        warnings.append(f"There is no {assembly.MASK}: what no light reaches is left out, see mask_proposed.png.")
+        warnings.append(
+            f"There is no {assembly.MASK}: pixels that no light reaches are left out, see mask_proposed.png."
+        )
     warnings += assembly.lossy(names)
     lights = DistantLights(np.array(directions), np.ones((len(names), images.channels)))
     return assembly.image_set(

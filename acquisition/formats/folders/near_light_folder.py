@@ -86,10 +86,12 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     given = value(path, _Lights)
     matrix = np.array(given.camera.K)
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
-        raise refusal(path, "camera.K is no camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
+        raise refusal(path, "camera.K is not a camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
     distortion = np.pad(given.camera.distortion, (0, 5))
     if np.any(distortion[5:]):
-        raise refusal(path, "camera.distortion holds more than k1 k2 p1 p2 k3: undistort the images with the rest")
+        raise refusal(
+            path, "camera.distortion has more coefficients than k1 k2 p1 p2 k3: undistort the images and omit it"
+        )
     names = [light.file for light in given.lights]
     if given.full_scale is not None and given.black_level >= given.full_scale:
         raise refusal(
@@ -103,15 +105,15 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     if off_axis > MAX_OFF_AXIS_DEG:
         raise refusal(
             path,
-            f"camera.K has its centre far outside the {width} × {height} images, whose middle would be "
+            f"camera.K has its centre far outside the {width} × {height} images, so their middle would be "
             f"{off_axis:.0f}° off the axis: correct it",
         )
     warnings: list[str] = []
     unused = [*given.unknown(), *given.camera.unknown("camera."), *given.lights[0].unknown("lights.")]
     if unused:
-        warnings.append(f"{LIGHTS} holds {', '.join(unused)}, which is not used.")
+        warnings.append(f"{LIGHTS} has fields that are not used: {', '.join(unused)}.")
     if "black_level" not in given.model_fields_set:
-        warnings.append("No black level is given: it is taken as zero. Give `black_level` where the camera has one.")
+        warnings.append("No black level is given: it is taken as zero. Give `black_level` if the camera has one.")
     object_mask = assembly.mask_in(stored)
     if object_mask is None:
         warnings.append(f"There is no {assembly.MASK}: the object is looked for in the images.")
@@ -152,12 +154,12 @@ def _place(
     place = VIEW_FROM_CAMERA[:3, :3] @ (depth_m * ray)
     toward = lights.positions_m - place
     distance = np.linalg.norm(toward, axis=1)
-    stated = f'depth_mm is {given.depth_mm:g}, which is in mm whatever `unit` is, and `unit` is "{given.unit}"'
+    stated = f'depth_mm is {given.depth_mm:g} (in mm, whatever `unit` is), and `unit` is "{given.unit}"'
     remedy = "correct depth_mm, unit or the positions, whichever is wrong"
     far = (distance > MAX_DISTANCE_RATIO * depth_m) | (distance * MAX_DISTANCE_RATIO < depth_m)
     if np.count_nonzero(far) > len(far) / 2:
         lamps = f"{1000 * np.min(distance):.4g} to {1000 * np.max(distance):.4g} mm from the object"
-        raise refusal(path, f"the lamps would be {lamps}, which cannot be: {stated}; {remedy}")
+        raise refusal(path, f"the lamps would be {lamps}, which is impossible: {stated}; {remedy}")
     if np.all(lights.positions_m[:, 2] <= -depth_m):
         raise refusal(
             path,
@@ -175,7 +177,7 @@ def _place(
         if len(toward) > 2:
             refuse_coplanar(toward)
     except RigError as error:
-        detail = f"{path}: {error.detail}; where they do not, {stated}: {remedy}"
+        detail = f"{path}: {error.detail}; if they really do not, {stated}: {remedy}"
         raise RigError(error.code, detail, file=str(path), **error.context) from error
     return place
 

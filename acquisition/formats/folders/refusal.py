@@ -21,7 +21,7 @@ def content(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except FileNotFoundError as error:
-        raise refusal(path, "is missing: put it there") from error
+        raise refusal(path, "is missing: add it") from error
     except OSError as error:
         raise refusal(path, f"cannot be read: {error}") from error
 
@@ -41,4 +41,4 @@ def value(path: Path, kind: type[ValueT]) -> ValueT:
     except ValidationError as error:
         worst = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in worst["loc"]) or "the file"
-        raise refusal(path, f"{field}: {worst['msg']} ({error.error_count()} in all): correct it") from error
+        raise refusal(path, f"{field}: {worst['msg']} ({error.error_count()} error(s) in all): correct it") from error

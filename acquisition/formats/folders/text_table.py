@@ -23,7 +23,7 @@ def numbers(path: Path, line: int, words: list[str]) -> list[float]:
     except ValueError as error:
         raise refusal(path, f"line {line}: {error}: write numbers") from error
     if not all(math.isfinite(value) for value in values):
-        raise refusal(path, f"line {line}: {' '.join(words)} is not finite: correct it, or take the image out")
+        raise refusal(path, f"line {line}: {' '.join(words)} is not finite: correct it, or remove the image")
     return values
 
 
@@ -37,9 +37,9 @@ def rows(path: Path, columns: tuple[int, ...], count: int, listing: str) -> Floa
     for (number, _), row in zip(table_lines, table, strict=True):
         if len(row) not in columns or len(row) != len(table[0]):
             wanted = " or ".join(str(one) for one in columns)
-            raise refusal(path, f"line {number} has {len(row)} numbers: each line needs {wanted}, all the same")
+            raise refusal(path, f"line {number} has {len(row)} numbers: each line needs {wanted}, all lines the same")
     if len(table) != count:
-        raise refusal(path, f"has {len(table)} rows, {listing} names {count} images: give one row for each image")
+        raise refusal(path, f"has {len(table)} rows, but {listing} names {count} images: give one row for each image")
     return np.array(table, dtype=np.float64)
 
 

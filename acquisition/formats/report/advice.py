@@ -66,11 +66,11 @@ def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]
     )  # fmt: skip
     if normal_map.indirect is not None:
         warnings += _told(
-            "{} of the pixels get over a fifth of their light from other surfaces: it is predicted and taken out, but "
-            "σ is larger there; where it is the table's, a dark cloth helps.",
+            "{} of the pixels get over a fifth of their light from other surfaces: it is predicted and subtracted, but "
+            "σ is larger there; if it comes from the table, a dark cloth helps.",
             normal_map.indirect > 0.2, normal_map.mask,
         )  # fmt: skip
-    doubtful = "At {} of the pixels σ means nothing (hatched in its map): do not rely on it."
+    doubtful = "At {} of the pixels σ is unreliable (hatched in its map): do not rely on it."
     warnings += _told(doubtful, normal_map.doubtful, silhouette)
     return [*warnings, *_fit_warnings(normal_map, context), *context.warnings]
 
@@ -117,14 +117,14 @@ def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
             continue
         lit, clipped, shadow = share
         if clipped > 5 * MIN_REPORTED_SHARE:
-            warnings.append(f"{name}: {_percent(clipped)} of the pixels are clipped: expose it shorter.")
+            warnings.append(f"{name}: {_percent(clipped)} of the pixels are clipped: shorten its exposure.")
         elif lit < 0.1 and shadow < 0.8:
             warnings.append(f"{name} lights only {_percent(lit)} of the pixels: check its lamp and exposure.")
     for name, factor in zip(context.names, normal_map.intensity_factors, strict=True):
         if abs(factor - 1) > MAX_INTENSITY_DEVIATION:
             than = "brighter" if factor > 1 else "dimmer"
             warnings.append(
-                f"{name}: its light was {_percent(abs(factor - 1))} {than} than the calibration says; corrected."
+                f"{name}: its light was {_percent(abs(factor - 1))} {than} than calibrated; this is corrected."
             )
     return warnings
 
@@ -143,13 +143,13 @@ def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     named = zip(context.names, probabilities, strict=False)
     poor = [name for name, probability in named if probability is not None and probability < MIN_PROBABILITY]
     if poor and len(poor) <= len(probabilities) / 2:  # most images fit better
-        warnings.append(f"{', '.join(poor)}: fits the others badly: check that image and its lamp.")
+        warnings.append(f"{', '.join(poor)}: poor fit to the other images; check image and lamp.")
     known = normal_map.mask & np.isfinite(normal_map.sigma_deg)
     inside = known & photometry.inside(normal_map.silhouette)  # nearly the facing pixels, which would need rays
     structure = normal_map.noise.get("structure_deg", 0.0) * np.count_nonzero(inside)  # a mean over facing pixels
     remedy = "add lights"
     if structure > np.sqrt(0.5) * np.sum(normal_map.sigma_deg, where=inside):  # more than half of σ²
-        remedy = "the surface changes from pixel to pixel: larger images help, not more lights"
+        remedy = "the surface changes from pixel to pixel; larger images help, more lights do not"
     uncertain = f"{{}} of the normals are uncertain by more than {MAX_SIGMA_DEG:.0f}°: {remedy}."
     return warnings + _told(uncertain, normal_map.sigma_deg > MAX_SIGMA_DEG, known, 5 * MIN_REPORTED_SHARE)
 

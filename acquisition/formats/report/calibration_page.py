@@ -17,10 +17,10 @@ from typing import Any
 from acquisition.formats.report.page import PAGE, table_rows, template
 
 PICTURES: Mapping[str, str] = {
-    "projection_sigma.png": "1 σ of where the camera model puts a direction, and the corners that were seen: where "
-    "none are, views are missing",
-    "residuals.png": "What is left of the corners: arrows that point alike in one place are a distortion that five "
-    "coefficients do not describe",
+    "projection_sigma.png": "Projection uncertainty of the camera model, 1 σ, and the corners that were seen: where "
+    "there are none, views are missing",
+    "residuals.png": "Residuals of the corners: neighbouring arrows that point the same way show a distortion that "
+    "five coefficients do not describe",
     "lobe.png": "The lamp's lobe with 2 σ",
     "photon_transfer.png": "Noise against brightness, and the lamp's brightness from image to image",
 }
@@ -150,8 +150,8 @@ def _camera(stated: dict[str, Any]) -> _Part:
         "Camera", list(zip(names, values, sigma, units, strict=True)), names, stated["covariance"], _views(stated),
         "px",
         [
-            ("a corner's noise", f"{_short(stated['corner_sigma_px'])} px"),
-            ("a direction's place in the image, 1 σ", f"{_short(stated['projection_sigma_px'])} px in the median, "
+            ("noise of a corner", f"{_short(stated['corner_sigma_px'])} px"),
+            ("projection uncertainty, 1 σ", f"{_short(stated['projection_sigma_px'])} px in the median, "
              f"{_short(stated['worst_projection_sigma_px'])} px at worst"),
             ("sag of the board", ", ".join(f"{1e3 * one:.2f} mm" for one in stated["warp_m"])),
         ],
@@ -175,7 +175,7 @@ def _hand_eye(stated: dict[str, Any]) -> _Part:
     return _Part(
         "Camera against the arm", values, names, stated["covariance"], _views(stated), "px",
         [
-            ("side of the squares over what is stated", f"{stated['square_scale']:.5f}"),
+            ("side of the squares, estimated / stated", f"{stated['square_scale']:.5f}"),
             ("the arm's deviation from its model, 1 σ per axis", f"{1e3 * stated['arm_sigma_m']:.3f} mm, "
              f"{degrees(stated['arm_sigma_rad']):.4f}°"),
         ],
@@ -192,30 +192,35 @@ def _lamp(stated: dict[str, Any]) -> _Part:
     center = ", ".join(f"{1e3 * one:.1f}" for one in stated["sphere_center_m"])
     facts = [
         ("sphere", f"radius {1e3 * stated['sphere_radius_m']:.3f} mm at {center} mm in the base frame"),
-        ("a highlight's noise", f"{_short(stated['highlight_sigma_px'])} px"),
+        ("noise of a highlight", f"{_short(stated['highlight_sigma_px'])} px"),
     ]
-    return _Part("Lamp's place", values, ["x", "y", "z"], stated["covariance"], images, "px", facts)
+    return _Part("Lamp's position", values, ["x", "y", "z"], stated["covariance"], images, "px", facts)
 
 
 def _lobe(stated: dict[str, Any]) -> _Part:
     sigma, lobe = _sigmas(stated["covariance"]), stated["lobe"]
     knots = [f"{degrees(one):.0f}°" for one in lobe["knots_rad"][1:]]
     values = [
-        ("intensity, of full scale per second", stated["lamp_intensity"], stated["lamp_intensity"] * sigma[0], "1/s")
+        (
+            "intensity, fraction of full scale per second",
+            stated["lamp_intensity"],
+            stated["lamp_intensity"] * sigma[0],
+            "1/s",
+        )
     ]
     factors = zip(knots, lobe["factors"][1:], sigma[1:], strict=False)
     values += [(f"factor at {knot} off the axis", value, value * one, "") for knot, value, one in factors]
     values += [("brighter towards x", lobe["tilt"][0], sigma[-2], ""), ("towards y", lobe["tilt"][1], sigma[-1], "")]
     facts = [
         ("images differ in brightness by", f"{stated['image_sigma']:.2%} (1 σ)"),
-        ("patches about the fit", f"{stated['patch_sigma']:.2%} (1 σ)"),
+        ("scatter of patches about the fit", f"{stated['patch_sigma']:.2%} (1 σ)"),
     ]
     if stated["verified_deg"] is not None:
         facts.append(
-            ("normals on the placing that took no part", f"wrong by {stated['verified_deg']:.2f}° in the mean")
+            ("verified on a placing that was not fitted", f"mean error of normals {stated['verified_deg']:.2f}°")
         )
     images = [
-        (one["image"], None if one["offset"] is None else 100 * one["offset"], f"{one['patches']} patches, verifies")
+        (one["image"], None if one["offset"] is None else 100 * one["offset"], f"{one['patches']} patches, not fitted")
         for one in stated["images"]
     ]
     names = ["ln intensity", *knots, "x", "y"]
@@ -231,11 +236,11 @@ def _response(stated: dict[str, Any]) -> _Part:
         for name, key, one, unit in zip(names, keys, _sigmas(stated["covariance"]), units, strict=True)
     ]
     facts = [
-        ("full by", stated["full_by"]),
+        ("saturation limited by", stated["full_by"]),
         ("defective pixels", str(len(stated["defects"]))),
-        ("room over lamp", f"{stated['room_over_lamp']:.2%}"),
-        ("the lamp from image to image", f"{stated['lamp_sigma']:.2%} (1 σ)"),
-        ("the lamp's drift", f"{stated['lamp_drift_per_h']:+.2%} ± {stated['lamp_drift_sigma_per_h']:.2%} an hour"),
+        ("room light / lamp light", f"{stated['room_over_lamp']:.2%}"),
+        ("brightness scatter between images", f"{stated['lamp_sigma']:.2%} (1 σ)"),
+        ("drift of the lamp", f"{stated['lamp_drift_per_h']:+.2%} ± {stated['lamp_drift_sigma_per_h']:.2%} an hour"),
     ]
     steps = [(f"{1e3 * one['exposure_s']:.4g} ms", 100 * one["nonlinear"], "") for one in stated["exposures"]]
     return _Part("Camera's response", values, names, stated["covariance"], steps, "%", facts)
@@ -249,12 +254,15 @@ def _check(stated: dict[str, Any]) -> _Part:
         for one in stated["images"]
     ]
     tests = [
-        (one["name"], f"{one['sentence']}; χ² {one['chi_square']:.1f} at {one['freedom']}, p {one['probability']:.2g}")
+        (
+            one["name"],
+            f"{one['sentence']}; χ² {one['chi_square']:.1f} with {one['freedom']} d.o.f., p {one['probability']:.2g}",
+        )
         for one in stated["tests"]
     ]
     head = [
         ("still true", "yes" if stated["passed"] else "no"),
-        ("a true calibration shows as much with probability", f"{stated['probability']:.2g}"),
+        ("probability that a correct calibration deviates as much", f"{stated['probability']:.2g}"),
         ("the image that deviates most", stated["worst"]),
     ]
     return _Part("Check of the calibration in use", [], images=images, unit=unit, facts=[*head, *tests])

@@ -37,8 +37,7 @@ def _page(normal_map: NormalMap, context: ReportContext, small: ReducedMaps, map
     parts = {
         "TITLE": html.escape(context.title),
         "FIGURES": _figures(normal_map, context),
-        "WARNINGS": "".join(f"<li>{html.escape(sentence)}" for sentence in warnings)
-        or "<li class=good>Nothing to complain of.",
+        "WARNINGS": "".join(f"<li>{html.escape(sentence)}" for sentence in warnings) or "<li class=good>No warnings.",
         "MAPS": "".join(_figure(one) for one in maps),
         "DOME": _dome(context),
         "DRAWINGS": "".join(
@@ -75,19 +74,19 @@ def _maps(small: ReducedMaps) -> list[_MapPicture]:
         _MapPicture("Albedo", f"white is {white:.2f}", pictures.gamma_encoded(small.albedo, small.solved, white)),
         _MapPicture(
             "Uncertainty σ",
-            "degrees; the mean error is 0.89 σ; hatched: σ means nothing",
+            "degrees; the mean error is 0.89 σ; hatched: σ is unreliable",
             _hatched(pictures.coloured(small.sigma_deg, small.solved, sigma_top), small.doubtful > 0.5),
             ("0°", f"{sigma_top:g}°"),
         ),
         _MapPicture(
             "Lights used",
-            "how many images each normal rests on",
+            "number of images that each normal is solved from",
             pictures.coloured(small.lights, small.mask, most),
             ("0", f"{most:.0f}"),
         ),
         _MapPicture(
             "Residual",
-            "misfit over what noise explains: 1 is right",
+            "residuals divided by the expected noise; 1: as expected",
             pictures.coloured(small.residual, small.solved, residual_top),
             ("0", f"{residual_top:g}"),
         ),
@@ -95,7 +94,11 @@ def _maps(small: ReducedMaps) -> list[_MapPicture]:
     if small.indirect is not None:
         top = pictures.scale_top(small.indirect, small.solved, 0.01)
         picture = pictures.coloured(small.indirect, small.solved, top)
-        maps.append(_MapPicture("Light from other surfaces", "share I/y, taken out", picture, ("0", f"{top:.0%}")))
+        maps.append(
+            _MapPicture(
+                "Light from other surfaces", "share of the measured light; subtracted", picture, ("0", f"{top:.0%}")
+            )
+        )
     return maps
 
 
@@ -109,16 +112,16 @@ def _figures(normal_map: NormalMap, context: ReportContext) -> str:
         stated = f"mean {mean:.2f}°, median {median:.2f}°"
         expected = f"mean {MEAN_ERROR_PER_SIGMA * mean:.2f}°, median {MEDIAN_ERROR_PER_SIGMA * median:.2f}°"
     fitted = "" if fit is None else (
-        f"residuals {fit.misfit:.2f} of the stated noise; {fit.probability:.0%} of sound captures fit as badly"
+        f"residuals are {fit.misfit:.2f} times the stated noise; {fit.probability:.0%} of sound captures fit as badly"
     )  # fmt: skip
     predicted = context.predicted_sigma_deg
     rows = [
         ("images", f"{len(normal_map.flags)}"),
         ("normals", f"{pixels:,}".replace(",", " ") + f" ({pixels / object_pixels:.1%} of the object)"),
         ("σ of all solved pixels", stated),
-        ("error to expect", expected),
+        ("expected error", expected),
         ("fit of the images", fitted),
-        ("mean σ that the plan predicted", "" if predicted is None else f"{predicted:.2f}°"),
+        ("mean σ predicted by the plan", "" if predicted is None else f"{predicted:.2f}°"),
         ("error against the truth", ", ".join(f"{name} {value:.2f}°" for name, value in context.error_deg.items())),
         ("calibration checked", context.calibration_checked),
         ("solver", ": ".join(filter(None, (context.solver, context.why)))),

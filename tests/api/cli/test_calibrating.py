@@ -99,7 +99,7 @@ def test_hand_eye_of_folder_finds_camera_and_pose(folder: Path, tmp_path: Path) 
         (lambda path: (path / "joints.csv").write_text("0.png,1,2,3\n"), "line 1: write six joint angles"),
         (lambda path: (path / "joints.csv").write_text("0.png,0,0,0,0,0,0\nno.png,0,0,0,0,0,0\n"), "names no.png"),
         (lambda path: (path / "joints.csv").write_text("empty.png,0,0,0,0,0,0\n"), "states no joints for 0.png"),
-        (lambda path: (path / "0.png").write_bytes(b"no image"), "0.png: is no image"),
+        (lambda path: (path / "0.png").write_bytes(b"no image"), "0.png: is not an image"),
         (lambda path: cv2.imwrite(str(path / "0.png"), np.zeros((9, 9), np.uint8)), "pixels, but the first image has"),
         (lambda path: (path / "board.json").write_text("{}"), "is not a valid description of a board"),
         (

@@ -152,7 +152,7 @@ def test_reduced_maps_are_means_over_object_pixels(ball: NormalMap) -> None:
 def test_quality_warnings_good_result_is_empty(ball: NormalMap, tmp_path: Path) -> None:
     assert report.quality_warnings(ball, FACTS) == []
     report.write(ball, FACTS, tmp_path)
-    assert "Nothing to complain of" in "".join(parsed(tmp_path)[0].texts)
+    assert "No warnings" in "".join(parsed(tmp_path)[0].texts)
 
 
 @pytest.mark.parametrize(("side", "axis", "sign"), [("right", 0, 1), ("left", 0, -1), ("top", 1, 1), ("bottom", 1, -1)])
@@ -206,9 +206,9 @@ def test_missing_side_repeated_cast_shadow_gives_none(ball: NormalMap) -> None:
         (lambda ball: replace(ball, sigma_deg=8 + ball.sigma_deg), "uncertain by more than 5°: add lights"),
         (
             lambda ball: replace(ball, sigma_deg=8 + ball.sigma_deg, noise={"structure_deg": 7.0}),
-            "larger images help, not more lights",
+            "larger images help, more lights do not",
         ),
-        (lambda ball: replace(ball, doubtful=ball.mask & (ball.normals[..., 0] > 0)), "σ means nothing"),
+        (lambda ball: replace(ball, doubtful=ball.mask & (ball.normals[..., 0] > 0)), "σ is unreliable"),
         (lambda ball: replace(ball, indirect=0.4 * ball.mask.astype(np.float32)), "from other surfaces"),
         (lambda ball: flagged(ball, ball.mask, slice(5, 6), 0), "5.png lights only"),
         (lambda ball: replace(ball, mask=np.zeros_like(ball.mask)), "No pixel could be solved"),
