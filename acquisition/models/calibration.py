@@ -55,7 +55,7 @@ class LampLobe(Value):
         """Refuses knots that define no spline, a factor on the axis other than 1, and a tilt of 1 or more."""
         knots = self.knots_rad
         if len(knots) != len(self.factors):
-            raise ValueError(f"{len(knots)} knots and {len(self.factors)} factors: give one for each")
+            raise ValueError(f"{len(knots)} knots and {len(self.factors)} factors: give one factor for each knot")
         if knots[0] != 0 or any(b <= a for a, b in pairwise(knots)) or knots[-1] > math.pi / 2:
             raise ValueError("knots must ascend from 0 to at most 90° off the axis")
         if abs(self.factors[0] - 1) > 1e-9 or math.hypot(*self.tilt) >= 1:
@@ -77,7 +77,7 @@ class FlatField(Value):
     terms: Annotated[tuple[float, float, float, float, float], Field(strict=False)] = Field(
         description="a, b, c, d, e of u, v, u², u v, v², each a fraction at a half diagonal from the centre"
     )
-    covariance: Matrix5 = Field(description="Of the terms, no unit")
+    covariance: Matrix5 = Field(description="Covariance of the terms; no unit")
 
 
 _Row3 = Annotated[tuple[float, ...], Field(strict=False, min_length=3, max_length=3)]
@@ -103,15 +103,19 @@ class Calibration(Value):
     base_from_camera: Matrix4 = Field(description="Pose of the camera (z forward) in the arm's base frame, m")
     joint_offsets_rad: Annotated[tuple[float, float, float, float, float, float], Field(strict=False)] | None = Field(
         default=None,
-        description="What the joints truly stand at beyond what the controller states; none: not known, taken as 0",
+        description="True joint angles less those that the controller reports, rad; none: not known, taken as 0",
     )
     tool_from_lamp: Matrix4 = Field(description="Pose of the lamp (z along its axis) in the tool frame, m")
-    lamp_intensity: float = Field(gt=0, description="Fraction of full scale per second, as above")
+    lamp_intensity: float = Field(
+        gt=0,
+        description="Signal of a white diffuse surface that faces the lamp on its axis at `reference_m`, fraction of "
+        "full scale per second",
+    )
     reference_m: float = Field(gt=0, description="Distance that `lamp_intensity` is for, m")
-    lobe_exponent: float = Field(ge=0, description="Exponent of the cosine by which the lamp falls off its axis")
-    lobe: LampLobe | None = Field(default=None, description="What the lobe has beyond that power of the cosine")
+    lobe_exponent: float = Field(ge=0, description="Exponent of the cosine by which the intensity falls off the axis")
+    lobe: LampLobe | None = Field(default=None, description="Deviation of the lobe from that power of the cosine")
     flat_field: FlatField | None = Field(
-        default=None, description="The camera's sensitivity over the image; none: taken as even"
+        default=None, description="The camera's sensitivity over the image; none: taken as uniform"
     )
     sensor: SensorModel = Field(description="The camera's values and their noise")
     colour: ColourCalibration | None = Field(
@@ -122,15 +126,16 @@ class Calibration(Value):
         ge=0, description="1 σ of the lamp's position, per axis, independent from image to image"
     )
     tool_from_lamp_covariance: Matrix3 | None = Field(
-        default=None, description="Of `tool_from_lamp`'s position, an error that all images share; m², tool frame"
+        default=None,
+        description="Covariance of the position of `tool_from_lamp`, an error that all images share; m², tool frame",
     )
     base_from_camera_covariance: Matrix6 | None = Field(
         default=None,
-        description="Of a small motion of the camera, an error that all images share: translation, m, and rotation "
-        "vector, rad, in the camera's frame",
+        description="Covariance of a small motion of the camera, an error that all images share: translation, m, and "
+        "rotation vector, rad, in the camera's frame",
     )
     made_at: str = Field(description="ISO 8601 with time zone")
-    valid_days: float = Field(gt=0, description="Days after which no session starts with it")
+    valid_days: float = Field(gt=0, description="Validity, days; no session starts with an older calibration")
 
     @model_validator(mode="after")
     def _covariances_are_such(self) -> "Calibration":

@@ -29,7 +29,9 @@ class PartTest(Value):
     sigma: Annotated[tuple[float, ...], Field(strict=False)] = Field(description="1 σ of that")
     chi_square: float = Field(description="By how much that change lowers the weighted sum of squares")
     freedom: int = Field(description="Degrees of freedom")
-    probability: float = Field(description="That a true calibration shows as much by chance, of this part alone")
+    probability: float = Field(
+        description="Probability that a correct calibration deviates as much by chance, in this part alone"
+    )
     sentence: str = Field(description="The change for people")
 
 
@@ -39,8 +41,8 @@ class CheckedImage(Value):
     image: str
     sha256: str
     deviation: float | None = Field(
-        description="From what the calibration predicts: root mean square of the corners, pixels, or mean brightness, "
-        "as a fraction; none: the target is not seen"
+        description="Deviation from what the calibration predicts: root mean square of the corners, pixels, or mean "
+        "brightness, as a fraction; none: the target is not seen"
     )
 
 
@@ -54,11 +56,12 @@ class CheckResult(Value):
     fingerprint: str = Field(description="SHA-256 of the calibration that was checked")
     passed: bool = Field(description="Whether it is still true")
     probability: float = Field(
-        description="That a true calibration shows as much by chance, corrected for the number of parts"
+        description="Probability that a correct calibration deviates as much by chance, corrected for the number of "
+        "parts"
     )
-    false_alarm: float = Field(description="Probability from which on downwards a part counts as changed")
+    false_alarm: float = Field(description="Probability below which a part counts as changed")
     changed: Annotated[tuple[PartTest, ...], Field(strict=False)] = Field(
-        description="What has changed, the most likely first; each with those before it set free"
+        description="What has changed, the most likely first; each tested with those before it free to change"
     )
     tests: Annotated[tuple[PartTest, ...], Field(strict=False)] = Field(description="All parts, each by itself")
     worst: str = Field(description="The image that deviates most")
@@ -73,7 +76,7 @@ class CheckRecord(Value):
     made_at: str = Field(description="When it was made, ISO 8601")
     fingerprint: str = Field(description="SHA-256 of the calibration that was checked")
     passed: bool = Field(description="Whether that was still true")
-    probability: float = Field(description="Probability that a true calibration shows as much by chance")
+    probability: float = Field(description="Probability that a correct calibration deviates as much by chance")
     changed: Annotated[tuple[str, ...], Field(strict=False)] = Field(description="What had changed")
     sentences: Annotated[tuple[str, ...], Field(strict=False)] = Field(description="What was found, for people")
 
@@ -97,7 +100,7 @@ class CheckState(Value):
     def sentence(self) -> str:
         """Result and age of the checks, in one line."""
         said = [
-            f"{_OF[target]}: {'true' if one.passed else 'not true'} {self.ages_h[target]:.1f} h before"
+            f"{_OF[target]}: {'passed' if one.passed else 'not passed'} {self.ages_h[target]:.1f} h before"
             for target, one in self.checks.items()
         ]
         return "; ".join(said) or "never"
@@ -113,7 +116,7 @@ def state(recorded: dict[str, CheckRecord], fingerprint: str, now: datetime | No
     for target in targets:
         known = recorded.get(target)
         if known is None or known.fingerprint != fingerprint:
-            warnings.append(f"The calibration in use was never checked ({_OF[target]}): suggested daily.")
+            warnings.append(f"The calibration in use was never checked ({_OF[target]}); a daily check is suggested.")
             continue
         age_s = (moment - datetime.fromisoformat(known.made_at)).total_seconds()
         checks[target], ages_h[target] = known, round(age_s / 3600, 2)
@@ -121,7 +124,7 @@ def state(recorded: dict[str, CheckRecord], fingerprint: str, now: datetime | No
             warnings.append(f"The check at {known.made_at} contradicts the calibration: {'; '.join(known.sentences)}.")
         elif age_s > DAILY_S:
             warnings.append(
-                f"The calibration in use was last checked {age_s / DAILY_S:.0f} days ago ({_OF[target]}): suggested "
-                "daily."
+                f"The calibration in use was last checked {age_s / DAILY_S:.0f} days ago ({_OF[target]}); a daily "
+                "check is suggested."
             )
     return CheckState(checks=checks, ages_h=ages_h, warnings=warnings)

@@ -23,7 +23,7 @@ class CalibrationRecipe(Value):
 
     tool: ClassVar[Tool]
     waits_for_targets: ClassVar[bool] = False
-    max_images: int = Field(ge=6, le=120, description="Most images of the session")
+    max_images: int = Field(ge=6, le=120, description="Maximum number of images of the session")
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of the candidate poses")
     retakes: int = Field(default=4, ge=0, le=10, description="How often an image that was rejected is taken again")
     label: str = Field(default="", max_length=200, description="Title for people, up to 200 characters")
@@ -61,7 +61,7 @@ class BoardRecipe(CalibrationRecipe):
     kind: Literal["camera", "hand-eye"] = Field(
         description="`camera`: matrix and distortion; `hand-eye`: these and `base_from_camera`"
     )
-    max_images: int = Field(default=20, ge=8, le=120, description="Most views of the board")
+    max_images: int = Field(default=20, ge=8, le=120, description="Maximum number of views of the board")
     target_px: float | None = Field(
         default=None,
         gt=0,
@@ -107,7 +107,9 @@ class LampRecipe(CalibrationRecipe):
     kind: Literal["lamp"] = Field(description="`lamp`: `tool_from_lamp`, `lamp_intensity` and `lobe`")
     max_images: int = Field(default=72, ge=36, le=120, description="Images of sphere and plane together")
     sphere_share: float = Field(default=0.45, ge=0.25, le=0.7, description="Share of these that show the sphere")
-    placings: int = Field(default=2, ge=1, le=4, description="How often the plane is laid down, each time otherwise")
+    placings: int = Field(
+        default=2, ge=1, le=4, description="How often the plane is laid down, each time in another place"
+    )
     exposure: Exposure = Field(default=Exposure(target=0.7), description="Exposure of the images of the plane")
 
     @property
@@ -139,7 +141,10 @@ class LampRecipe(CalibrationRecipe):
     @model_validator(mode="after")
     def _plane_has_images(self) -> "LampRecipe":
         if self.placing_images < LEAST_OF_A_PLACING:
-            raise ValueError(f"that leaves {self.placing_images} images a placing: {LEAST_OF_A_PLACING} are needed")
+            raise ValueError(
+                f"that leaves {self.placing_images} images for each placing, but {LEAST_OF_A_PLACING} are needed: "
+                "raise max_images, or lower placings or sphere_share"
+            )
         return self
 
 
@@ -253,7 +258,7 @@ AnyRecipe = Annotated[
     Discriminator(
         _kind,
         custom_error_type="kind",
-        custom_error_message="`kind` is one of capture, camera, hand-eye, lamp, response, check; without it capture",
+        custom_error_message="`kind` must be capture, camera, hand-eye, lamp, response or check; default: capture",
     ),
 ]
 """Recipe of a session of any kind. A recipe without `kind` is a capture recipe."""

@@ -18,7 +18,7 @@ class ViewResidual(Value):
     image: str
     sha256: str
     corners: int = Field(ge=0, description="Corners of the board that took part")
-    left_out: int = Field(ge=0, description="Corners taken for misread")
+    left_out: int = Field(ge=0, description="Corners left out as misread")
     rms_px: float | None = Field(description="Root mean square of the residuals, pixels; none: the board is not seen")
 
 
@@ -32,13 +32,13 @@ class CameraResult(Value):
     height: int
     camera_matrix: Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
     distortion: Annotated[tuple[float, float, float, float, float], Field(strict=False)]
-    covariance: Rows = Field(description="Of f_x, f_y, c_x, c_y in pixels and k1, k2, p1, p2, k3")
+    covariance: Rows = Field(description="Covariance of f_x, f_y, c_x, c_y in pixels and k1, k2, p1, p2, k3")
     warp_m: Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)] = Field(
         description="Sag of the board's middle against its edges along x and y, and its twist, m"
     )
     corner_sigma_px: float = Field(description="1 σ of a corner's coordinate, pixels")
     projection_sigma_px: float = Field(
-        description="Median over the image of 1 σ of where the camera model puts a direction, pixels"
+        description="Projection uncertainty: 1 σ of a direction's place in the image, median over the image, pixels"
     )
     worst_projection_sigma_px: float = Field(description="The same at its worst, mostly in a corner of the image")
     views: Annotated[tuple[ViewResidual, ...], Field(strict=False)]
@@ -52,18 +52,21 @@ class HandEyeResult(Value):
     version: str = Field(description="Version of the software")
     base_from_camera: Matrix4
     covariance: Rows = Field(
-        description="Of translation, m, and rotation vector, rad, of a small motion in the camera's frame"
+        description="Covariance of translation, m, and rotation vector, rad, of a small motion in the camera's frame"
     )
     position_sigma_m: float = Field(description="1 σ of the camera's place, m")
     rotation_sigma_rad: float = Field(description="1 σ of the camera's rotation, rad")
     flange_from_board: Matrix4
-    square_scale: float = Field(description="Side of the squares over what is stated, as the arm's motions tell")
+    square_scale: float = Field(
+        description="Side of the squares estimated from the arm's motions, divided by the stated side"
+    )
     joint_offsets_rad: Annotated[tuple[float, ...], Field(strict=False)] = Field(
         description="Offsets of the six joints; those of the first and the last are part of the two poses"
     )
     joint_offset_sigmas_rad: Annotated[tuple[float, ...], Field(strict=False)]
     pose_and_offsets_covariance: Rows | None = Field(
-        default=None, description="Of the camera's small motion and of the offsets of joints 2 to 5, rad, together"
+        default=None,
+        description="Covariance of the camera's small motion together with the offsets of joints 2 to 5, rad",
     )
     arm_sigma_m: float = Field(description="1 σ of the arm's deviation from its kinematic model, per axis, m")
     arm_sigma_rad: float = Field(description="1 σ of the arm's deviation in rotation, per axis, rad")
@@ -86,14 +89,15 @@ class CalibrationSummary(Value):
 
     kind: str = Field(description="`camera`, `hand-eye`, …: the session's")
     images: int = Field(ge=0, description="Images so far")
-    used: int = Field(ge=0, description="Those in which the target was seen")
+    used: int = Field(ge=0, description="Images in which the target was seen")
     estimated: bool = Field(description="Whether they determine the calibration already")
     why_not: str = Field(default="", description="Why they do not; empty: they do")
     reached: bool = Field(default=False, description="Whether the accuracy that the recipe asks for is reached")
     focal_px: float | None = Field(default=None, description="Focal length, pixels")
     corner_sigma_px: float | None = Field(default=None, description="1 σ of a corner's coordinate, pixels")
     projection_sigma_px: float | None = Field(
-        default=None, description="Median over the image of 1 σ of where the camera model puts a direction, pixels"
+        default=None,
+        description="Projection uncertainty: 1 σ of a direction's place in the image, median over the image, pixels",
     )
     position_sigma_mm: float | None = Field(default=None, description="1 σ of the place that was found, mm")
     rotation_sigma_deg: float | None = Field(default=None, description="1 σ of the camera's rotation, degrees")
@@ -101,7 +105,8 @@ class CalibrationSummary(Value):
         default=None, description="1 σ of the arm's deviation from its kinematic model, per axis, mm"
     )
     square_scale: float | None = Field(
-        default=None, description="Side of the board's squares over what is stated, as the arm's motions tell"
+        default=None,
+        description="Side of the board's squares estimated from the arm's motions, divided by the stated side",
     )
     intensity_sigma_percent: float | None = Field(
         default=None, description="1 σ of the lamp's intensity, that of the plane's albedo included, per cent"
@@ -110,19 +115,21 @@ class CalibrationSummary(Value):
         default=None, description="1 σ of the lamp's lobe at its least certain knot, per cent"
     )
     verified_deg: float | None = Field(
-        default=None, description="Mean error of normals on a placing of the plane that took no part, degrees"
+        default=None, description="Mean error of normals on a placing of the plane that was not fitted, degrees"
     )
     gain_e_per_dn: float | None = Field(default=None, description="`response`: electrons per value")
     read_noise_e: float | None = Field(default=None, description="`response`: 1 σ of a value in the dark, electrons")
     full_well_e: float | None = Field(default=None, description="`response`: electrons at which a pixel is full")
-    defective_pixels: int | None = Field(default=None, description="`response`: hot pixels, and such without response")
+    defective_pixels: int | None = Field(
+        default=None, description="`response`: number of pixels that are hot or respond unlike their neighbours"
+    )
     passed: bool | None = Field(default=None, description="`check`: whether the calibration in use is still true")
     changed: list[str] = Field(
         default_factory=list[str],
         description="`check`: what has changed: `camera`, `board`, `joints`, `lens`, `intensity`, `lobe`, `lamp`",
     )
     probability: float | None = Field(
-        default=None, description="`check`: probability that a true calibration shows as much by chance"
+        default=None, description="`check`: probability that a correct calibration deviates as much by chance"
     )
     fingerprint: str | None = Field(default=None, description="SHA-256 of the values of its calibration.json")
     advice: list[str] = Field(default_factory=list[str], description="What to do next, for people")
@@ -132,12 +139,12 @@ class ExposureResidual(Value):
     """Means and residual of one exposure time in a calibration of the response."""
 
     exposure_s: float
-    mean_dn: float = Field(description="Mean of the lit frames over those without lamp, values")
-    dark_dn: float = Field(description="Mean of the frames without lamp over the black level, values")
+    mean_dn: float = Field(description="Mean of the lit frames less that of the frames without lamp, values")
+    dark_dn: float = Field(description="Mean of the frames without lamp less the black level, values")
     lamp: Annotated[tuple[float, ...], Field(strict=False)] = Field(
-        description="The lamp's brightness in each lit frame over its mean in all"
+        description="The lamp's brightness in each lit frame divided by its mean in all"
     )
-    nonlinear: float = Field(description="Rest of the linear model among parts of the image, as a fraction")
+    nonlinear: float = Field(description="Residual of the linear model between parts of the image, as a fraction")
 
 
 class DefectivePixel(Value):
@@ -145,7 +152,10 @@ class DefectivePixel(Value):
 
     column: int
     row: int
-    kind: str = Field(description="`hot`: bright in the dark; `response`: half or twice as sensitive as its neighbours")
+    kind: str = Field(
+        description="`hot`: bright in the dark; `response`: less than half, or more than twice, as sensitive as all "
+        "its neighbours"
+    )
 
 
 class ResponseResult(Value):
@@ -156,21 +166,23 @@ class ResponseResult(Value):
     version: str = Field(description="Version of the software")
     width: int
     height: int
-    black_level_dn: float = Field(description="Value without light, at no exposure time")
+    black_level_dn: float = Field(description="Value without light, at exposure time 0")
     gain_e_per_dn: float = Field(description="Electrons per value")
     read_noise_e: float = Field(description="1 σ of a value in the dark, without rounding, electrons")
     full_well_e: float = Field(description="Electrons at which a pixel is full")
     full_by: str = Field(
-        description="`pixel`, `converter`: it clips first; `not reached`: the full well is larger than stated"
+        description="What clips first, `pixel` or `converter`; `not reached`: the full well is larger than stated"
     )
-    nonlinearity: float = Field(description="Bend: how much too large the response is at full scale, as a fraction")
-    covariance: Rows = Field(description="Of black level, gain, read noise, full well and nonlinearity")
+    nonlinearity: float = Field(description="How much too large the response is at full scale, as a fraction")
+    covariance: Rows = Field(description="Covariance of black level, gain, read noise, full well and nonlinearity")
     room_per_s: float = Field(description="Room light and dark current, median, fraction of full scale per second")
     brightest_room_per_s: float = Field(description="The same at the 99.5th percentile")
-    room_over_lamp: float = Field(description="Light without the lamp over that with it, at the longest exposure")
+    room_over_lamp: float = Field(
+        description="Light without the lamp divided by that of the lamp, at the longest exposure"
+    )
     lamp_sigma: float = Field(description="1 σ by which the lamp's brightness differs from image to image, a fraction")
     lamp_drift_per_h: float = Field(description="Trend of the lamp's brightness as it warms up, fraction per hour")
-    lamp_drift_sigma_per_h: float = Field(description="1 σ of that")
+    lamp_drift_sigma_per_h: float = Field(description="1 σ of the trend, fraction per hour")
     exposures: Annotated[tuple[ExposureResidual, ...], Field(strict=False)]
     defects: Annotated[tuple[DefectivePixel, ...], Field(strict=False)]
     images: dict[str, str] = Field(description="SHA-256 of each image")
@@ -192,7 +204,7 @@ class LampResult(Value):
     made_at: str
     version: str = Field(description="Version of the software")
     tool_from_lamp_m: Vector3
-    covariance: Rows = Field(description="Of the position, m²")
+    covariance: Rows = Field(description="Covariance of the position, m²")
     position_sigma_m: float = Field(description="1 σ of the position, per axis, root mean square, m")
     sphere_center_m: Vector3 = Field(description="In the arm's base frame, m")
     sphere_radius_m: float
@@ -219,9 +231,11 @@ class LobeResult(Value):
     full_scale_dn: float | None = Field(
         default=None, description="Digital values of full scale, of which the intensity is a fraction"
     )
-    intensity_sigma: float = Field(description="1 σ of it, as a fraction, that of the plane's albedo included")
+    intensity_sigma: float = Field(
+        description="1 σ of the intensity, as a fraction, that of the plane's albedo included"
+    )
     lobe: LampLobe
-    covariance: Rows = Field(description="Of ln intensity, ln of the factors but the first, and the tilt")
+    covariance: Rows = Field(description="Covariance of ln intensity, ln of the factors but the first, and the tilt")
     flat_field: Annotated[tuple[float, ...], Field(strict=False)] = Field(
         description="Terms of ln sensitivity in u, v, u², u v, v², u and v from the image's centre in half diagonals"
     )
@@ -229,8 +243,11 @@ class LobeResult(Value):
     image_sigma: float = Field(description="1 σ by which images differ in brightness, as a fraction")
     patch_sigma: float = Field(description="1 σ of a patch of the plane about the fit, as a fraction")
     lamp_sigma_m: float = Field(default=0.0, description="1 σ of the lamp's place in one image, along each axis")
-    held_out: Rows = Field(description="Numbers of knots tried, each with the residual of images not fitted to")
+    held_out: Rows = Field(
+        description="Numbers of knots that were tried, each with the residual of images left out of the fit"
+    )
     verified_deg: float | None = Field(
-        description="Mean error of normals by photometric stereo on a placing that took no part; none: there was none"
+        description="Mean error of normals by photometric stereo on a placing that was not fitted, degrees; none: "
+        "there was none"
     )
     images: Annotated[tuple[PlaneResidual, ...], Field(strict=False)]

@@ -13,9 +13,9 @@ class CalibrationSet(Value):
     """A complete calibration that was made by a session; `set.json` beside its `calibration.json`."""
 
     id: str = Field(description="Identifier: that of the session that made it")
-    kind: str = Field(description="What was calibrated: `camera`, `hand-eye`, …; the other values are those before it")
+    kind: str = Field(description="What was calibrated: `camera`, `hand-eye`, …; other values are unchanged")
     fingerprint: str = Field(description="SHA-256 of its values; sessions captured with it record this")
-    before: str = Field(description="SHA-256 of the values that it began with")
+    before: str = Field(description="SHA-256 of the values before it")
     made_at: str = Field(description="When it was made, ISO 8601")
     version: str = Field(description="Version of the software")
     width: int = Field(description="Pixels of an image's row")

@@ -29,9 +29,9 @@ class CameraSettings(Value):
     pixel_format: str = Field(description="As the camera names it")
     width: int = Field(description="Width of a frame, px")
     height: int = Field(description="Height of a frame, px")
-    gain: float | None = Field(default=None, description="In the camera's own unit; none: it does not tell")
-    black_level: float | None = Field(default=None, description="In the camera's own unit; none: it does not tell")
-    trigger: TriggerKind = Field(default="software", description="What begins an exposure")
+    gain: float | None = Field(default=None, description="In the camera's own unit; none: not reported")
+    black_level: float | None = Field(default=None, description="In the camera's own unit; none: not reported")
+    trigger: TriggerKind = Field(default="software", description="What starts an exposure")
     other: Annotated[tuple[tuple[str, str], ...], Field(strict=False)] = Field(
         default=(), description="Further ones by name, such as ISO, aperture, or automatic functions that are off"
     )
@@ -51,7 +51,7 @@ class CameraSettings(Value):
 class CameraCapabilities(Value):
     """Capabilities that a camera reports when it is connected."""
 
-    name: str = Field(description="Maker, model and serial number, as far as it tells")
+    name: str = Field(description="Maker, model and serial number, as far as reported")
     width: int = Field(gt=0, description="Width of a frame, px")
     height: int = Field(gt=0, description="Height of a frame, px")
     bits: int = Field(ge=1, le=16, description="Bits of a pixel's value")
@@ -59,10 +59,10 @@ class CameraCapabilities(Value):
     min_exposure_s: float = Field(ge=0, description="Shortest exposure time, s")
     max_exposure_s: float = Field(gt=0, description="Longest exposure time, s")
     mosaic: Mosaic | None = Field(
-        default=None, description="Channels of its upper left 2 × 2 sites; none: its pixels see alike"
+        default=None, description="Channels of its upper left 2 × 2 sites; none: a monochrome sensor"
     )
     black_level: bool = Field(default=False, description="Whether its black level can be read")
-    temperature: bool = Field(default=False, description="Whether it tells its temperature")
+    temperature: bool = Field(default=False, description="Whether it reports its temperature")
     frame_numbers: bool = Field(default=False, description="Whether its frames carry serial numbers")
     chunk_exposure: bool = Field(default=False, description="Whether a frame carries the exposure time it had")
 
@@ -72,5 +72,5 @@ class CameraRecord(Value):
 
     settings: str = Field(description="Fingerprint of the settings read back, all but the exposure time")
     exposure_s: float = Field(description="Exposure time as read back, s")
-    number: int | None = Field(default=None, description="The frame's serial number; none: the camera gives none")
-    temperature_c: float | None = Field(default=None, description="The sensor's temperature, °C; none: not told")
+    number: int | None = Field(default=None, description="The frame's serial number; none: not reported")
+    temperature_c: float | None = Field(default=None, description="The sensor's temperature, °C; none: not reported")

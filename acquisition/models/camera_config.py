@@ -26,7 +26,7 @@ class CameraConfig(Value):
     reconnect_s: float = Field(
         default=60.0,
         ge=0,
-        description="A camera that goes away is waited for so long before the session is interrupted",
+        description="How long to wait for a lost camera before the session is interrupted, s",
     )
 
     def require_exposure(self, exposure_s: float) -> None:
@@ -52,7 +52,7 @@ class LineTriggerConfig(CameraConfig):
     trigger: TriggerKind = Field(
         default="software", description="`hardware`: an output of the arm's controller is wired to the camera's input"
     )
-    trigger_output: int | None = Field(default=None, ge=0, le=17, description="That output, numbered as the lamp's")
+    trigger_output: int | None = Field(default=None, ge=0, le=17, description="Number of that output, as for the lamp")
     trigger_source: str = Field(default="Line0", description="The camera's name of that input")
 
     @model_validator(mode="after")
@@ -83,9 +83,9 @@ class AravisCameraConfig(LineTriggerConfig):
         default=None, ge=8, le=16, description="Bits of a value where the pixel format's container has more"
     )
     width: int | None = Field(
-        default=None, gt=0, description="Of the region from the upper left; default: the camera's"
+        default=None, gt=0, description="Width of the region from the upper left, px; default: the camera's"
     )
-    height: int | None = Field(default=None, gt=0, description="Likewise")
+    height: int | None = Field(default=None, gt=0, description="Height of that region, px; likewise")
     gain: float | None = Field(default=None, ge=0, description="In dB or the model's unit; default: its minimum")
 
 
@@ -109,7 +109,9 @@ class FolderCameraConfig(CameraConfig):
     trigger_output: int | None = Field(
         default=None, ge=0, le=17, description="Output of the arm's controller that releases it, numbered as the lamp's"
     )
-    late_s: float = Field(default=2.0, ge=0, description="A file that is overdue is waited for so long and refused")
+    late_s: float = Field(
+        default=2.0, ge=0, description="How long to wait for an overdue file, which is then refused, s"
+    )
 
     @model_validator(mode="after")
     def _can_be_released(self) -> "FolderCameraConfig":
@@ -118,7 +120,7 @@ class FolderCameraConfig(CameraConfig):
             raise ValueError("state `trigger_command` or `trigger_output`: nothing else releases the camera")
         if "{exposure_s}" not in self.trigger_command and self.min_exposure_s != self.max_exposure_s:
             raise ValueError(
-                "nothing sets the exposure time: state that of the program as `min_exposure_s` and `max_exposure_s`"
+                "nothing sets the exposure time: set `min_exposure_s` and `max_exposure_s` both to that of the program"
             )
         return self
 

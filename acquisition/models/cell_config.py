@@ -61,16 +61,17 @@ class BoardConfig(Value):
     columns: int = Field(ge=3, le=40, description="Squares along x")
     rows: int = Field(ge=3, le=40, description="Squares along y")
     square_m: float = Field(gt=0.001, lt=0.5, description="Side of a square as measured on the print")
-    marker_share: float = Field(default=0.75, ge=0.4, le=0.9, description="Side of a marker over that of a square")
+    marker_share: float = Field(default=0.75, ge=0.4, le=0.9, description="Side of a marker / side of a square")
     legacy_pattern: bool = Field(default=False, description="Pattern of OpenCV before 4.6 and of calib.io")
-    flange_from_board: Pose = Field(description="To a few millimetres: a calibration finds it exactly")
+    flange_from_board: Pose = Field(description="Accurate to a few millimetres: a calibration refines it")
     margin_m: float = Field(default=0.01, ge=0, description="Width of the plate beyond the squares, on each side")
     thickness_m: float = Field(default=0.005, gt=0, description="Thickness of the plate, behind its printed face")
     bracket_capsules: list[CapsuleShape] = Field(
         default_factory=list[CapsuleShape], description="What holds it, in the flange frame"
     )
     replaces_lamp: bool = Field(
-        default=True, description="Whether the lamp is taken off the flange for it; else it is beside the lamp"
+        default=True,
+        description="Whether the board takes the lamp's place on the flange; false: it is mounted beside the lamp",
     )
     payload_kg: float | None = Field(
         default=None,
@@ -92,7 +93,9 @@ class BoardConfig(Value):
 class LampTargetsConfig(Value):
     """Targets of a lamp calibration, in the object's place: a mirror sphere, and a matt plane in a ChArUco frame."""
 
-    sphere_radius_m: float = Field(ge=0.001, le=0.2, description="As stamped on a bearing ball, or by a calliper")
+    sphere_radius_m: float = Field(
+        ge=0.001, le=0.2, description="As stamped on a bearing ball, or measured with a calliper"
+    )
     window_radius_m: float = Field(
         default=0.0, ge=0, le=0.2, description="Radius of the lamp's luminous window, across its axis; 0: a point"
     )
@@ -100,7 +103,7 @@ class LampTargetsConfig(Value):
     rows: int = Field(ge=3, le=40, description="Squares along y")
     square_m: float = Field(gt=0.001, lt=0.5, description="Side of a square as measured on the print")
     border_squares: int = Field(ge=1, le=10, description="Squares of the frame round the blank, matt middle")
-    marker_share: float = Field(default=0.75, ge=0.4, le=0.9, description="Side of a marker over that of a square")
+    marker_share: float = Field(default=0.75, ge=0.4, le=0.9, description="Side of a marker / side of a square")
     legacy_pattern: bool = Field(default=False, description="Pattern of OpenCV before 4.6 and of calib.io")
     albedo: float = Field(ge=0.05, le=1, description="Reflectance of the blank middle: office paper has 0.85")
     albedo_sigma: float = Field(default=0.01, ge=0, le=0.5, description="1 σ of that, as a fraction")

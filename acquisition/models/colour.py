@@ -31,7 +31,9 @@ class ColourCalibration(Value):
     (R + 2 G + B)/4, so the same mean of `white` is 1.
     """
 
-    white: Vector3 = Field(description="Factors of R, G, B: values on a white surface over their mean, (R + 2 G + B)/4")
+    white: Vector3 = Field(
+        description="Factors of R, G, B: values on a white surface divided by their mean, (R + 2 G + B)/4"
+    )
     matrix: Matrix3x3 = Field(description="Factors that give linear sRGB from white-balanced R, G, B")
     delta_e_mean: float = Field(ge=0, description="CIEDE2000 of the chart's patches, mean")
     delta_e_max: float = Field(ge=0, description="CIEDE2000 of the chart's patches, largest")

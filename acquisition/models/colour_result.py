@@ -12,7 +12,7 @@ class PatchResult(Value):
     """One patch of the chart."""
 
     name: str
-    reference_lab: Vector3 = Field(description="CIELAB under D50 that is stated")
+    reference_lab: Vector3 = Field(description="Stated CIELAB under D50")
     found_lab: Vector3 = Field(description="CIELAB under D50 after white balance and matrix, mean over the images")
     delta_e: float = Field(description="CIEDE2000 between the two")
 
@@ -25,7 +25,7 @@ class ColourResult(Value):
     version: str = Field(description="Version of the software")
     colour: ColourCalibration
     held_out_delta_e: float | None = Field(
-        description="Mean CIEDE2000 of images that took no part in the fit, each in turn; none: there is one image"
+        description="Mean CIEDE2000 of images, each left out of the fit in turn; none: there is one image"
     )
     patches: Annotated[tuple[PatchResult, ...], Field(strict=False)]
     images: dict[str, str] = Field(description="SHA-256 of each image")

@@ -110,7 +110,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.REQUEST_FOREIGN: Problem(
         403,
         "The request comes from a foreign page or names a foreign host",
-        "Call the service by its own address, or set what the detail names: further host names, pages, proxies.",
+        "Call the service by its own address, or set what the detail names to allow further hosts, pages or proxies.",
     ),
     ErrorCode.REQUEST_UNAUTHENTICATED: Problem(
         401,
@@ -138,7 +138,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     # Not 408: browsers take it as the end of an idle connection and send the request again.
     ErrorCode.REQUEST_EXPIRED: Problem(
         409,
-        "The request arrived after the time until which it was valid",
+        "The request arrived after its Valid-Until time",
         "Nothing was done. Look at the cell and at the present state, then ask again with a later Valid-Until.",
     ),
     ErrorCode.CONFIG_INVALID: Problem(
@@ -166,12 +166,12 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.RIG_CHANGED: Problem(
         409,
         "The rig's configuration changed since the session began",
-        "Restore the cell file and calibration, or start anew.",
+        "Restore the cell file and calibration, or start a new session.",
     ),
     ErrorCode.RIG_OTHER_TOOL: Problem(
         409,
-        "Another tool is on the flange than the session needs",
-        "Mount the tool named in `needed`, then say so with PUT /v1/rig/tool, and start.",
+        "The tool on the flange is not the one that the session needs",
+        "Mount the tool named in `needed`, state it with PUT /v1/rig/tool, then start.",
     ),
     ErrorCode.ARM_UNREACHABLE: Problem(
         503, "The arm does not respond at its address", "Check power, cable and `arm.address` in the cell file."
@@ -206,11 +206,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         "Inspect the cell; if the arm may move from its present position, resume with `from_here`: true.",
     ),
     ErrorCode.ARM_JOG_ENDED: Problem(
-        409, "The motion of this press has ended", "Let the button go and press it again, with a new `hold`."
+        409, "The motion of this press has ended", "Release the button and press it again, with a new `hold`."
     ),
     ErrorCode.SAFETY_SOFTWARE_STOP: Problem(
         423,
-        "Somebody has stopped the cell by the software's stop",
+        "Somebody has stopped the cell with the software stop",
         "Inspect the cell, then POST /v1/rig/safety/acknowledgement.",
     ),
     ErrorCode.SAFETY_NOT_ACKNOWLEDGED: Problem(
@@ -244,9 +244,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.COMPUTE_LOST: Problem(
         503,
-        "The process that computes was ended twice in the same work",
-        "Most often memory ran out (see the kernel's log): end other programs or add memory; then resume, which goes "
-        "on with this work, or ask again.",
+        "The compute process ended unexpectedly twice during the same task",
+        "Most often memory ran out (see the kernel's log): end other programs or add memory; then resume, which "
+        "continues this task, or send the request again.",
     ),
     ErrorCode.CAMERA_UNREACHABLE: Problem(
         503,
@@ -272,7 +272,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.QUEUE_OBJECT_TO_PLACE: Problem(
         409,
         "The queue waits for the next object",
-        "Put the object named in its place, leave the cell, then resume the queue (POST /v1/queue/actions).",
+        "Put the named object in its place, leave the cell, then resume the queue (POST /v1/queue/actions).",
     ),
     ErrorCode.QUEUE_ENTRY_BEGUN: Problem(
         409, "The entry's session has begun", "Stop its session, or let it end; the entry can be removed then."
@@ -294,7 +294,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.CALIBRATION_INFEASIBLE: Problem(
         422,
         "These images do not determine the calibration",
-        "Do what the detail says, mostly more images, tilted to different sides; nothing was overwritten.",
+        "Do what the detail says, usually take more images, tilted to different sides; nothing was overwritten.",
     ),
     ErrorCode.CALIBRATION_TARGET_NOT_SEEN: Problem(
         503,
@@ -312,7 +312,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         "Measure the squares and correct the board's description, then begin a new session; nothing was overwritten.",
     ),
     ErrorCode.CALIBRATION_NOT_FOUND: Problem(
-        404, "There is no such calibration", "List those that there are with GET /v1/rig/calibrations."
+        404, "There is no such calibration", "List the calibrations with GET /v1/rig/calibrations."
     ),
     ErrorCode.CALIBRATION_DOES_NOT_FIT: Problem(
         409,
@@ -337,7 +337,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.STORE_UNWRITABLE: Problem(
         503,
         "The journal cannot be written",
-        "End the program that holds rig.db open, or see to disk and permissions; then resume: nothing is lost.",
+        "End the program that holds rig.db open, or check disk and permissions; then resume: nothing is lost.",
     ),
     ErrorCode.STORE_LOCKED: Problem(
         503, "Another service uses this data folder", "Stop the other service, or choose another data folder."
@@ -378,7 +378,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.SERVICE_OVERLOADED: Problem(
         503,
         "The service has as many connections, requests or streams as it can hold",
-        "Try again after `retry_after_s` seconds; find out who holds them. A stop is answered all the same.",
+        "Try again after `retry_after_s` seconds; find out who holds them. A stop is still answered.",
     ),
     ErrorCode.SERVICE_FAULT: Problem(
         500, "Internal error of the service", "Keep the log and report it; the session's data are safe."

@@ -12,8 +12,8 @@ class Light(Value):
     axis: Vector3 = Field(description="Direction of the beam: unit vector, view frame")
     tilt: Vector3 | None = Field(
         default=None,
-        description="Across the axis, view frame: towards a unit direction d the lamp sends 1 + tilt · d times as "
-        "much; none: not known, or the same to all sides",
+        description="Vector across the axis, view frame: in a unit direction d the intensity is 1 + tilt · d times as "
+        "much; none: not known, or no tilt",
     )
 
 
@@ -64,8 +64,8 @@ class LightPlan(Value):
     reasons: list[str] = Field(description="For each light, why it was chosen")
     joints: list[Joints] | None = Field(
         default=None,
-        description="With the calibration board on the flange: each pose's joints, rad; `lights` are then where the "
-        "lamp is, or would be. Null: lights alone were chosen",
+        description="With the calibration board on the flange: each pose's joints, rad; `lights` are then the poses "
+        "that the lamp has, or would have. Null: lights alone were chosen",
     )
     predicted_sigma_deg: float | None = Field(
         default=None,

@@ -47,7 +47,9 @@ class Exposure(Value):
     @model_validator(mode="after")
     def _fixed_time_is_not_planned(self) -> "Exposure":
         if self.plan == "planned" and self.seconds is not None:
-            raise ValueError("give `seconds` or plan `planned`: a fixed exposure time leaves nothing to be planned")
+            raise ValueError(
+                "give `seconds` or plan `planned`, not both: a fixed exposure time leaves nothing to be planned"
+            )
         return self
 
 
@@ -57,8 +59,8 @@ class Capture(Value):
     while_moving: bool = Field(
         default=False,
         description="Whether images are taken as the arm arrives at each light and leaves it, with the lamp on all the "
-        "way: an exposure begins as soon as the lamp will move by less than its calibrated 1 σ until it ends; what "
-        "moved further is taken again at rest",
+        "way: an exposure begins as soon as the lamp will move by less than its calibrated 1 σ until it ends; images "
+        "during which it moved further are taken again at rest",
     )
 
 
@@ -95,7 +97,7 @@ class Recipe(Value):
     )
     exposure: Exposure = Field(default=Exposure(), description="Exposure of the images")
     capture: Capture = Field(default=Capture(), description="How images are taken")
-    retakes: int = Field(default=2, ge=0, le=10, description="How often an image that was rejected is taken again")
+    retakes: int = Field(default=2, ge=0, le=10, description="How often a rejected image is taken again")
     review_plan: bool = Field(
         default=False, description="Pause after planning, so that a person can review and change the lights"
     )
@@ -122,7 +124,9 @@ class Recipe(Value):
         if self.target_sigma_deg is None:
             return self
         if self.planned_lights:
-            raise ValueError("give planned_lights or target_sigma_deg: a target chooses the number of lights itself")
+            raise ValueError(
+                "give planned_lights or target_sigma_deg, not both: a target chooses the number of lights itself"
+            )
         if self.method != "optimal":
             raise ValueError("target_sigma_deg is for method `optimal`: a fixed pattern has a fixed number of lights")
         if self.max_lights < self.pilot_lights:
@@ -133,7 +137,8 @@ class Recipe(Value):
     def _several_exposures_are_taken_at_rest(self) -> "Recipe":
         if self.exposure.plan == "planned" and self.capture.while_moving:
             raise ValueError(
-                "give exposure.plan `planned` or capture.while_moving: several exposures of a light need a lamp at rest"
+                "give exposure.plan `planned` or capture.while_moving, not both: several exposures of a light need a "
+                "lamp at rest"
             )
         return self
 

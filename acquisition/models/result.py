@@ -32,7 +32,9 @@ class ModelFinding(Value):
     kind: str = Field(description="rough surface, ambient light, coded values, bad image, swapped lamps, …")
     message: str = Field(description="What was found and what was done about it, one sentence")
     corrected: bool = Field(description="Whether the solve takes it into account; else σ may be too small")
-    value: float | None = Field(default=None, description="Its estimated amount: rad, share of white, exponent, image")
+    value: float | None = Field(
+        default=None, description="Estimated amount, by kind: rad, share of white, exponent, image"
+    )
 
 
 class GoodnessOfFit(Value):
@@ -41,7 +43,7 @@ class GoodnessOfFit(Value):
     A misfit is the robust rms of studentised residuals. Its probability is that of a sound capture fitting as badly.
     """
 
-    misfit: float = Field(description="Of all images: rms of studentised residuals; 1 is as expected")
+    misfit: float = Field(description="Rms of studentised residuals of all images; 1: as the stated noise predicts")
     probability: float = Field(description="Probability that a sound capture fits as badly, 0 to 1")
     image_misfits: list[float | None] = Field(description="Of each image; none: too few measurements")
     image_probabilities: list[float | None] = Field(description="Of each image, 0 to 1; null: too few measurements")
@@ -90,11 +92,12 @@ class ResultSummary(Value):
     object_pixels: int = Field(description="Pixels of the object's silhouette")
     solved_pixels: int = Field(description="Pixels with a normal")
     mean_sigma_deg: float = Field(
-        description="Over the solved pixels inside the silhouette that are seen no more than 78° from their normal"
+        description="Mean angular σ, degrees, over the solved pixels inside the silhouette that are seen no more than "
+        "78° from their normal"
     )
     median_sigma_deg: float = Field(description="Median over the same pixels of the angular σ, degrees")
     region_sigma_deg: float | None = Field(
-        default=None, description="The mean over those in the region of interest; none: no region is drawn"
+        default=None, description="Mean over those of these pixels in the region of interest; none: no region is drawn"
     )
     predicted_sigma_deg: float | None = Field(
         description="Mean angular σ that the plan expected, degrees; null: no prediction"
@@ -123,9 +126,15 @@ class SolveSettings(Value):
     depth_rounds: int = Field(
         default=2, ge=0, le=10, description="Times that depth is integrated and the solve repeated"
     )
-    shadow_threshold: float = Field(default=0.08, ge=0, lt=0.5, description="Of the pixel's largest normalised value")
+    shadow_threshold: float = Field(
+        default=0.08,
+        ge=0,
+        lt=0.5,
+        description="Share of the pixel's largest normalised value below which a value counts as shadow",
+    )
     robust: bool = Field(default=True, description="Reweight residuals, so that shadows and highlights count less")
     keep_steps: bool = Field(
         default=False,
-        description="Let depth jump where normals disagree with their neighbours; elsewhere it is a little less exact",
+        description="Let depth jump where normals disagree with their neighbours; elsewhere depth is slightly less "
+        "accurate",
     )

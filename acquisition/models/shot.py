@@ -35,7 +35,7 @@ class FrameQuality(Value):
     saturated: float = Field(description="Share of saturated pixels, 0 to 1")
     bright_level: float = Field(description="99.5th percentile above black, fraction of full scale")
     sharpness: float | None = Field(
-        default=None, description="Share of the finest detail in all detail; blur takes it away; none: not measured"
+        default=None, description="Share of the finest detail in all detail, which blur lowers; none: not measured"
     )
     shift_px: float | None = Field(
         default=None, description="How far the object seems to have moved since it was first seen; none: not measured"
@@ -69,21 +69,19 @@ class Shot(Value):
         description="Of a `light` frame, the exposure times of the light's further frames in the order in which they "
         "are taken, s",
     )
-    repeats: ShotKey | None = Field(default=None, description="The image that this one was taken again of")
-    light: Light | None = Field(
-        default=None, description="From the measured tool pose, never from where the arm was sent"
-    )
+    repeats: ShotKey | None = Field(default=None, description="Key of the image that this one repeats")
+    light: Light | None = Field(default=None, description="From the measured tool pose, never from the commanded pose")
     joints: Joints | None = Field(default=None, description="Joint angles measured at exposure, rad")
     base_from_tool: Matrix4 | None = Field(
         default=None, description="Measured pose of the tool frame (TCP) in the base frame, homogeneous, rows; m"
     )
     lamp_on: bool = Field(default=False, description="Whether the lamp was on")
-    attempt: int = Field(default=0, description="How often it had been rejected before")
+    attempt: int = Field(default=0, description="How often this image was rejected before")
     arm_time_s: float | None = Field(default=None, description="The controller's own time at exposure, s")
     taken_at: float = Field(description="Seconds since 1970, UTC")
     quality: FrameQuality = Field(description="What the check of the frame found")
     camera: CameraRecord | None = Field(
-        default=None, description="The camera's settings and the frame's number; null: the camera does not tell"
+        default=None, description="The camera's settings and the frame's number; null: the camera reports none"
     )
     motion: ShotMotion | None = Field(
         default=None, description="The lamp's motion during the exposure; null: the arm was at rest"

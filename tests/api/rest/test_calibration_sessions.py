@@ -159,7 +159,7 @@ def test_estimates_are_listed_with_their_files(own: Running) -> None:
 def test_rig_states_check_of_calibration_in_use_with_age(own: Running, tmp_path: Path) -> None:
     before = own.http.get("/v1/rig").json()["calibration"]["check"]
     assert before["checks"] == {}
-    assert "suggested daily" in before["warnings"][0]
+    assert "a daily check is suggested" in before["warnings"][0]
     test = PartTest(
         name="camera", change=(1e-3,), sigma=(1e-4,), chi_square=100.0, freedom=1, probability=0.0, sentence="by 1 mm"
     )
