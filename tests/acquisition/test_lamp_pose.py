@@ -71,7 +71,7 @@ def test_nearest_distinct_gives_own_candidate_and_its_angle(count: int, seed: in
 
 def test_nearest_distinct_more_ideals_than_candidates_is_refused() -> None:
     units = geometry.direction(0.5, np.arange(3.0))
-    with pytest.raises(RigError, match=r"3 positions .* only 2"):
+    with pytest.raises(RigError, match=r"3 positions, .* only 2"):
         lamp_pose.nearest_distinct(units, units[:2])
 
 
