@@ -45,7 +45,7 @@ def directions(candidates: FloatArray, center: FloatArray, count: int, *, surrou
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
             f"{count} lights are requested, but the arm reaches only {len(candidates)} positions: request fewer, "
-            "or widen the reach (GET /v1/rig/reach says why positions are refused)",
+            "or extend the reach (GET /v1/rig/reach says why positions are refused)",
             reachable=len(candidates),
             wanted=count,
         )
@@ -76,7 +76,7 @@ def nearest_distinct(ideal: FloatArray, units: FloatArray) -> tuple[list[int], F
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
             f"the pattern has {len(ideal)} positions, but the arm reaches only {len(units)}: "
-            "request fewer lights, or widen the reach (GET /v1/rig/reach says why positions are refused)",
+            "request fewer lights, or extend the reach (GET /v1/rig/reach says why positions are refused)",
             reachable=len(units),
             wanted=len(ideal),
         )

@@ -125,7 +125,7 @@ class SharedSettings:
     many_lights: int = tuned(24, "lights")
     """Number of lights from which a highlight is in several images of a pixel. From then on, a pixel is also solved
     without the brightest quarter of them, and a reflectance can be fitted to each pixel (seven unknowns). Under twenty
-    lights, omitting the quarter is worse on parts with walls: 2.3° and 2.7° on `few_light_scenes`' matt part."""
+    lights, omitting the quarter is worse on parts with walls: 2.7° in place of 2.3° on the matt part."""
 
     @property
     def weakly_checked_sigma_deg(self) -> float:

@@ -25,7 +25,8 @@ FOUND_SHARE = 0.5
 
 
 class Limits(NamedTuple):
-    """Largest loss of a trial, and largest relative residual, each over that of the solution before it.
+    """Largest loss of a trial, and largest relative residual, each over that of the solution before it; with `sound`
+    its fit has to be sound, too.
 
     A loss that counts every measurement tells more than the misfit, a median over pixels. Relative residuals are shares
     of the values: a model that makes the object darker lowers the loss, but not these.
@@ -33,12 +34,14 @@ class Limits(NamedTuple):
 
     loss: float
     relative_residual: float = np.inf
+    sound: bool = False
 
     def met(self, before: Fit, after: Fit) -> bool:
         """Returns whether a fit is within the limits."""
         return (
             after.loss <= self.loss * before.loss
             and after.relative_residual <= self.relative_residual * before.relative_residual
+            and (not self.sound or after.probability > model_trial.SETTINGS.min_probability)
         )
 
 

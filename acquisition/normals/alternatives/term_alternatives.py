@@ -226,7 +226,8 @@ def _limits_of_coding(present: Solution, exponent: float) -> tuple[Limits, ...]:
     if present.hypothesis.term_sigma.from_elsewhere:
         return (Limits(better, better),)
     if present.seems_coded:
-        return Limits(better, least * exponent), Limits(least**2, better * exponent)
+        if_sound = Limits(better, better * exponent, sound=True)
+        return if_sound, Limits(better, least * exponent), Limits(least**2, better * exponent)
     return (Limits(least if present.may_be_coded else least**2, least * exponent),)
 
 
