@@ -159,6 +159,7 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
             and (alternative.demanded or alternative.kind not in no_better)
             and alternative.has_enough_images(len(present.scene.lamps))
         ]
+        losses_without: list[float] = []
         accepted: list[tuple[Alternative, Solution]] = []
         best: tuple[Alternative, Solution] | None = None
         for alternative in alternatives:
@@ -168,12 +169,14 @@ def _best_trial(present: Solution, no_better: set[str]) -> tuple[Alternative, So
             if trial is None:
                 no_better.add(alternative.kind)
                 continue
+            if alternative.leaves_out:
+                losses_without.append(trial.fit.loss)
             if alternative.accepted(present, trial):
                 accepted.append((alternative, trial))
                 best = min(accepted, key=_residuals)
             elif not alternative.demanded and trial.fit.misfit >= present.fit.misfit:
                 no_better.add(alternative.kind)
-        accepted = _without_codings_of_roughness(accepted)
+        accepted = _without_ambiguous_images(_without_codings_of_roughness(accepted), losses_without)
         if accepted:
             best = min(accepted, key=_residuals)
             return _better_with_another(accepted, best) or best
@@ -210,6 +213,18 @@ def _without_codings_of_roughness(accepted: list[tuple[Alternative, Solution]]) 
         or trial.fit.loss <= most * rough.loss
         or trial.fit.relative_residual <= rough.relative_residual
     ]
+
+
+def _without_ambiguous_images(
+    accepted: list[tuple[Alternative, Solution]], losses_without: list[float]
+) -> list[tuple[Alternative, Solution]]:
+    """Drops trials that leave an image out, unless one of them has clearly the least loss (decision 96). Where several
+    images can be left out with similar losses, the model fits badly, not an image. `losses_without` are the losses of
+    all such trials, accepted or not."""
+    least = sorted(losses_without)[:2]
+    if len(least) < 2 or least[0] <= model_trial.SETTINGS.better * least[1]:
+        return accepted
+    return [(alternative, trial) for alternative, trial in accepted if not alternative.leaves_out]
 
 
 def _better_with_another(
