@@ -54,8 +54,8 @@ def bad_image(present: Solution) -> list[Alternative]:
     scaled, in a poor fit, or with unlikely intensities, also where it is the worst by less. Scaling is undone first,
     because a bad image makes others seem too dark or too bright.
 
-    Loss and relative residuals have to fall, the loss further where only the poor fit or the intensities call for it.
-    A lower limit loses flashes on rough surfaces, which then err by 7–10° without a finding (decision 98).
+    The loss has to fall, and further where only the poor fit or the intensities call for it. Lower limits lose flashes
+    on rough surfaces, which then err by 7–10° (decision 98).
     """
     hypothesis, unscaled, better = present.hypothesis, _unscaled(present.hypothesis), model_trial.SETTINGS.better
     images = hypothesis.masked.images
@@ -65,7 +65,7 @@ def bad_image(present: Solution) -> list[Alternative]:
         Alternative(
             "bad image", f"image {images.label(worst.number)} does not fit the others: it is left out",
             unscaled.reread(changed_images.without(unscaled.masked.images, worst.number)),
-            (Limits(better, better) if sure else Limits(better**2),), worst.number, leaves_out=True,
+            (Limits(better if sure else better**2),), worst.number, leaves_out=True,
             decisive=worst.outlying,
         )
         for worst, sure in sorted(doubted.items(), key=lambda one: not one[0].outlying)

@@ -54,7 +54,7 @@ def test_image_with_a_flash_is_tried_without_however_the_images_fit(lit_from_the
     assert image_alternatives.one_outlies(lit_from_the_camera)
     first = image_alternatives.bad_image(lit_from_the_camera)[0]
     assert first.value == BAD
-    assert first.limits == (Limits(model_trial.SETTINGS.better, model_trial.SETTINGS.better),)
+    assert first.limits == (Limits(model_trial.SETTINGS.better),)
     clipped = first.hypothesis.masked.images.whole.clipped
     assert np.all(clipped[BAD])
     assert not np.any(clipped[np.arange(len(clipped)) != BAD])
@@ -103,15 +103,16 @@ def test_image_that_was_scaled_most_is_tried_without_and_others_as_they_were_rea
     [
         (False, 0.87, 0.87, 0.95, True),
         (False, 0.89, 0.8, 0.8, False),
-        (False, 0.72, 0.93, 0.92, False),
+        (False, 0.72, 0.93, 0.92, True),
         (True, 0.3, 0.5, 0.56, False),
         (True, 0.3, 0.5, 0.54, True),
     ],
 )
-def test_image_stays_out_by_loss_and_relative_residuals_unless_the_fit_is_poor(
+def test_image_stays_out_by_the_loss_unless_the_fit_is_poor(
     lit_from_the_camera: Solution, poor: bool, loss: float, share: float, misfit: float, accepted: bool
 ) -> None:
-    """Without its worst image a sound sheet kept 0.72 of the loss, and 0.93 of the relative residuals."""
+    """Relative residuals do not decide: those of a rough relief with a flash hardly fall, while it errs by 7.0° with
+    that image, and by 1.3° without."""
     first = image_alternatives.bad_image(lit_from_the_camera)[0]
     fit = replace(lit_from_the_camera.fit, misfit=4.0, loss=5.0) if poor else lit_from_the_camera.fit
     before = with_intensities(replace(lit_from_the_camera, fit=fit), np.zeros(8))
