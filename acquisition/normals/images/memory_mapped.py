@@ -32,7 +32,10 @@ def iterate(array: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def release(array: np.ndarray) -> None:
-    """Releases the pages of an array of `zeros` from memory if it has a file (MADV_DONTNEED); its values stay."""
+    """Releases the pages of an array of `zeros`, or of a view of one, from memory if it has a file (MADV_DONTNEED); its
+    values stay."""
     file = cast(object, array.base)
+    while isinstance(file, np.ndarray):
+        file = cast(object, file.base)
     if isinstance(file, mmap.mmap):
         file.madvise(mmap.MADV_DONTNEED)
