@@ -49,6 +49,11 @@ AS_GOOD = (Limits(1.0),)
 """Limits of what a test demands and no score or residual contradicts: the loss does not rise."""
 
 
+def clearly_better() -> tuple[Limits, ...]:
+    """Returns the limits of what a test suggests, but the fit has to confirm."""
+    return (Limits(model_trial.SETTINGS.better),)
+
+
 def explains_more() -> tuple[Limits, ...]:
     """Returns the limits of a reflectance that a score demands. Light between the walls of a matt vessel scores as
     gloss or roughness, but then neither lowers relative residuals, and the loss by little."""
@@ -114,7 +119,7 @@ class Alternative:
         found = self.step == 0 or getattr(trial.state.shared.terms, self.term) / self.step > FOUND_SHARE
         if before.hypothesis.nominal.shadows_informative and not self.hypothesis.nominal.shadows_informative:
             return found and not trial.badly_fitting
-        limits = self.limits if found else (Limits(model_trial.SETTINGS.better),)
+        limits = self.limits if found else clearly_better()
         return any(one.met(before.fit, trial.fit) for one in limits)
 
     def _ruled_out(self, before: Solution, trial: Solution) -> bool:

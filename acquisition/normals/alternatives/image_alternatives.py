@@ -13,7 +13,7 @@ from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.normals import alternation, self_calibration
 from acquisition.normals.alternatives import changed_images, light_tests, model_trial
-from acquisition.normals.alternatives.alternative import Alternative, Limits
+from acquisition.normals.alternatives.alternative import Alternative, Limits, clearly_better
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.uncertainty import goodness_of_fit
 
@@ -44,7 +44,7 @@ def moved_object(present: Solution) -> list[Alternative]:
     message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
     spacing = 1 if hypothesis.masked.channel is None else mosaic.CELL
     registered = hypothesis.reread(changed_images.translated(hypothesis.masked.images, moves, spacing))
-    return [Alternative(MOVED, message, registered, (Limits(model_trial.SETTINGS.better),), distance)]
+    return [Alternative(MOVED, message, registered, clearly_better(), distance)]
 
 
 def bad_image(present: Solution) -> list[Alternative]:
@@ -161,5 +161,5 @@ def held_shift(present: Solution) -> list[Alternative]:
     if not present.poor:
         return []
     held = replace(present.hypothesis, shift_sigma_m=0.0)
-    limits = (Limits(model_trial.SETTINGS.better),)
-    return [Alternative(SHIFT, "the object is held at its stated place", held, limits, unreported=True)]
+    message = "the object is held at its stated place"
+    return [Alternative(SHIFT, message, held, clearly_better(), unreported=True)]

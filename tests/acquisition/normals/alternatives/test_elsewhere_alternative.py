@@ -75,6 +75,32 @@ def test_stray_light_that_shadows_hold_is_accepted(solutions: tuple[Solution, So
     assert demanded(before).accepted(before, trial)
 
 
+def test_trial_whose_fit_cannot_be_judged_is_not_accepted(solutions: tuple[Solution, Solution]) -> None:
+    before, trial = solutions
+    unjudged = replace(trial, fit=replace(trial.fit, misfit=np.nan))
+    assert unjudged.unjudged
+    assert not demanded(before).accepted(before, unjudged)
+
+
+def test_losses_are_not_compared_where_values_at_black_are_newly_censored(
+    solutions: tuple[Solution, Solution],
+) -> None:
+    """Of a censored blob the loss rose to 3.3 times that before, and the error fell from 3.4 to 0.7°."""
+    before, trial = solutions
+    higher = replace(trial, fit=replace(trial.fit, loss=3 * before.fit.loss))
+    found = replace(demanded(before), step=trial.state.shared.terms.offset)
+
+    def censored(solution: Solution) -> Solution:
+        nominal = replace(solution.hypothesis.nominal, shadows_informative=False)
+        return replace(solution, hypothesis=replace(solution.hypothesis, nominal=nominal))
+
+    newly = replace(found, hypothesis=censored(higher).hypothesis)
+    assert not found.accepted(before, higher)
+    assert newly.accepted(before, censored(higher))
+    assert not newly.accepted(censored(before), censored(higher))
+    assert not replace(newly, step=3 * newly.step).accepted(before, censored(higher))
+
+
 def test_stray_light_that_leaves_shadows_below_zero_is_not_accepted(solutions: tuple[Solution, Solution]) -> None:
     """Reliefs of the size of a pixel fitted better with a third of white as ambient light, at three times the error."""
     before, trial = solutions

@@ -12,8 +12,14 @@ from acquisition import photometry
 from acquisition.models.light_plan import Light
 from acquisition.models.result import ATTACHED, CAST, ModelFinding, NormalMap
 from acquisition.normals import Images
-from acquisition.normals.alternatives import lamp_alternatives, light_tests, model_selection, term_alternatives
-from acquisition.normals.alternatives.alternative import Alternative
+from acquisition.normals.alternatives import (
+    lamp_alternatives,
+    light_tests,
+    model_selection,
+    model_trial,
+    term_alternatives,
+)
+from acquisition.normals.alternatives.alternative import Alternative, Limits
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.alternatives.term_tests import TermScore
 from acquisition.normals.pixels.image_terms import ImageTerms
@@ -34,6 +40,7 @@ from tests.acquisition.normals.alternatives.selection_cases import (
     mean_deg,
     object_of,
     read,
+    recorded_solutions,
     recorded_trials,
     reflected,
     relit,
@@ -131,6 +138,19 @@ def test_other_axes_in_a_sound_fit_are_tried_beside_what_a_score_demands(
     scores = replace(before.scores, roughness=TermScore(0.0, 0.0), exponent=TermScore(gain=200.0, step=-0.5))
     coded = replace(rough, scores=scores)
     assert {one.kind for one in lamp_alternatives.other_axes(coded)} == {"axes of the lamps", "coded values"}
+
+
+def test_other_axes_of_a_sound_outline_are_not_demanded_in_a_poor_fit(
+    cushion: scenes.Scene, images: Images, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only the poor fit calls for opposite lamps there, so they have to leave half of the loss."""
+    with recorded_solutions() as solutions:
+        solved(cushion, images)
+    monkeypatch.setattr(lamp_alternatives, "_likely", lambda *_: True)
+    poor = replace(solutions[0], fit=replace(solutions[0].fit, misfit=10.0))
+    (opposite,) = (one for one in lamp_alternatives.other_axes(poor) if one.kind == lamp_alternatives.AXES)
+    assert opposite.limits == (Limits(model_trial.SETTINGS.better_at_least),)
+    assert not opposite.demanded
 
 
 @pytest.mark.parametrize(("ambient_step", "competes"), [(0.004, True), (0.05, False)])
@@ -268,6 +288,10 @@ def test_accepted_gloss_by_its_score_does_not_fit_worse_as_a_share_of_the_values
         for share, loss in ((0.99, 0.99), (1.08, 0.99), (1.08, 0.5))
     ]
     assert [demanded.accepted(scored, replace(trial, fit=fit)) for fit in fits] == [True, False, True]
+    assert before.poor
+    unscored = replace(before, scores=replace(before.scores, gloss=TermScore(0.0, 0.0), roughness=TermScore(0.0, 0.0)))
+    assert [one.demanded for one in term_alternatives.gloss(unscored)] == [False, False]
+    assert demanded.demanded
 
 
 def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(
