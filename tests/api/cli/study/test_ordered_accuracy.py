@@ -61,7 +61,9 @@ def errors(run: simulated_scene.Run) -> Errors:
 @pytest.mark.parametrize("shape", MATT)
 def test_ordered_accuracy_each_run_states_why_it_stopped(shape: str, draw: int) -> None:
     for run in runs(shape, draw):
-        assert run["why"].startswith(("target met", "all lights allowed were captured", "further lights would hardly lower σ")), run
+        assert run["why"].startswith(
+            ("target met", "all lights allowed were captured", "further lights would hardly lower σ")
+        ), run
 
 
 def test_ordered_accuracy_targets_are_met() -> None:
