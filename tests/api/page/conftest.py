@@ -1,6 +1,7 @@
 """A simulated cell, the service as a process of its own with keys, and Chromium; skipped by name without Chromium."""
 
 import contextlib
+import os
 import time
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -25,7 +26,9 @@ from tests.api.page import chromium
 from tests.api.page.chromium import Console
 from tests.end_to_end.processes import Service, serving
 
-CELL = "127.0.49.10"
+CELL = f"127.0.49.{100 + int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))}"
+"""One for each process that runs tests, since modules share it."""
+
 TIMEOUT_MS = 120_000
 """How long the page is waited for, ms: what hangs fails, what a busy machine delays does not."""
 
@@ -79,6 +82,7 @@ class Lab:
 
     def settle(self) -> None:
         """Ends what holds the rig, acknowledges, and brings the arm home, so that the next test finds a free rig."""
+        refusals: list[str] = []
         for _ in range(SETTLE_ATTEMPTS):
             holder = self.client.rig().holder
             if holder is not None:
@@ -89,10 +93,11 @@ class Lab:
             try:
                 self.client.wait_ready(60)
                 self._go_home()
-            except ProblemError:  # a busy machine has made the watchdog stop the arm again
+            except ProblemError as error:  # a busy machine has made the watchdog stop the arm again
+                refusals.append(str(error))
                 continue
             return
-        raise AssertionError("the rig does not come to rest")
+        raise AssertionError(f"the rig does not come to rest: {refusals}")
 
     def _go_home(self) -> None:
         home = np.array(self.client.scene().arm.home)
