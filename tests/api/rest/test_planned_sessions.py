@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from acquisition.models.recipe import Method, Recipe
+from acquisition.plan import stopping_rule
 from acquisition.session import State
 from api import Client
 from api.rest import settings
@@ -24,7 +25,10 @@ CELL = "127.0.48.10"
 PIXELS = 128
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
-ORDERED = Recipe(target_sigma_deg=0.7, max_lights=12)
+TARGET_DEG = 0.5
+"""Below what the pilot reaches, 0.59° in the region."""
+
+ORDERED = Recipe(target_sigma_deg=TARGET_DEG, max_lights=12)
 MOST_STOPS = 8
 PROGRAM_ENDED = ("arm.not_ready", "lamp.not_confirmed")
 """What is said when the control program ends: between moves, and while the lamp is on."""
@@ -82,11 +86,11 @@ def test_session_ordered_accuracy_in_region_survives_restart(cell: Cell, tmp_pat
         assert ended.answer is not None
         summary = ended.answer.summary
         assert summary.region_sigma_deg is not None
-        assert summary.region_sigma_deg <= 0.7
+        assert summary.region_sigma_deg <= TARGET_DEG * (1 + stopping_rule.SETTINGS.tolerance)
         assert f"with {summary.images} images" in ended.conclusion
         before = service.client.results(session.id)[-2].summary
         assert before.region_sigma_deg is not None
-        assert before.region_sigma_deg > 0.7  # the last lights were needed
+        assert before.region_sigma_deg > TARGET_DEG  # the last lights were needed
         keys = [shot.key for shot in service.service.store.journal.shots(session.id)]
         assert len(keys) == len(set(keys))
 
