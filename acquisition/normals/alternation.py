@@ -201,7 +201,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         sky=sky,
         shadows=_shadow_equations(coarse, sky, measured, indirect.radiance, estimate, present),
         shared=shared,
-        shared_variance=_shared_normal_variance(estimate, shared, ray_direction, present.lamps, indirect.radiance),
+        shared_variance=shared_normal_variance(estimate, shared, ray_direction, present.lamps, indirect.radiance),
         indirect_irradiance=indirect.irradiance,
         typical_albedo=typical,
         noise=present.noise,
@@ -307,15 +307,20 @@ def _typical_albedo(estimate: Estimate, terms: ImageTerms) -> float:
     return float(median if terms.metal == 0 else np.median(estimate.albedo[estimate.albedo >= median]))
 
 
-def _shared_normal_variance(
+def shared_normal_variance(
     estimate: Estimate, shared: SharedParameters, ray_direction: Float32Array, lamps: Float32Array,
     indirect: Float32Array,
 ) -> Float32Array:  # fmt: skip
     """Variance (N,), rad², of the normals by errors of lamps, depth and terms, which pixels share, and of indirect
-    light, which images share."""
+    light, which images share; at most that of a random normal.
+
+    Without this bound it would be huge where the albedo vanishes, and cancellation in the interpolation to full
+    resolution would then make it negative in the pixels beside.
+    """
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, lamps)
     by_parameters = self_calibration.normal_variance(estimate, by_depth, lamps, shared)
-    return by_parameters + interreflection.normal_variance(estimate, indirect)
+    variance = by_parameters + interreflection.normal_variance(estimate, indirect)
+    return np.minimum(variance, np.float32(photometry.RANDOM_NORMAL_VARIANCE))
 
 
 def divide_intensity(values: Float32Array, log_intensity: FloatArray) -> Float32Array:

@@ -306,3 +306,21 @@ def test_solve_displaced_lamps_lowers_normal_error() -> None:
     assert np.corrcoef(np.ravel(estimated_offsets_m), np.ravel(offsets_m))[0, 1] > 0.7
     assert np.std(np.array(estimated_offsets_m) - offsets_m) < 0.75 * np.std(offsets_m)
     assert np.mean(error["sought"]) < 0.9 * np.mean(error["held"])
+
+
+def test_shared_normal_variance_where_albedo_vanishes_is_that_of_random_normal() -> None:
+    made, count = measured(size=9), 8
+    solved = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene)
+    g = solved.g.copy()
+    g[:, 0] *= 1e-7
+    nominal = SharedParameters.nominal(count)
+    shared = replace(nominal, covariance=1e-4 * np.eye(len(nominal.covariance)))
+    indirect = np.full(made.values.shape, 0.01, np.float32)
+
+    def variance(estimate: Estimate) -> np.ndarray:
+        return alternation.shared_normal_variance(estimate, shared, made.ray_direction, made.lamp, indirect)
+
+    found = variance(replace(solved, g=g))
+    assert found[0] == np.float32(photometry.RANDOM_NORMAL_VARIANCE)
+    np.testing.assert_array_equal(found[1:], variance(solved)[1:])
+    assert np.all(found[1:] < 0.01)
