@@ -170,7 +170,7 @@ def _refine(
     known_deg[lights < photometry.OVERDETERMINED] -= photometry.SETTINGS.unchecked_sigma_deg**2
     np.sqrt(np.maximum(known_deg, np.square(sigma_deg), out=known_deg), out=known_deg)
     sigma_deg[:] = errors.sigma_deg
-    markov_field.regularise(normals, maps["albedo"], known_deg, surface.pop("equations"), masked.ray)
+    markov_field.regularise(normals, maps["albedo"], sigma_deg, known_deg, surface.pop("equations"), masked.ray)
     return _Refined(errors, regression_share)
 
 
