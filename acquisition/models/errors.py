@@ -130,7 +130,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.REQUEST_TOO_LARGE: Problem(413, "The request body is too large", "Send a smaller body."),
     ErrorCode.REQUEST_MEDIA_TYPE: Problem(
-        415, "The request body is not JSON", "Send the body with Content-Type: application/json."
+        415, "The request body has the wrong media type", "Send the body with the Content-Type that the detail names."
     ),
     ErrorCode.REQUEST_TIMEOUT: Problem(
         408, "The request did not arrive in time", "Send the full request at once, over a faster connection."
