@@ -149,7 +149,7 @@ async def _halted(request: Request, error: Exception) -> Response:
 
 async def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - registered for this type
-    errors = [FieldError(field=_field(item["loc"]), message=item["msg"]) for item in error.errors()]
+    errors = [FieldError(field=_field(item["loc"]), message=_message(item)) for item in error.errors()]
     detail = "; ".join(f"{item.field}: {item.message}" for item in errors[:5])
     return response(ErrorCode.REQUEST_INVALID, detail, {"errors": errors}, request.url.path)
 
@@ -166,6 +166,13 @@ async def _http_error(request: Request, error: Exception) -> Response:
 async def _fault(request: Request, error: Exception) -> Response:
     # The server logs the exception with its trace after this answer is sent.
     return response(ErrorCode.SERVICE_FAULT, "An unexpected error; its traceback is in the log", None, request.url.path)
+
+
+def _message(error: Mapping[str, Any]) -> str:
+    """Returns a validation error in words: Pydantic puts an exception's name before our own sentences."""
+    if error["type"] == "extra_forbidden":
+        return "There is no such field"
+    return str(error["msg"]).removeprefix("Value error, ")
 
 
 def _field(location: Sequence[str | int]) -> str:
