@@ -99,7 +99,9 @@ class Problem:
 
 PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.REQUEST_INVALID: Problem(
-        422, "The request is invalid", "Correct what the detail says (`errors` names the fields) and send it again."
+        422,
+        "The request is invalid",
+        "Correct what the detail says and try again; `errors`, if given, names the fields.",
     ),
     ErrorCode.REQUEST_NOT_FOUND: Problem(
         404, "No resource exists at this address", "Follow the links of a session, or see /docs for the routes."
