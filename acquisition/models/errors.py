@@ -4,6 +4,7 @@ The table `PROBLEMS` is the only definition of a code's meaning, HTTP status and
 session's `reason` and the runbook are generated from it.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -396,6 +397,13 @@ def problem(code: ErrorCode, detail: str, **context: Any) -> dict[str, Any]:
     """Returns the problem object for journal and status: the table's entry with the detail of this case."""
     entry = PROBLEMS[code]
     return {"code": str(code), "title": entry.title, "detail": _open(detail), "remedy": entry.remedy, **context}
+
+
+def in_words(error: Mapping[str, Any]) -> str:
+    """Returns the message of one of Pydantic's errors: Pydantic puts an exception's name before our own sentences."""
+    if error["type"] == "extra_forbidden":
+        return "There is no such field"
+    return str(error["msg"]).removeprefix("Value error, ")
 
 
 class RigError(Exception):

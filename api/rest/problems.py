@@ -17,7 +17,7 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException
 
 from acquisition.models.calibration_recipe import TAGS
-from acquisition.models.errors import PROBLEMS, ErrorCode, Halted, RigError
+from acquisition.models.errors import PROBLEMS, ErrorCode, Halted, RigError, in_words
 from api.rest.schemas import FieldError, Problem, ProblemPage
 
 MEDIA_TYPE = "application/problem+json"
@@ -149,7 +149,7 @@ async def _halted(request: Request, error: Exception) -> Response:
 
 async def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - registered for this type
-    errors = [FieldError(field=_field(item["loc"]), message=_message(item)) for item in error.errors()]
+    errors = [FieldError(field=_field(item["loc"]), message=in_words(item)) for item in error.errors()]
     detail = "; ".join(f"{item.field}: {item.message}" for item in errors[:5])
     return response(ErrorCode.REQUEST_INVALID, detail, {"errors": errors}, request.url.path)
 
@@ -166,13 +166,6 @@ async def _http_error(request: Request, error: Exception) -> Response:
 async def _fault(request: Request, error: Exception) -> Response:
     # The server logs the exception with its trace after this answer is sent.
     return response(ErrorCode.SERVICE_FAULT, "An unexpected error; its traceback is in the log", None, request.url.path)
-
-
-def _message(error: Mapping[str, Any]) -> str:
-    """Returns a validation error in words: Pydantic puts an exception's name before our own sentences."""
-    if error["type"] == "extra_forbidden":
-        return "There is no such field"
-    return str(error["msg"]).removeprefix("Value error, ")
 
 
 def _field(location: Sequence[str | int]) -> str:
