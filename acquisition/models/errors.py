@@ -403,6 +403,8 @@ def in_words(error: Mapping[str, Any]) -> str:
     """Returns the message of one of Pydantic's errors: Pydantic puts an exception's name before our own sentences."""
     if error["type"] == "extra_forbidden":
         return "There is no such field"
+    if error["type"] == "union_tag_invalid":
+        return f"`kind` must be one of {error['ctx']['expected_tags']}, not '{error['ctx']['tag']}'"
     return str(error["msg"]).removeprefix("Value error, ")
 
 

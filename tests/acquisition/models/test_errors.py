@@ -11,16 +11,23 @@ from api.rest import settings
 ROOT = Path(__file__).parents[3]
 
 
-def test_cell_file_names_a_misspelt_field_in_words(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("[arm]\n", "[arm]\nsettle = 3\n", "settle: There is no such field"),
+        ("[camera]\n", '[camera]\nkind = "avaris"\n', "camera: `kind` must be one of 'sim', 'pylon', 'aravis'"),
+    ],
+)
+def test_cell_file_names_what_is_misspelt_in_words(tmp_path: Path, before: str, after: str, said: str) -> None:
     text = (ROOT / "hardware_sim" / "cells" / "cell.sim.toml").read_text(encoding="utf-8")
     wrong = tmp_path / "cell.toml"
-    wrong.write_text(text.replace("[arm]\n", "[arm]\nsettle = 3\n", 1), encoding="utf-8")
+    wrong.write_text(text.replace(before, after, 1), encoding="utf-8")
 
     with pytest.raises(RigError) as refused:
         cell_config.load(wrong)
 
     assert refused.value.code is ErrorCode.CONFIG_INVALID
-    assert "settle: There is no such field" in refused.value.detail
+    assert said in refused.value.detail
 
 
 def test_setting_that_is_refused_is_told_without_the_name_of_an_exception() -> None:
