@@ -26,6 +26,7 @@ from typing import Any
 
 from acquisition.models import cell_config
 from acquisition.models.camera_config import SimCameraConfig
+from acquisition.models.errors import RigError
 from hardware_sim.controller.control import ControlClient
 
 INTERFACE = "127.0.0.1"
@@ -169,10 +170,16 @@ def main() -> None:
     parser.add_argument("--serial", default="lightpose")
     parser.add_argument("--trigger-output", type=int)
     given = parser.parse_args()
-    cell = cell_config.load(given.cell)
+    try:
+        cell = cell_config.load(given.cell)
+    except RigError as error:
+        parser.error(error.detail)
     if not isinstance(cell.camera, SimCameraConfig):
         parser.error(f"{given.cell} has no camera of kind 'sim'")
-    camera = GigeCamera(cell.camera, given.serial)
+    try:
+        camera = GigeCamera(cell.camera, given.serial)
+    except (ImportError, ValueError, OSError) as error:
+        parser.error(f"{error}; docs/how-to/aravis-camera.md says how to install Aravis and its bindings")
     if given.trigger_output is not None:
         watching = (cell.arm.address, given.trigger_output, camera)
         threading.Thread(target=watch_output, args=watching, daemon=True).start()

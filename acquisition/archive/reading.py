@@ -16,6 +16,7 @@ from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models import calibration_recipe
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import in_words
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.store.folder import sha256_of
@@ -43,7 +44,7 @@ def _facts(folder: Path, stated: dict[str, Any], label: str | None, notes: str |
         cell = CellConfig.model_validate_json(text(folder / session_folder.CELL))
         calibration = Calibration.model_validate_json(text(folder / session_folder.CALIBRATION))
     except ValidationError as error:
-        raise refusal(folder, f"{error.title} is not readable: {error.errors()[0]['msg']}") from error
+        raise refusal(folder, f"{error.title} is not readable: {in_words(error.errors()[0])}") from error
     shots: list[dict[str, Any]] = stated["shots"]
     return SessionFacts(
         session_id=str(stated["session_id"]),
@@ -85,7 +86,7 @@ def _result(folder: Path, session: SessionEntry, capture: dict[str, Any]) -> Res
     try:
         settings = SolveSettings.model_validate(stated["settings"])
     except ValidationError as error:
-        raise refusal(own, f"its settings are not readable: {error.errors()[0]['msg']}") from error
+        raise refusal(own, f"its settings are not readable: {in_words(error.errors()[0])}") from error
     sigma = stated["summary"].get("mean_sigma_deg")
     return ResultEntry(
         session=session.key,

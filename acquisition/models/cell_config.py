@@ -18,7 +18,7 @@ from acquisition.models import stl
 from acquisition.models.base import Joints, Value, Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.camera_config import AnyCamera
-from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError, in_words
 
 
 class Pose(Value):
@@ -377,4 +377,4 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def _fields(error: ValidationError) -> str:
-    return "; ".join(f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in error.errors())
+    return "; ".join(f"{'.'.join(map(str, item['loc']))}: {in_words(item)}" for item in error.errors())

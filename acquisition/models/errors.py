@@ -4,6 +4,7 @@ The table `PROBLEMS` is the only definition of a code's meaning, HTTP status and
 session's `reason` and the runbook are generated from it.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -99,7 +100,9 @@ class Problem:
 
 PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.REQUEST_INVALID: Problem(
-        422, "The request is invalid", "Correct what the detail says (`errors` names the fields) and send it again."
+        422,
+        "The request is invalid",
+        "Correct what the detail says and try again; `errors`, if given, names the fields.",
     ),
     ErrorCode.REQUEST_NOT_FOUND: Problem(
         404, "No resource exists at this address", "Follow the links of a session, or see /docs for the routes."
@@ -130,7 +133,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.REQUEST_TOO_LARGE: Problem(413, "The request body is too large", "Send a smaller body."),
     ErrorCode.REQUEST_MEDIA_TYPE: Problem(
-        415, "The request body is not JSON", "Send the body with Content-Type: application/json."
+        415, "The request body has the wrong media type", "Send the body with the Content-Type that the detail names."
     ),
     ErrorCode.REQUEST_TIMEOUT: Problem(
         408, "The request did not arrive in time", "Send the full request at once, over a faster connection."
@@ -394,6 +397,15 @@ def problem(code: ErrorCode, detail: str, **context: Any) -> dict[str, Any]:
     """Returns the problem object for journal and status: the table's entry with the detail of this case."""
     entry = PROBLEMS[code]
     return {"code": str(code), "title": entry.title, "detail": _open(detail), "remedy": entry.remedy, **context}
+
+
+def in_words(error: Mapping[str, Any]) -> str:
+    """Returns the message of one of Pydantic's errors: Pydantic puts an exception's name before our own sentences."""
+    if error["type"] == "extra_forbidden":
+        return "There is no such field"
+    if error["type"] == "union_tag_invalid":
+        return f"`kind` must be one of {error['ctx']['expected_tags']}, not '{error['ctx']['tag']}'"
+    return str(error["msg"]).removeprefix("Value error, ")
 
 
 class RigError(Exception):

@@ -93,10 +93,12 @@ class PlanningService:
         """Returns the cell's reach as JSON. Raises RigError rig.busy if it is not made and a session holds the rig."""
         calibration = self._calibration
         cache = self._executor.reach_cache_of(calibration)
-        if self._store.journal.holder() is not None and not cache.exists():
+        holder = self._store.journal.holder()
+        if holder is not None and not cache.exists():
             raise RigError(
                 ErrorCode.RIG_BUSY,
                 "The reach is not computed yet, and cannot be while a session holds the rig: ask again later",
+                holder=holder.id,
             )
         if not cache.exists():
             self._compute.run(self._closing, "make_reach", self._choices.lamp_cell, calibration, cache)
@@ -116,7 +118,7 @@ class PlanningService:
             plan, forecast = self._design(recipe)
             route = self._route(plan, start)
         except Preempted as error:
-            raise _busy() from error
+            raise self._busy() from error
         frame_s = recipe.exposure.seconds or ASSUMED_EXPOSURE_S
         stop_s = cell.arm.settle_s + cell.lamp.rise_s + frame_s
         further = exposure.further_times(frame_s, recipe.exposure, cell.camera)
@@ -138,7 +140,7 @@ class PlanningService:
                 self._closing, "board_poses", recipe, self._rig.cell, known, none_yet, None, preemptible=True
             )
         except Preempted as error:
-            raise _busy() from error
+            raise self._busy() from error
         return plan, known
 
     def _design(self, recipe: Recipe) -> tuple[LightPlan, PriorForecast]:
@@ -235,7 +237,12 @@ class PlanningService:
         """Raises RigError rig.busy while a session works."""
         holder = self._store.journal.holder()
         if holder is not None and holder.state not in (State.PAUSED, State.INTERRUPTED):
-            raise _busy()
+            raise self._busy()
+
+    def _busy(self) -> RigError:
+        holder = self._store.journal.holder()
+        context = {} if holder is None else {"holder": holder.id}
+        return RigError(ErrorCode.RIG_BUSY, "A session is working: request the dry run again later", **context)
 
     def _require_review(self, session_id: str, number: int) -> None:
         """Raises RigError session.action_not_allowed unless the session waits for the review of this pass's plan."""
@@ -251,7 +258,3 @@ class PlanningService:
     def _next_step(self, session_id: str) -> Step | None:
         home = self._rig.cell.arm.home
         return session.next_step(self._store.record(session_id), home, home)
-
-
-def _busy() -> RigError:
-    return RigError(ErrorCode.RIG_BUSY, "A session is working: request the dry run again later")

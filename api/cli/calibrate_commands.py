@@ -152,6 +152,7 @@ def _recipe(wanted: dict[str, Any]) -> "AnyRecipe":
     from pydantic import ValidationError
 
     from acquisition.models import calibration_recipe
+    from acquisition.models.errors import in_words
 
     try:
         return calibration_recipe.read(json.dumps(wanted))
@@ -159,7 +160,7 @@ def _recipe(wanted: dict[str, Any]) -> "AnyRecipe":
         wrong = error.errors()[0]
         names = [str(part) for part in wrong["loc"] if part not in calibration_recipe.TAGS] or ["options"]
         name = names[0].replace("max_images", "images").replace("_", "-")
-        raise typer.BadParameter(wrong["msg"], param_hint=f"--{name}") from error
+        raise typer.BadParameter(in_words(wrong), param_hint=f"--{name}") from error
 
 
 @app.command()

@@ -21,7 +21,7 @@ from acquisition.formats.folders.refusal import refusal
 from acquisition.models import cell_config
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration_result import CameraResult, ViewResidual
-from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError, in_words
 from acquisition.store.folder import write_value
 from acquisition.waypoints import calibrated_kinematics
 from api.cli import calibration_folder
@@ -51,7 +51,7 @@ def draw_board(
     except ValidationError as error:
         wrong = error.errors()[0]
         raise RigError(
-            ErrorCode.REQUEST_INVALID, f"--{str(wrong['loc'][0]).replace('square_m', 'square-mm')}: {wrong['msg']}"
+            ErrorCode.REQUEST_INVALID, f"--{str(wrong['loc'][0]).replace('square_m', 'square-mm')}: {in_words(wrong)}"
         ) from error
     described = out.with_suffix(".json")
     refuse_overwriting(out, described)

@@ -62,7 +62,9 @@ class Authentication:
         caller = self.recognised(scope, headers)
         if caller is None:
             self._count_failure(host, time.monotonic())
-            raise RigError(ErrorCode.REQUEST_UNAUTHENTICATED, f"{method} {path[:200]} needs a key")
+            raise RigError(
+                ErrorCode.REQUEST_UNAUTHENTICATED, f"{method} {path[:200]} needs a key{_why(scope, headers)}"
+            )
         needed = needed_role(method, path)
         if not caller.role.covers(needed):
             whose = f"The key {caller.name!r} has" if self.keys.required else "Without a key you have"
@@ -90,12 +92,23 @@ class Authentication:
             wait = FAILURE_WINDOW_S - (now - recent[0])
             raise RigError(
                 ErrorCode.REQUEST_TOO_MANY_FAILURES,
-                f"{MAX_FAILURES} wrong keys came from {host}",
+                f"{MAX_FAILURES} requests without a valid key came from {host} within {FAILURE_WINDOW_S:.0f} s",
                 retry_after_s=round(wait),
             )
         recent.append(now)
         while len(self._failures) > MAX_HOSTS:
             del self._failures[next(iter(self._failures))]
+
+
+def _why(scope: Scope, headers: Headers) -> str:
+    """Returns why what the caller sent is no key, as the end of a sentence; empty if nothing was sent."""
+    if given := headers.get("authorization", ""):
+        bearer = given.partition(" ")[0].lower() == "bearer"
+        return "; the one sent is wrong or revoked" if bearer else "; the Authorization header sent is not a Bearer key"
+    if "ticket" in parse_qs(scope["query_string"].decode("latin-1")):
+        reading = scope["method"] in SAFE_METHODS
+        return "; the ticket sent is wrong or has expired" if reading else "; a ticket allows reading only"
+    return ""
 
 
 def needed_role(method: str, path: str) -> Role:

@@ -17,7 +17,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.calibration_set import CELL_FILE, CalibrationSet
 from acquisition.models.cell_config import Tool
-from acquisition.models.errors import ErrorCode
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import sha256_of
 from acquisition.waypoints import mounted_tool
 from api.rest import problems, stored_files
@@ -139,6 +139,9 @@ def calibration_file(
     name: Annotated[str, InPath(max_length=100, description="File name, one of its `links`")],
 ) -> FileResponse:
     """Returns one file of a calibration: values with covariance and residuals, corners, pictures."""
+    if calibration_id == CELL_FILE:
+        detail = "The cell file's calibration has no files here; GET /v1/rig/calibration has its values while in use"
+        raise RigError(ErrorCode.CALIBRATION_NOT_FOUND, detail)
     path = service.store.calibrations.file(calibration_id, name)
     return stored_files.file_response(path, f"{calibration_id}-{name}", sha256_of(path))
 

@@ -53,7 +53,7 @@ _VALID_UNTIL = {
     "schema": {"type": "number", "minimum": 0},
 }
 _ENDLESS = ("text/event-stream", "multipart/")
-_NEVER_KEPT = frozenset({"preview_picture", "preview_figures_of", "preview_clipping", "archive"})
+_NEVER_KEPT = frozenset({"preview_picture", "preview_figures_of", "preview_clipping", "preview_target", "archive"})
 
 _SCHEMAS_OUTSIDE_ROUTES = {
     "Problem": Problem,

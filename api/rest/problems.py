@@ -17,7 +17,7 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException
 
 from acquisition.models.calibration_recipe import TAGS
-from acquisition.models.errors import PROBLEMS, ErrorCode, Halted, RigError
+from acquisition.models.errors import PROBLEMS, ErrorCode, Halted, RigError, in_words
 from api.rest.schemas import FieldError, Problem, ProblemPage
 
 MEDIA_TYPE = "application/problem+json"
@@ -149,7 +149,7 @@ async def _halted(request: Request, error: Exception) -> Response:
 
 async def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - registered for this type
-    errors = [FieldError(field=_field(item["loc"]), message=item["msg"]) for item in error.errors()]
+    errors = [FieldError(field=_field(item["loc"]), message=in_words(item)) for item in error.errors()]
     detail = "; ".join(f"{item.field}: {item.message}" for item in errors[:5])
     return response(ErrorCode.REQUEST_INVALID, detail, {"errors": errors}, request.url.path)
 

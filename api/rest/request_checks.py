@@ -172,10 +172,12 @@ def _refuse_expired(headers: Headers) -> None:
 
 def _refuse_malformed(scope: Scope, headers: Headers, body: bytes) -> None:
     media_type = headers.get("content-type", "").partition(";")[0].strip().lower()
-    if media_type == "image/png" and scope["path"].endswith(".png"):
-        return  # an image for an address that holds one: its route validates it
-    if media_type != "application/json":
-        raise RigError(ErrorCode.REQUEST_MEDIA_TYPE, f"The body's Content-Type is {media_type[:80] or 'missing'}")
+    needed = "image/png" if scope["path"].endswith(".png") else "application/json"
+    if media_type != needed:
+        found = media_type[:80] or "missing"
+        raise RigError(ErrorCode.REQUEST_MEDIA_TYPE, f"The body's Content-Type is {found}; this address takes {needed}")
+    if needed == "image/png":
+        return  # its route validates the image
     try:
         value: Any = json.loads(body, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:

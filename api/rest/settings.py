@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError, in_words
 from api.rest.logs import LogFormat
 from api.rest.trusted_proxies import TrustedProxies
 
@@ -74,7 +74,7 @@ def read_as(kind: type[SettingsT], **values: Any) -> SettingsT:
         return kind(**values)
     except ValidationError as error:
         fields = "; ".join(
-            f"LIGHTPOSE_{'_'.join(map(str, item['loc'])).upper()}: {item['msg']}" for item in error.errors()
+            f"LIGHTPOSE_{'_'.join(map(str, item['loc'])).upper()}: {in_words(item)}" for item in error.errors()
         )
         raise RigError(ErrorCode.CONFIG_INVALID, fields) from error
 

@@ -6,7 +6,7 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from acquisition.models.base import Value
-from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError, in_words
 
 ValueT = TypeVar("ValueT", bound=Value)
 
@@ -41,4 +41,6 @@ def value(path: Path, kind: type[ValueT]) -> ValueT:
     except ValidationError as error:
         worst = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in worst["loc"]) or "the file"
-        raise refusal(path, f"{field}: {worst['msg']} ({error.error_count()} error(s) in all): correct it") from error
+        raise refusal(
+            path, f"{field}: {in_words(worst)} ({error.error_count()} error(s) in all): correct it"
+        ) from error

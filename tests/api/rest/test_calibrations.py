@@ -77,6 +77,9 @@ def test_calibration_of_another_camera_is_refused_by_name(own: Running, tmp_path
     with pytest.raises(ProblemError) as unknown:
         own.client.activate_calibration("20000101-000000-000000")
     assert unknown.value.problem.code is ErrorCode.CALIBRATION_NOT_FOUND
+    of_cell = own.http.get("/v1/rig/calibrations/cell/calibration.json")
+    assert of_cell.json()["code"] == ErrorCode.CALIBRATION_NOT_FOUND
+    assert "GET /v1/rig/calibration " in of_cell.json()["detail"]
 
 
 def test_session_of_another_tool_is_refused_at_start(start: Callable[..., Any]) -> None:

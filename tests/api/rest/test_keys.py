@@ -59,6 +59,25 @@ def test_refusal_without_key_names_bearer_scheme(locked: Any) -> None:
     assert answer.json()["code"] == "request.unauthenticated"
 
 
+@pytest.mark.parametrize(
+    ("method", "address", "headers", "said"),
+    [
+        ("GET", "/v1/rig", {}, "needs a key"),
+        ("GET", "/v1/rig", {"Authorization": "Bearer lightpose_old"}, "wrong or revoked"),
+        ("GET", "/v1/rig", {"Authorization": "Basic YTpi"}, "not a Bearer key"),
+        ("GET", "/v1/rig?ticket=old", {}, "has expired"),
+        ("POST", "/v1/rig/park?ticket=any", {}, "reading only"),
+    ],
+)
+def test_refusal_says_what_is_wrong_with_the_key_sent(
+    locked: Any, method: str, address: str, headers: dict[str, str], said: str
+) -> None:
+    refused = locked.http.request(method, address, headers=headers)
+
+    assert refused.status_code == 401
+    assert refused.json()["detail"].endswith(said)
+
+
 def test_role_decides_which_requests_are_allowed(locked: Any, secrets: SECRETS) -> None:
     http: httpx.Client = locked.http
     viewer, operator, admin = (as_(role, secrets) for role in Role)

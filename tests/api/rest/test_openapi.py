@@ -188,6 +188,10 @@ def test_openapi_states_headers_that_answers_have() -> None:
     assert "Location" in sessions["post"]["responses"]["201"]["headers"]
     assert "ETag" in sessions["get"]["responses"]["200"]["headers"]
     assert "304" in sessions["get"]["responses"]
+    for part in (".jpg", "/figures", "/clipping.png", "/target"):
+        good = description()["paths"][f"/v1/rig/preview{part}"]["get"]["responses"]
+        assert "304" not in good, part  # the present image is never kept
+        assert "ETag" not in good["200"].get("headers", {}), part
 
 
 def test_openapi_references_resolve() -> None:

@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from acquisition.models.errors import PROBLEMS, ErrorCode
+from acquisition.session import Trigger
 
 JSON = {"Content-Type": "application/json"}
 
@@ -62,6 +63,20 @@ def test_problem_invalid_recipe_names_its_field(shared: Any, body: str, field: s
 
     assert any(item["field"].startswith(field) and item["message"] for item in refusal["errors"]), refusal
     assert shared.service.store.journal.sessions(10) == []
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ('{"planned_light": 4}', "planned_light: There is no such field"),
+        ('{"user_lights": [[0, 0, -1]]}', "user_lights are for method `user` only"),
+    ],
+)
+def test_problem_invalid_recipe_is_told_in_words_of_ours(shared: Any, body: str, said: str) -> None:
+    refusal = problem(shared.http.post("/v1/sessions", content=body.encode(), headers=JSON), ErrorCode.REQUEST_INVALID)
+
+    assert said in refusal["detail"]
+    assert "Value error" not in refusal["detail"]
 
 
 def test_problem_body_of_invalid_utf8_is_refused(shared: Any) -> None:
@@ -125,6 +140,12 @@ def test_problem_invalid_parameter_is_named(shared: Any, address: str, field: st
     body = problem(shared.http.get(f"{address}"), ErrorCode.REQUEST_INVALID)
 
     assert body["errors"][0]["field"] == field
+
+
+def test_problem_time_without_zone_says_how_to_write_it(shared: Any) -> None:
+    body = problem(shared.http.get("/v1/sessions?since=2026-11-30"), ErrorCode.REQUEST_INVALID)
+
+    assert body["detail"].startswith("since: Give a time")
 
 
 @pytest.mark.parametrize(
@@ -228,6 +249,23 @@ def test_problem_page_exists_for_each_code(shared: Any, code: ErrorCode) -> None
     }
     assert page.headers["content-type"].startswith("text/html")
     assert f"<code>{code}</code>" in page.text
+
+
+@pytest.mark.parametrize(
+    ("method", "address", "body"),
+    [
+        ("GET", "/v1/rig/reach", None),
+        ("POST", "/v1/dry-runs", {}),
+        ("POST", "/v1/dry-runs/views", {"kind": "camera"}),
+    ],
+)
+def test_problem_busy_rig_names_its_holder(own: Any, method: str, address: str, body: dict[str, Any] | None) -> None:
+    holding = own.client.create()
+    own.service.store.journal.trigger(holding.id, Trigger.START, "test")
+
+    refused = own.http.request(method, address, json=body)
+
+    assert problem(refused, ErrorCode.RIG_BUSY)["holder"] == holding.id
 
 
 def test_problem_page_unknown_code_is_404(shared: Any) -> None:

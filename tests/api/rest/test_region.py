@@ -75,7 +75,10 @@ def test_region_unusable_mask_is_refused_with_remedy(shared: Any, content: bytes
 
 def test_region_accepts_only_png_and_only_before_planning(own: Any) -> None:
     session = own.client.create(Recipe())
-    assert put(own.http, session.id, png(square()), "application/octet-stream").status_code == 415
+    for media_type in ("application/octet-stream", "application/json"):
+        refused = put(own.http, session.id, b"{}", media_type)
+        assert refused.status_code == 415
+        assert "takes image/png" in refused.json()["detail"]
     assert put(own.http, "no-such", png(square())).status_code == 404
 
     own.service.store.journal.trigger(session.id, Trigger.STOP, "test")

@@ -1,0 +1,38 @@
+"""Validation errors are told in our own words, wherever a file or a setting is read."""
+
+from pathlib import Path
+
+import pytest
+
+from acquisition.models import cell_config
+from acquisition.models.errors import ErrorCode, RigError
+from api.rest import settings
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("[arm]\n", "[arm]\nsettle = 3\n", "settle: There is no such field"),
+        ("[camera]\n", '[camera]\nkind = "avaris"\n', "camera: `kind` must be one of 'sim', 'pylon', 'aravis'"),
+    ],
+)
+def test_cell_file_names_what_is_misspelt_in_words(tmp_path: Path, before: str, after: str, said: str) -> None:
+    text = (ROOT / "hardware_sim" / "cells" / "cell.sim.toml").read_text(encoding="utf-8")
+    wrong = tmp_path / "cell.toml"
+    wrong.write_text(text.replace(before, after, 1), encoding="utf-8")
+
+    with pytest.raises(RigError) as refused:
+        cell_config.load(wrong)
+
+    assert refused.value.code is ErrorCode.CONFIG_INVALID
+    assert said in refused.value.detail
+
+
+def test_setting_that_is_refused_is_told_without_the_name_of_an_exception() -> None:
+    with pytest.raises(RigError) as refused:
+        settings.read(trusted_proxies=["foo"])
+
+    assert "LIGHTPOSE_TRUSTED_PROXIES" in refused.value.detail
+    assert "Value error" not in refused.value.detail
