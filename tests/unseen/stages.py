@@ -194,7 +194,7 @@ STAGES = (
     ),
     Stage(
         "Markov random field",
-        "Uncertain normals stay as their own images tell them.",
+        "Uncertain normals stay as their own images tell them; σ is not lowered for it.",
         (Patch(markov_field, "regularise", _unchanged),),
     ),
     Stage(
