@@ -54,6 +54,19 @@ Tool = Literal["lamp", "board"]
 """What is on the arm's flange: the lamp, or the ChArUco board of the cell file."""
 
 
+MAX_MARKERS = 250
+"""Number of different markers of the dictionary: a ChArUco board has one in each white square."""
+
+
+def refuse_too_many_squares(columns: int, rows: int) -> None:
+    """Raises ValueError for a ChArUco board of more white squares than there are markers."""
+    if columns * rows // 2 > MAX_MARKERS:
+        raise ValueError(
+            f"{columns} × {rows} squares need {columns * rows // 2} markers, but there are {MAX_MARKERS}: use fewer, "
+            "larger squares"
+        )
+
+
 class BoardConfig(Value):
     """A ChArUco board on the flange, for calibration sessions. Its frame has its origin at the upper left corner of the
     squares, x along the columns, y along the rows and z into the board."""
@@ -83,6 +96,11 @@ class BoardConfig(Value):
     )
 
     @model_validator(mode="after")
+    def _markers_suffice(self) -> "BoardConfig":
+        refuse_too_many_squares(self.columns, self.rows)
+        return self
+
+    @model_validator(mode="after")
     def _payload_is_whole(self) -> "BoardConfig":
         """Refuses a mass without a centre of gravity, and the other way round."""
         if (self.payload_kg is None) != (self.payload_center_m is None):
@@ -107,6 +125,11 @@ class LampTargetsConfig(Value):
     legacy_pattern: bool = Field(default=False, description="Pattern of OpenCV before 4.6 and of calib.io")
     albedo: float = Field(ge=0.05, le=1, description="Reflectance of the blank middle: office paper has 0.85")
     albedo_sigma: float = Field(default=0.01, ge=0, le=0.5, description="1 σ of that, as a fraction")
+
+    @model_validator(mode="after")
+    def _markers_suffice(self) -> "LampTargetsConfig":
+        refuse_too_many_squares(self.columns, self.rows)
+        return self
 
 
 class GreyTileConfig(Value):
@@ -377,4 +400,9 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def _fields(error: ValidationError) -> str:
-    return "; ".join(f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in error.errors())
+    return "; ".join(": ".join((*_path(item["loc"]), item["msg"])) for item in error.errors())
+
+
+def _path(parts: tuple[int | str, ...]) -> tuple[str, ...]:
+    """Returns the path of a field, or nothing for what concerns the whole."""
+    return (".".join(map(str, parts)),) if parts else ()
