@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from acquisition.models.base import FloatArray, Value
 from acquisition.models.cell_config import BoardConfig
+from acquisition.models.charuco_markers import refuse_too_many_squares
 
 DICTIONARY = "DICT_5X5_250"
 """Markers of the board: their 25 bits are read down to 1.5 pixels a bit, and 250 markers fill boards of 500 squares."""
@@ -42,6 +43,11 @@ class CharucoBoard(Value):
     border_squares: int = Field(
         default=0, ge=0, le=10, description="0: squares all over; n: a frame of n squares round a blank, matt middle"
     )
+
+    @model_validator(mode="after")
+    def _markers_suffice(self) -> "CharucoBoard":
+        refuse_too_many_squares(self.columns, self.rows)
+        return self
 
     @property
     def size_m(self) -> tuple[float, float]:

@@ -55,7 +55,7 @@ def with_response(calibration: Calibration, found: ResponseResult) -> Calibratio
 
 
 def advice(found: ResponseResult) -> list[str]:
-    """Returns what to do next, for people."""
+    """Returns what to correct, for people; nothing if the result is good."""
     said: list[str] = []
     if found.room_over_lamp > MAX_ROOM_OVER_LAMP:
         said.append(
@@ -76,7 +76,7 @@ def advice(found: ResponseResult) -> list[str]:
         )
     if found.defects:
         said.append(f"{len(found.defects)} pixels are defective; response.json lists them.")
-    return said or ["Make it the active calibration (PUT /v1/rig/calibrations/active)."]
+    return said
 
 
 def draw(found: ResponseFit, path: Path) -> None:

@@ -18,6 +18,7 @@ from acquisition.models import stl
 from acquisition.models.base import Joints, Value, Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.camera_config import AnyCamera
+from acquisition.models.charuco_markers import refuse_too_many_squares
 from acquisition.models.errors import ErrorCode, RigError, in_words
 
 
@@ -83,6 +84,11 @@ class BoardConfig(Value):
     )
 
     @model_validator(mode="after")
+    def _markers_suffice(self) -> "BoardConfig":
+        refuse_too_many_squares(self.columns, self.rows)
+        return self
+
+    @model_validator(mode="after")
     def _payload_is_whole(self) -> "BoardConfig":
         """Refuses a mass without a centre of gravity, and the other way round."""
         if (self.payload_kg is None) != (self.payload_center_m is None):
@@ -107,6 +113,11 @@ class LampTargetsConfig(Value):
     legacy_pattern: bool = Field(default=False, description="Pattern of OpenCV before 4.6 and of calib.io")
     albedo: float = Field(ge=0.05, le=1, description="Reflectance of the blank middle: office paper has 0.85")
     albedo_sigma: float = Field(default=0.01, ge=0, le=0.5, description="1 σ of that, as a fraction")
+
+    @model_validator(mode="after")
+    def _markers_suffice(self) -> "LampTargetsConfig":
+        refuse_too_many_squares(self.columns, self.rows)
+        return self
 
 
 class GreyTileConfig(Value):
@@ -377,4 +388,5 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def _fields(error: ValidationError) -> str:
-    return "; ".join(f"{'.'.join(map(str, item['loc']))}: {in_words(item)}" for item in error.errors())
+    parts = ((".".join(map(str, item["loc"])), in_words(item)) for item in error.errors())
+    return "; ".join(": ".join(filter(None, part)) for part in parts)

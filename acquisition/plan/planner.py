@@ -117,6 +117,6 @@ def _reason(unit: FloatArray, with_all_deg: FloatArray, without_deg: FloatArray)
     improved = with_all_deg < 0.95 * without_deg
     effect = "lowers σ of all pixels a little"
     if np.any(improved):
-        change = f"from {np.median(without_deg[improved]):.1f}° to {np.median(with_all_deg[improved]):.1f}°"
+        change = f"from {np.median(without_deg[improved]):.2f}° to {np.median(with_all_deg[improved]):.2f}°"
         effect = f"lowers the median σ of {np.mean(improved):.0%} of the pixels {change}"
     return f"{baselines.describe_direction(unit)}: {effect}"

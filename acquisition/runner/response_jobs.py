@@ -84,7 +84,7 @@ def estimate_response(
         full_well_e=result.full_well_e,
         defective_pixels=len(result.defects),
         fingerprint=changed.fingerprint,
-        advice=response_results.advice(result),
+        advice=response_results.advice(result) or ["Make it the active calibration (PUT /v1/rig/calibrations/active)."],
     )
     discard_partial(folder)
     with atomic_folder(folder) as partial_folder:

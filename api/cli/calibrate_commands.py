@@ -78,6 +78,7 @@ def camera(
 
     With --address the service takes them itself, with the board on the arm's flange.
     """
+    _refuse_both(folder, address)
     if address is None:
         from api.cli import calibrating
 
@@ -116,6 +117,7 @@ def hand_eye(
     The folder holds joints.csv: for each image a line with its name and the six joints in rad. With --address the
     service takes the images itself.
     """
+    _refuse_both(folder, address)
     if address is None:
         from api.cli import calibrating
 
@@ -130,6 +132,11 @@ def hand_eye(
         outcome = _session(address, wanted, mounted=mounted, activate=activate)
     if as_json:
         print(json.dumps(outcome), flush=True)
+
+
+def _refuse_both(folder: Path | None, address: str | None) -> None:
+    if folder is not None and address is not None:
+        raise typer.BadParameter("give a folder of images or the service's --address, not both", param_hint="FOLDER")
 
 
 def _folder(folder: Path | None) -> Path:
@@ -183,6 +190,7 @@ def response(
     needs two images with the lamp and two without at each of at least five exposure times, of one scene that does not
     move. With --address the service takes them, at one light with the arm at rest.
     """
+    _refuse_both(folder, address)
     if address is None:
         from api.cli import response_calibrating
 
@@ -222,6 +230,7 @@ def lamp(
     --address the service takes the images itself, of the sphere and then of a matt plane, for intensity and lobe too,
     and uses the result from then on.
     """
+    _refuse_both(folder, address)
     if address is not None:
         outcome = _in_turn(address, [_recipe({"kind": "lamp", "max_images": images})], yes=yes, simulated=simulated)
     else:

@@ -27,6 +27,9 @@ from acquisition.waypoints import calibrated_kinematics
 from api.cli import calibration_folder
 from api.cli.calibration_folder import JOINTS_FILE, read_joints, read_value, refuse_overwriting
 
+BOARD_OPTIONS = {"square_m": "square-mm", "border_squares": "border"}
+"""Options of `calibrate board` whose names differ from the board's fields."""
+
 
 @dataclass(frozen=True)
 class Captured:
@@ -49,12 +52,15 @@ def draw_board(
             columns=columns, rows=rows, square_m=square_mm / 1000, legacy_pattern=legacy, border_squares=border
         )
     except ValidationError as error:
-        wrong = error.errors()[0]
+        raise RigError(ErrorCode.REQUEST_INVALID, _option_and_fault(error)) from error
+    if border and board.blank_m is None:
         raise RigError(
-            ErrorCode.REQUEST_INVALID, f"--{str(wrong['loc'][0]).replace('square_m', 'square-mm')}: {in_words(wrong)}"
-        ) from error
+            ErrorCode.REQUEST_INVALID,
+            f"--border {border}: it leaves no blank middle in {columns} × {rows} squares: give a smaller one",
+        )
     described = out.with_suffix(".json")
     refuse_overwriting(out, described)
+    out.parent.mkdir(parents=True, exist_ok=True)
     board_drawing.draw(board, out)
     write_value(described, board)
     width, height = board.size_m
@@ -62,6 +68,15 @@ def draw_board(
     console.print(f"{out}: print at 100 %, glue to a flat plate; it covers {1e3 * width:g} × {1e3 * height:g} mm")
     console.print(f"{described}: measure ten squares on the print and correct square_m")
     return {"board": str(out), "description": str(described)}
+
+
+def _option_and_fault(error: ValidationError) -> str:
+    """Formats the first fault of a board with the option that it concerns."""
+    wrong = error.errors()[0]
+    if not wrong["loc"]:
+        return in_words(wrong)
+    name = str(wrong["loc"][0])
+    return f"--{BOARD_OPTIONS.get(name, name)}: {in_words(wrong)}"
 
 
 def calibrate_camera(folder: Path, board_file: Path, out: Path, base: Path | None = None) -> dict[str, Any]:

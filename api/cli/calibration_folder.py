@@ -13,7 +13,7 @@ from acquisition.formats.folders import image_files
 from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models.base import FloatArray, Value
 from acquisition.models.calibration import Calibration
-from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError, in_words
 from acquisition.store.folder import sha256_of
 
 IMAGE_ENDINGS = (".png", ".tif", ".tiff")
@@ -24,7 +24,10 @@ JOINTS_FILE = "joints.csv"
 
 ValueT = TypeVar("ValueT", bound=Value)
 
-SIX_NUMBERS = "write six joint angles in rad after the image's name"
+SIX_NUMBERS = "write six joint angles in rad after the image's name, separated by commas"
+
+MAX_JOINT_RAD = 6.5
+"""Largest angle of the first five joints: they turn by 360° either way, the sixth of some arms without end."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,8 @@ def images(
 
     With `joints` each image must have its own. Raises RigError folder.invalid naming the file.
     """
+    if not folder.is_dir():
+        raise refusal(folder, "is not a folder: name the one that holds the images")
     paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in IMAGE_ENDINGS)
     if not paths:
         raise refusal(folder, f"holds no images ({', '.join(IMAGE_ENDINGS)})")
@@ -78,11 +83,21 @@ def read_grey(path: Path, calibration: Calibration) -> np.ndarray:
 
 
 def read_value(path: Path, kind: type[ValueT], what: str) -> ValueT:
-    """Reads a value from its JSON; `what` describes the file in the message. Raises RigError config.invalid."""
+    """Reads a value from its JSON; `what` describes the file in the message. Raises RigError request.invalid."""
     try:
         return kind.model_validate_json(path.read_bytes())
-    except (OSError, ValidationError) as error:
-        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: is not a valid {what}: {error}") from error
+    except OSError as error:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"{path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"{path}: is not a valid {what}: {first_fault(error)}") from error
+
+
+def first_fault(error: ValidationError) -> str:
+    """Returns one clause on the first invalid field, with the number of all."""
+    first, *others = error.errors(include_url=False)
+    field = ".".join(map(str, first["loc"]))
+    more = f" ({len(others)} more)" if others else ""
+    return (f"{field}: " if field else "") + in_words(first) + more
 
 
 def read_joints(path: Path) -> dict[str, FloatArray]:
@@ -98,12 +113,20 @@ def read_joints(path: Path) -> dict[str, FloatArray]:
             raise refusal(path, f"line {number}: {SIX_NUMBERS}") from error
         if len(six) != 6 or not np.isfinite(six).all():
             raise refusal(path, f"line {number}: {SIX_NUMBERS}")
+        refuse_degrees(path, number, six)
         joints[name.strip()] = six
     return joints
 
 
+def refuse_degrees(path: Path, line: int, joints: FloatArray) -> None:
+    """Refuses joints (6,) that no arm can have if they are in rad. Raises RigError folder.invalid naming the line."""
+    largest = float(np.max(np.abs(joints[:5])))
+    if largest > MAX_JOINT_RAD:
+        raise refusal(path, f"line {line}: no joint turns by {largest:g} rad: write the joints in rad, not in degrees")
+
+
 def refuse_overwriting(*paths: Path) -> None:
-    """Raises RigError config.invalid if one of the files exists, because a replaced calibration is lost."""
+    """Raises RigError request.invalid if one of the files exists, because a replaced calibration is lost."""
     for path in paths:
         if path.exists():
-            raise RigError(ErrorCode.CONFIG_INVALID, f"{path} exists and is not overwritten: give another --out")
+            raise RigError(ErrorCode.REQUEST_INVALID, f"{path} exists and is not overwritten: give another --out")

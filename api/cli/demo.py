@@ -17,18 +17,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
-from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError, in_words
 from acquisition.models.recipe import Recipe
 from acquisition.store import Store
 from api.cli import lights_file
 from api.client.client import Client
 from hardware_sim import grade, nominal, object_spec, truth
-from hardware_sim.cell import READY_WITHIN_S
+from hardware_sim.cell import READY_WITHIN_S, check_speed_and_pixels
 from hardware_sim.object_spec import ObjectSpec
 
 STOP_TIMEOUT_S = 15.0
@@ -36,6 +37,12 @@ STOP_TIMEOUT_S = 15.0
 
 CELL_PORTS = (29999, 30001, 30002, 30003, 30004, 30100, 30200)
 """Ports that a simulated cell binds."""
+
+RECIPE_OPTIONS = {
+    "pilot_lights": "--pilot", "planned_lights": "--planned", "method": "--method", "user_lights": "--lights",
+    "seed": "--seed",
+}  # fmt: skip
+"""Options that give the fields of the recipe."""
 
 STAGES = ("pilot", "waypoints", "capture", "normals", "plan", "estimate")
 
@@ -126,8 +133,15 @@ def serve_page(options: DemoOptions) -> None:
 
 
 def prepared_folder(options: DemoOptions) -> Path:
-    """Prepares the demonstration's folder. Raises RigError for a bad object and while another demonstration uses it."""
+    """Prepares the demonstration's folder. Raises RigError for a bad option and while another demonstration uses it."""
     object_spec.check(options.spec, options.seed, nominal.default_cell_file())
+    check_speed_and_pixels(options.speed, options.pixels)
+    if options.lights is not None and options.method != "user":
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"--lights {options.lights}: is for --method user, not {options.method}: correct one of them",
+        )
+    recipe_of(options, options.method)
     folder = options.data.resolve()
     (folder / "log").mkdir(parents=True, exist_ok=True)
     Store(folder / "data").close()  # raises while in use, before the cell of a running demo is overwritten
@@ -135,6 +149,7 @@ def prepared_folder(options: DemoOptions) -> Path:
 
 
 def recipe_of(options: DemoOptions, method: str) -> Recipe:
+    """Returns the recipe of the options with one method. Raises RigError request.invalid naming the option."""
     values: dict[str, Any] = {
         "method": method,
         "pilot_lights": options.pilot_lights,
@@ -146,8 +161,12 @@ def recipe_of(options: DemoOptions, method: str) -> Recipe:
         values["user_lights"] = lights_file.read(options.lights)
     try:
         return Recipe.model_validate(values)
-    except ValueError as error:
-        raise RigError(ErrorCode.REQUEST_INVALID, str(error)) from error
+    except ValidationError as error:
+        wrong = error.errors()[0]
+        field = str(wrong["loc"][0]) if wrong["loc"] else "user_lights"
+        option, given = RECIPE_OPTIONS.get(field, field), values.get(field)
+        shown = "" if field == "user_lights" else f" {given}"
+        raise RigError(ErrorCode.REQUEST_INVALID, f"{option}{shown}: {in_words(wrong)}") from error
 
 
 def end_previous_session(client: Client) -> None:

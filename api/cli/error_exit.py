@@ -17,9 +17,18 @@ REMEDIES = {
 }
 """Remedies of errors in a command itself, where those of the table suit only a service."""
 
+SERVICE_REMEDY = (
+    "Start it there with `lightpose serve`, or correct the address. A session that has begun at the service goes on."
+)
+
 
 def explain_errors(work: Callable[[], T]) -> T:
-    """Runs a command; prints a RigError or ProblemError with its remedy and exits with status 2."""
+    """Runs a command; prints a RigError or ProblemError with its remedy and exits with status 2.
+
+    So it does if a service does not answer, or a file cannot be read or written.
+    """
+    import httpx
+
     from api import ProblemError
 
     try:
@@ -28,6 +37,18 @@ def explain_errors(work: Callable[[], T]) -> T:
         _exit_with_remedy(error.code, error.detail, REMEDIES.get(error.code, PROBLEMS[error.code].remedy))
     except ProblemError as error:
         _exit_with_remedy(error.code, error.detail, PROBLEMS[error.code].remedy)
+    except (httpx.UnsupportedProtocol, httpx.InvalidURL) as error:
+        detail = f"the service's address is not valid: {error}"
+        _exit_with_remedy(ErrorCode.REQUEST_INVALID, detail, "Give it in full, such as http://127.0.0.1:8000.")
+    except httpx.TransportError as error:
+        url = error.request.url
+        detail = f"the service at {url.scheme}://{url.netloc.decode()} does not answer: {error or type(error).__name__}"
+        _exit_with_remedy(ErrorCode.REQUEST_INVALID, detail, SERVICE_REMEDY)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        detail = f"{error.filename}: cannot be read or written: {error.strerror}"
+        _exit_with_remedy(ErrorCode.REQUEST_INVALID, detail, REMEDIES[ErrorCode.REQUEST_INVALID])
 
 
 def _exit_with_remedy(code: ErrorCode, detail: str, remedy: str) -> NoReturn:

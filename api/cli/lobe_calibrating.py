@@ -21,7 +21,7 @@ from acquisition.models.calibration_result import HandEyeResult, LampResult, Lob
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import sha256_of, write_value
 from acquisition.waypoints import measured_pose
-from api.cli.calibration_folder import read_grey, read_value, refuse_overwriting
+from api.cli.calibration_folder import read_grey, read_value, refuse_degrees, refuse_overwriting
 
 PLANE_FILE = "plane.csv"
 """File in the folder of images: for each a line with image, lamp-off image, exposure time, placing, six joints."""
@@ -108,6 +108,7 @@ def _shots(path: Path) -> list[_Shot]:
             raise refusal(path, f"line {number}: give image, dark, exposure_s, placing and six joints") from error
         if len(numbers) != 7 or not np.isfinite(numbers).all() or numbers[0] <= 0:
             raise refusal(path, f"line {number}: give an exposure time above 0 s and six joints in rad")
+        refuse_degrees(path, number, numbers[1:])
         shots.append(_Shot(image, dark, float(numbers[0]), placing, numbers[1:]))
     if not shots:
         raise refusal(path, "names no images")

@@ -47,7 +47,7 @@ def calibrate_response(folder: Path, base: Path, out: Path) -> dict[str, Any]:
     )
     for name, value, one_sigma in zip(names, found.values, sigma, strict=True):
         console.print(f"{name}: {value:.4g} ± {one_sigma:.2g}")
-    for sentence in response_results.advice(result):
+    for sentence in response_results.advice(result) or [f"Name {out / 'calibration.json'} in the cell file to use it."]:
         console.print(sentence)
     return result.model_dump(mode="json")
 

@@ -70,6 +70,8 @@ def image_set(
         warnings.append(EIGHT_BITS)
     elif (unfilled := image_checks.unfilled_bits(images, black_level)) is not None:
         warnings.append(unfilled)
+    if (excessive := image_checks.excessive_scale(images)) is not None:
+        warnings.append(excessive)
     height, width = images.size
     return ImageSet(
         names=images.names,

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from acquisition.formats.folders.image_files import FolderImages
+from acquisition.formats.folders.image_files import FULL_SCALE, FolderImages
 from acquisition.formats.folders.refusal import refusal
 from acquisition.formats.folders.text_table import listed_file
 from acquisition.models.base import BoolArray, FloatArray
@@ -99,6 +99,18 @@ def unfilled_bits(images: FolderImages, black_level: int = 0) -> str | None:
     return (
         f"No value of the 16-bit files exceeds {top}: if the camera has {bits} bits, state full_scale {end} (in "
         "lights.json, or else with --full-scale); without it no pixel counts as clipped and σ is wrong."
+    )
+
+
+def excessive_scale(images: FolderImages) -> str | None:
+    """Warns if the stated full scale is more than the files can hold, so that no pixel counts as clipped. One more than
+    that, a power of two, is accepted."""
+    stated, most = images.stated_full_scale, FULL_SCALE[images.kind]
+    if images.kind == "float32" or stated is None or stated <= most + 1:
+        return None
+    return (
+        f"The files hold values up to {most:g}, but full_scale is stated as {stated:g}: if it is less, correct it; as "
+        "it is, no pixel counts as clipped and σ is wrong."
     )
 
 

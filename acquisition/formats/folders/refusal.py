@@ -31,7 +31,7 @@ def text(path: Path) -> str:
     try:
         return content(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise refusal(path, f"cannot be read: {error}") from error
+        raise refusal(path, f"is not text in UTF-8 (byte {error.start + 1}): save it as UTF-8") from error
 
 
 def value(path: Path, kind: type[ValueT]) -> ValueT:

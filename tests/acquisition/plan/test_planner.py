@@ -1,5 +1,6 @@
 """Complete plans on scenes of known truth, and errors for invalid input."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -60,6 +61,9 @@ def test_choose_lights_are_distinct_reachable_and_explained(
     assert chosen.method == "optimal"
     assert len(chosen.reasons) == 6
     assert all("slant" in reason and "pixels" in reason for reason in chosen.reasons)
+    changes = [re.search(r"from (\S+)° to (\S+)°", reason) for reason in chosen.reasons]
+    assert any(changes)
+    assert all(float(change[2]) < float(change[1]) for change in changes if change is not None)
     assert any("expected with these lights" in note for note in chosen.notes)
 
 

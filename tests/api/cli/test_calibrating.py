@@ -58,6 +58,54 @@ def test_board_is_drawn_and_described(tmp_path: Path) -> None:
     code, output = lightpose("calibrate", "board", "--out", tmp_path / "other.pdf", "--square-mm", 0)
     assert code == 2
     assert "--square-mm" in output
+    code, output = lightpose("calibrate", "board", "--out", tmp_path / "new" / "board.svg")
+    assert code == 0, output
+    assert (tmp_path / "new" / "board.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--columns", 22, "--rows", 24), "264 markers"),
+        (("--border", 4), "--border 4: it leaves no blank middle"),
+        (("--border", -1), "--border: "),
+    ],
+)
+def test_board_of_impossible_squares_is_refused(options: tuple[object, ...], says: str, tmp_path: Path) -> None:
+    code, output = lightpose("calibrate", "board", "--out", tmp_path / "board.pdf", *options)
+    assert code == 2
+    assert says in output
+    assert not (tmp_path / "board.pdf").exists()
+
+
+@pytest.mark.parametrize(
+    ("address", "says"), [("http://127.0.0.1:9", "does not answer"), ("127.0.0.1:9", "address is not valid")]
+)
+def test_service_that_does_not_answer_is_named(address: str, says: str) -> None:
+    code, output = lightpose("calibrate", "check", "--address", address)
+    assert code == 2
+    assert says in output
+
+
+def test_folder_that_is_not_there_is_named(folder: Path, tmp_path: Path) -> None:
+    code, output = lightpose("calibrate", "camera", tmp_path / "none", "--board", folder / "board.json")
+    assert code == 2
+    assert "is not a folder" in output
+
+
+def test_folder_beside_an_address_is_refused(tmp_path: Path) -> None:
+    code, output = lightpose("calibrate", "camera", tmp_path, "--address", "http://127.0.0.1:9")
+    assert code == 2
+    assert "not both" in output
+
+
+def test_results_where_a_file_is_are_refused_without_traceback(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    code, output = lightpose(
+        "calibrate", "camera", folder, "--board", folder / "board.json", "--out", tmp_path / "file"
+    )
+    assert code == 2
+    assert "cannot be read or written" in output
 
 
 def test_hand_eye_of_folder_finds_camera_and_pose(folder: Path, tmp_path: Path) -> None:
@@ -101,7 +149,14 @@ def test_hand_eye_of_folder_finds_camera_and_pose(folder: Path, tmp_path: Path) 
         (lambda path: (path / "joints.csv").write_text("empty.png,0,0,0,0,0,0\n"), "states no joints for 0.png"),
         (lambda path: (path / "0.png").write_bytes(b"no image"), "0.png: is not an image"),
         (lambda path: cv2.imwrite(str(path / "0.png"), np.zeros((9, 9), np.uint8)), "pixels, but the first image has"),
-        (lambda path: (path / "board.json").write_text("{}"), "is not a valid description of a board"),
+        (
+            lambda path: (path / "joints.csv").write_text("0.png,0,90,0,0,0,0\nempty.png,0,0,0,0,0,0\n"),
+            "line 1: no joint turns by 90 rad",
+        ),
+        (
+            lambda path: (path / "board.json").write_text("{}"),
+            "description of a board: columns: Field required (2 more)",
+        ),
         (
             lambda path: (path / "0.png").write_bytes((path / "empty.png").read_bytes()),
             "none of its 2 images shows the board",

@@ -42,7 +42,10 @@ def test_help_loads_neither_kernels_nor_http_library() -> None:
     [
         (("demo", "--object", "teapot"), "teapot"),
         (("demo", "--method", "magic"), "method"),
-        (("demo", "--planned", "-3"), "planned_lights"),
+        (("demo", "--planned", "-3"), "--planned -3: "),
+        (("demo", "--lights", "a.txt"), "--method user"),
+        (("demo", "--method", "user"), "--lights: "),
+        (("demo", "--pixels", "3"), "request.invalid: pixels is 3"),
         (("sim", "--object", "teapot"), "sphere"),
         (("demo", "--object", "vase", "--mesh", "a.stl"), "only one"),
         (("sim", "--mesh", "a.stl", "--family", "knot"), "only one"),

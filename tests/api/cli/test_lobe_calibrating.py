@@ -112,7 +112,12 @@ def test_calibrate_lobe_of_simulated_led_is_found_and_verified(tmp_path: Path) -
 
 @pytest.mark.parametrize(
     ("content", "says"),
-    [("", "names no images"), ("a.png,b.png,0.1,flat,1,2,3", "line 1"), ("x\na,b,-1,flat,0,0,0,0,0,0", "line 2")],
+    [
+        ("", "names no images"),
+        ("a.png,b.png,0.1,flat,1,2,3", "line 1"),
+        ("x\na,b,-1,flat,0,0,0,0,0,0", "line 2"),
+        ("a,b,1,flat,0,90,0,0,0,0", "not in degrees"),
+    ],
 )
 def test_calibrate_lobe_bad_plane_file_names_the_line(content: str, says: str, tmp_path: Path) -> None:
     (tmp_path / "images").mkdir()

@@ -27,8 +27,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def test_calibrate_response_writes_values_and_no_file_twice(folder: Path, tmp_path: Path) -> None:
+def test_calibrate_response_writes_values_and_no_file_twice(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     calibrate_response(folder, folder / "base.json", tmp_path / "out")
+    said = capsys.readouterr().err.replace("\n", " ")
+    assert "in the cell file to use it" in said
+    assert "/v1/rig/calibrations/active" not in said
     found = ResponseResult.model_validate_json((tmp_path / "out" / "response.json").read_bytes())
     assert found.gain_e_per_dn == pytest.approx(simulated.sensor_of(0).gain_e_per_dn, rel=0.05)
     assert (tmp_path / "out" / "photon_transfer.png").exists()

@@ -133,6 +133,9 @@ DILIGENT: dict[str, tuple[Damage, str, str]] = {
     "black": (image("006.png", np.zeros((N, N, 3), np.uint16)), "006.png", "black"),
     "all black": (lambda folder: every(folder, np.zeros((N, N, 3), np.uint16)), "001.png", "black"),
     "saturated": (lambda folder: every(folder, np.full((N, N, 3), 65535, np.uint16)), "001.png", "overexposed"),
+    "list in another encoding": (
+        lambda folder: (folder / "filenames.txt").write_bytes("ä.png".encode("latin-1")), "filenames.txt", "UTF-8",
+    ),
     "no list": (lambda folder: (folder / "filenames.txt").unlink(), "filenames.txt", "missing"),
     "empty list": (lambda folder: (folder / "filenames.txt").write_text("\n"), "filenames.txt", "no images"),
     "no directions": (lambda folder: (folder / TABLES[1]).unlink(), TABLES[1], "missing"),

@@ -314,6 +314,8 @@ def test_read_near_full_scale_of_file_counts_and_option_is_refused(tmp_path: Pat
     (folder / "lights.json").write_text(json.dumps(content | {"full_scale": 2 * 65535, "black_level": 0}))
     after = folders.read(folder, tmp_path)
     np.testing.assert_allclose(2 * after.values(1, 0, small.SIZE), before.values(1, 0, small.SIZE), rtol=1e-6)
+    assert any("hold values up to 65535" in sentence for sentence in after.notes["warnings"])
+    assert not any("hold values up to" in sentence for sentence in before.notes["warnings"])
     with pytest.raises(RigError, match="is where full_scale belongs"):
         folders.read(folder, tmp_path, full_scale=4095)
 
