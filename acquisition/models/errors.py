@@ -149,7 +149,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.SESSION_NOT_FOUND: Problem(404, "There is no such session", "List the sessions with GET /v1/sessions."),
     ErrorCode.SESSION_ACTION_NOT_ALLOWED: Problem(
-        409, "The session's state does not allow this action", "Choose one of the actions in `allowed`."
+        409,
+        "The session's state does not allow this action",
+        "If `allowed` names actions, choose one of them; if not, the session cannot do this: the detail says why.",
     ),
     ErrorCode.SESSION_STEP_FAILED: Problem(
         500, "A step of the session failed", "Read the detail; the frames captured so far are kept."
