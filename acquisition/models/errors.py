@@ -145,11 +145,15 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         "Nothing was done. Look at the cell and at the present state, then ask again with a later Valid-Until.",
     ),
     ErrorCode.CONFIG_INVALID: Problem(
-        500, "A configuration file is invalid", "Correct the file named in the detail; `lightpose check` tests it."
+        500,
+        "A configuration file or a setting is invalid",
+        "Do what the detail says, or correct the file or setting that it names; `lightpose check` tests the files.",
     ),
     ErrorCode.SESSION_NOT_FOUND: Problem(404, "There is no such session", "List the sessions with GET /v1/sessions."),
     ErrorCode.SESSION_ACTION_NOT_ALLOWED: Problem(
-        409, "The session's state does not allow this action", "Choose one of the actions in `allowed`."
+        409,
+        "The session's state does not allow this action",
+        "If `allowed` names actions, choose one of them; if not, the session cannot do this: the detail says why.",
     ),
     ErrorCode.SESSION_STEP_FAILED: Problem(
         500, "A step of the session failed", "Read the detail; the frames captured so far are kept."

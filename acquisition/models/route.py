@@ -58,6 +58,10 @@ class Refusal(Value):
     ] = Field(description="For programs")  # fmt: skip
     detail: str = Field(description="For people, one sentence")
 
+    def of_light(self, number: int) -> dict[str, int | str]:
+        """Returns the refusal of a plan's light as an item of a problem's `lights`."""
+        return {"number": number, "reason": self.reason, "detail": self.detail}
+
 
 class Reach(Protocol):
     """Light positions to choose from. The stages that choose lights know the arm only by this interface."""

@@ -146,7 +146,7 @@ def user_lights(recipe: Recipe, reach: ArmReach) -> LightPlan:
         raise RigError(
             ErrorCode.WAYPOINTS_UNREACHABLE,
             "; ".join(f"user light {number}: {refusal.detail}" for number, refusal in refusals.items()),
-            lights=sorted(refusals),
+            lights=[refusal.of_light(number) for number, refusal in refusals.items()],
         )
     return LightPlan(
         lights=[lamp_pose.light_at(position, reach.center) for position in positions],

@@ -4,9 +4,10 @@ from pathlib import Path
 
 from acquisition.models import calibration_check
 from acquisition.models.calibration_check import CheckRecord, CheckResult, CheckState
+from acquisition.models.event_type import EventType
 from acquisition.store import Store
 
-CHECKED = "calibration.checked"
+CHECKED: EventType = "calibration.checked"
 """Type of the event that holds the newest check on each target."""
 
 

@@ -15,6 +15,7 @@ from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.calibration_set import CalibrationSet
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.event_type import EventType
 from acquisition.runner import calibration_checks, re_solve
 from acquisition.runner.compute import Compute
 from acquisition.runner.rig_choices import camera_name
@@ -26,7 +27,7 @@ JOBS = {"camera": "estimate_from_board", "hand-eye": "estimate_from_board", "res
 """Name of the estimating job by kind of session; these jobs have equal parameters. The jobs of the kinds `lamp` and
 `check` take the folder of the calibration set in use in place of the flag `last`."""
 
-READY = "estimate.ready"
+READY: EventType = "estimate.ready"
 """Type of the event that announces an estimate."""
 
 

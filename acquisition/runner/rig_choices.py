@@ -22,10 +22,12 @@ from acquisition.models.camera_config import (
 )
 from acquisition.models.cell_config import CellConfig, Tool
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.event_type import EventType
 from acquisition.store import Store
 from acquisition.waypoints import mounted_tool
 
-CALIBRATION_CHOSEN, TOOL_STATED = "calibration.activated", "tool.mounted"
+CALIBRATION_CHOSEN: EventType = "calibration.activated"
+TOOL_STATED: EventType = "tool.mounted"
 """Types of the events that hold the choices."""
 
 

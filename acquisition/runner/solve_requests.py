@@ -4,10 +4,13 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
+from acquisition.models.event_type import EventType
 from acquisition.models.result import SolveSettings
 from acquisition.store import Journal
 
-ACCEPTED, FAILED, READY = "resolve.accepted", "resolve.failed", "normals.ready"
+ACCEPTED: EventType = "resolve.accepted"
+FAILED: EventType = "resolve.failed"
+READY: EventType = "normals.ready"
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.event_type import EventType
 from acquisition.session import State
 from acquisition.store.rows import Counts, Event
 
@@ -53,7 +54,7 @@ class Database:
 
     # --------------------------------------------------------------------------------------------------------- events
 
-    def announce(self, session_id: str | None, type_: str, body: dict[str, Any]) -> None:
+    def announce(self, session_id: str | None, type_: EventType, body: dict[str, Any]) -> None:
         """Appends an event that belongs to no other change."""
         with self._transaction() as connection:
             self._event(connection, session_id, type_, body)
@@ -139,7 +140,9 @@ class Database:
         with self._event_added:
             self._event_added.notify_all()
 
-    def _event(self, connection: sqlite3.Connection, session_id: str | None, type_: str, body: dict[str, Any]) -> None:
+    def _event(
+        self, connection: sqlite3.Connection, session_id: str | None, type_: EventType, body: dict[str, Any]
+    ) -> None:
         connection.execute(
             "INSERT INTO event (session_id, type, body, at) VALUES (?, ?, ?, ?)",
             (session_id, type_, json.dumps(body), time.time()),

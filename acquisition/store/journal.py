@@ -13,6 +13,7 @@ from typing import Any
 
 from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.event_type import EventType
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.route import Route
 from acquisition.models.shot import Shot, ShotKey
@@ -32,7 +33,8 @@ from acquisition.store.outbox_table import OutboxTable
 from acquisition.store.rows import Action, Artifact, SessionRow
 from acquisition.store.session_table import new_session_id
 
-PLAN_REVIEWED, MOVE_SENT = "plan.reviewed", "arm.sent"
+PLAN_REVIEWED: EventType = "plan.reviewed"
+MOVE_SENT: EventType = "arm.sent"
 """Types of events that a resumed session reads: approved plans, and the path of the last move."""
 
 
@@ -158,7 +160,7 @@ class Journal(OutboxTable):
             self._event(connection, session_id, "shots.discarded", {"pass": pass_number, "reason": reason})
 
     def add_artifact(
-        self, session_id: str, kind: str, number: int, path: str, sha256: str, body: dict[str, Any], event: str
+        self, session_id: str, kind: str, number: int, path: str, sha256: str, body: dict[str, Any], event: EventType
     ) -> None:
         """Records a plan, route or result whose file is already on the disk, with the event that announces it."""
         with self._transaction() as connection:
@@ -215,7 +217,8 @@ class Journal(OutboxTable):
                     allowed=[str(action) for action in allowed_actions(row.state)],
                 )
             self._record_action(connection, session_id, "replace-plan", actor, f"pass {number}")
-            for kind, event in (("plan", "plan.ready"), ("route", "waypoints.ready")):
+            events: dict[str, EventType] = {"plan": "plan.ready", "route": "waypoints.ready"}
+            for kind, event in events.items():
                 path, digest = files[kind]
                 self._add_artifact(connection, session_id, kind, number, path, digest, body, event)
 
@@ -333,7 +336,7 @@ class Journal(OutboxTable):
 
     def _add_artifact(
         self, connection: sqlite3.Connection, session_id: str, kind: str, number: int, path: str, sha256: str,
-        body: dict[str, Any], event: str,
+        body: dict[str, Any], event: EventType,
     ) -> None:  # fmt: skip
         connection.execute(
             "INSERT INTO artifact (session_id, kind, number, path, sha256, body, created_at)"

@@ -9,10 +9,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from acquisition.models.event_type import EventType
 from acquisition.store.queue_table import QueueTable
 from acquisition.store.rows import SessionRow, session_from_row
 
-ARCHIVED, ARCHIVE_FAILED = "session.archived", "session.archive_failed"
+ARCHIVED: EventType = "session.archived"
+ARCHIVE_FAILED: EventType = "session.archive_failed"
 """Types of the events about archiving itself, which make no session due."""
 
 

@@ -140,7 +140,7 @@ def _require_solutions(solutions: Sequence[IkSolutions]) -> None:
     raise RigError(
         ErrorCode.WAYPOINTS_UNREACHABLE if unreachable else ErrorCode.WAYPOINTS_COLLISION,
         "; ".join(f"light {number}: {refusal.reason}: {refusal.detail}" for number, refusal in refused),
-        lights=[{"number": number, "reason": refusal.reason, "detail": refusal.detail} for number, refusal in refused],
+        lights=[refusal.of_light(number) for number, refusal in refused],
     )
 
 

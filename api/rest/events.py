@@ -11,13 +11,14 @@ import threading
 import time
 from collections.abc import AsyncGenerator, Callable, Sequence
 from datetime import UTC, datetime
-from typing import Annotated
+from typing import Annotated, Literal
 
 import anyio.to_thread
 from fastapi import APIRouter, Depends, Header, Query, Request
 from fastapi.responses import StreamingResponse
 
-from acquisition.models.errors import ErrorCode
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.event_type import EventType
 from acquisition.store import Event, Journal
 from api.rest import joint_readings, open_streams, problems
 from api.rest.dependencies import CallerOf, refuse_unknown_query
@@ -36,6 +37,9 @@ READERS = 4
 
 STREAM_RESET = "stream.reset"
 """Type of the event which states that a listener's position is not from this journal."""
+
+StreamType = Literal[EventType, "stream.reset", "arm.joints"]
+"""Types of a stream's events: the journal's, and those that are not journalled."""
 
 _POLL_S = 0.2
 
@@ -75,6 +79,20 @@ class EventFeed:
     def listeners(self) -> int:
         """Number of connected clients."""
         return len(self._listeners)
+
+    async def require_session(self, session_id: str) -> None:
+        """Raises RigError session.not_found if the journal knows neither the session nor an event of it.
+
+        Events of a deleted session remain, so that a listener that reconnects hears of its deletion.
+        """
+        await anyio.to_thread.run_sync(self._require_session, session_id, limiter=self._readers)
+
+    def _require_session(self, session_id: str) -> None:
+        try:
+            self._journal.session(session_id)
+        except RigError:
+            if not self._journal.events(0, 1, session_id):
+                raise
 
     async def stream(
         self,
@@ -163,7 +181,10 @@ router = APIRouter(tags=["events"])
             },
         },
         **problems.responses_of(
-            ErrorCode.REQUEST_INVALID, ErrorCode.REQUEST_TOO_MANY_STREAMS, ErrorCode.SERVICE_OVERLOADED
+            ErrorCode.SESSION_NOT_FOUND,
+            ErrorCode.REQUEST_INVALID,
+            ErrorCode.REQUEST_TOO_MANY_STREAMS,
+            ErrorCode.SERVICE_OVERLOADED,
         ),
     },
     dependencies=[Depends(refuse_unknown_query)],
@@ -175,7 +196,7 @@ async def events(
         int | None, Query(ge=0, le=2**62, description="Replay events above this id; none: from now on")
     ] = None,
     session_id: Annotated[str | None, Query(max_length=80, description="Only events of this session")] = None,
-    type: Annotated[list[str], Query(max_length=20, description="Only events of these types")] = [],  # noqa: A002, B006
+    type: Annotated[list[StreamType], Query(max_length=20, description="Only events of these types")] = [],  # noqa: A002, B006
     follow: Annotated[bool, Query(description="false: end with the newest event")] = True,
     joints: Annotated[
         bool,
@@ -196,6 +217,8 @@ async def events(
     """
     feed: EventFeed = request.app.state.feed
     streams: OpenStreams = request.app.state.streams
+    if session_id is not None:
+        await feed.require_session(session_id)
     start = int(last_event_id) if last_event_id is not None else after
     content = feed.stream(
         start, session_id, type, follow=follow, joints=joints, is_admitted=lambda: streams.is_valid(caller)

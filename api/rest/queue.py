@@ -142,6 +142,7 @@ def queue_entry(service: ServiceOf, entry_id: EntryId) -> QueueEntryResource:
 @router.delete(
     _PATH + "/entries/{entry_id}",
     status_code=204,
+    response_class=Response,  # without a media type, as without a body
     responses=problems.responses_of(
         ErrorCode.REQUEST_NOT_FOUND, ErrorCode.QUEUE_ENTRY_BEGUN, ErrorCode.STORE_DISK_FULL
     ),

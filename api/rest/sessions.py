@@ -170,6 +170,7 @@ def edit(
 @router.delete(
     "/v1/sessions/{session_id}",
     status_code=204,
+    response_class=Response,  # without a media type, as without a body
     responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.SESSION_ACTION_NOT_ALLOWED)},
 )
 def delete(service: ServiceOf, session_id: SessionId) -> None:

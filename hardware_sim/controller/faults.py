@@ -1,7 +1,8 @@
 """Fault injection: the faults that the control port can order.
 
-Every fault is one entry of `FAULTS`; its parameters are the other fields of the request. Faults act between two ticks:
-at once, after `at_s` seconds of wall time, or as soon as the `at_move`-th move from now has begun.
+Every fault is one entry of `FAULTS`; its parameters are the other fields of the request, and any other field is
+refused. Faults act between two ticks: at once, after `at_s` seconds of wall time, or as soon as the `at_move`-th move
+from now has begun.
 
     safety      protective_stop · safeguard_stop · emergency_stop · system_emergency_stop · violation · fault
                 release_safeguard_stop · release_emergency_stop · clear (normal, powered and without faults at once)
@@ -18,6 +19,7 @@ at once, after `at_s` seconds of wall time, or as soon as the `at_move`-th move 
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
@@ -44,8 +46,17 @@ class Links(Protocol):
 
 Parameters = Mapping[str, Any]
 Action = Callable[[], object]
-Fault = Callable[[Controller, Links, Parameters], Action]
+Maker = Callable[[Controller, Links, Parameters], Action]
 """Checks a request's parameters and returns the action."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One kind of fault."""
+
+    make: Maker
+    takes: tuple[str, ...] = ()
+    """Names of its parameters."""
 
 
 def number(parameters: Parameters, name: str, least: float, most: float) -> float:
@@ -96,7 +107,7 @@ def _output_stuck(controller: Controller, links: Links, parameters: Parameters) 
 
 def _order(action: Callable[[Controller], object]) -> Fault:
     """A fault without parameters."""
-    return lambda controller, links, parameters: partial(action, controller)
+    return Fault(lambda controller, links, parameters: partial(action, controller))
 
 
 _DEMAND = "fault on demand"
@@ -114,26 +125,46 @@ FAULTS: dict[str, Fault] = {
     "program_pause": _order(Controller.pause),
     "local_mode": _order(lambda c: setattr(c.safety, "remote_control", False)),
     "remote_mode": _order(lambda c: setattr(c.safety, "remote_control", True)),
-    "output_stuck": _output_stuck,
-    "speed_slider": lambda c, _, given: partial(setattr, c, "slider", number(given, "fraction", 0.0, 1.0)),
-    "joint_offset": lambda c, _, given: partial(c.offset_joints, vector(given, "offsets_rad", 6, 1.0)),
-    "hand_move": lambda c, _, given: partial(
-        c.move_by_hand, vector(given, "joints", 6, JOINT_LIMIT), _optional(given, "seconds", 1.0, 0.0, 3600.0)
+    "output_stuck": Fault(_output_stuck, ("output", "level")),
+    "speed_slider": Fault(
+        lambda c, _, given: partial(setattr, c, "slider", number(given, "fraction", 0.0, 1.0)), ("fraction",)
     ),
-    "restart": lambda _, links, given: links.restart,
+    "joint_offset": Fault(
+        lambda c, _, given: partial(c.offset_joints, vector(given, "offsets_rad", 6, 1.0)), ("offsets_rad",)
+    ),
+    "hand_move": Fault(
+        lambda c, _, given: partial(
+            c.move_by_hand, vector(given, "joints", 6, JOINT_LIMIT), _optional(given, "seconds", 1.0, 0.0, 3600.0)
+        ),
+        ("joints", "seconds"),
+    ),
+    "restart": Fault(lambda _, links, given: links.restart),
     "clear": _order(Controller.clear),
-    "cut": lambda _, links, given: partial(links.cut, _port(given, links)),
-    "stall": lambda _, links, given: partial(links.stall, _port(given, links), number(given, "seconds", 0.0, 3600.0)),
-    "half_packet": lambda _, links, given: links.send_half_a_packet,
-    "delay": _delay,
-    "lamp": _lamp,
-    "dropped_frame": lambda c, _, given: partial(c.disturbances.drop, int(_optional(given, "count", 1, 1, 1e6))),
-    "saturated_frame": lambda c, _, given: partial(c.disturbances.saturate, int(_optional(given, "count", 1, 1, 1e6))),
-    "nudged_object": lambda c, _, given: partial(
-        c.nudge_object, vector(given, "shift_m", 3, 1.0), _optional(given, "turn_rad", 0.0, -math.tau, math.tau)
+    "cut": Fault(lambda _, links, given: partial(links.cut, _port(given, links)), ("port",)),
+    "stall": Fault(
+        lambda _, links, given: partial(links.stall, _port(given, links), number(given, "seconds", 0.0, 3600.0)),
+        ("port", "seconds"),
     ),
-    "time_jump": lambda c, _, given: partial(c.jump, number(given, "seconds", 0.0, 1e6)),
+    "half_packet": Fault(lambda _, links, given: links.send_half_a_packet),
+    "delay": Fault(_delay, ("port", "latency_ms", "jitter_ms", "seed")),
+    "lamp": Fault(_lamp, ("fraction", "flicker")),
+    "dropped_frame": Fault(
+        lambda c, _, given: partial(c.disturbances.drop, int(_optional(given, "count", 1, 1, 1e6))), ("count",)
+    ),
+    "saturated_frame": Fault(
+        lambda c, _, given: partial(c.disturbances.saturate, int(_optional(given, "count", 1, 1, 1e6))), ("count",)
+    ),
+    "nudged_object": Fault(
+        lambda c, _, given: partial(
+            c.nudge_object, vector(given, "shift_m", 3, 1.0), _optional(given, "turn_rad", 0.0, -math.tau, math.tau)
+        ),
+        ("shift_m", "turn_rad"),
+    ),
+    "time_jump": Fault(lambda c, _, given: partial(c.jump, number(given, "seconds", 0.0, 1e6)), ("seconds",)),
 }
+
+_WHEN = ("at_s", "at_move")
+"""Parameters of every fault."""
 
 
 def prepare(controller: Controller, links: Links, request: Parameters) -> None:
@@ -142,10 +173,13 @@ def prepare(controller: Controller, links: Links, request: Parameters) -> None:
     Raises FaultError.
     """
     kind = request.get("kind")
-    make = FAULTS.get(kind) if isinstance(kind, str) else None
-    if make is None:
+    fault = FAULTS.get(kind) if isinstance(kind, str) else None
+    if fault is None:
         raise FaultError(f"kind must be one of {', '.join(sorted(FAULTS))}, not {kind!r}")
-    action = make(controller, links, request)
+    takes = (*fault.takes, *_WHEN)
+    if unknown := request.keys() - {"command", "kind", *takes}:
+        raise FaultError(f"{kind} takes {', '.join(takes)}, not {', '.join(sorted(unknown))}")
+    action = fault.make(controller, links, request)
     if "at_s" in request:
         due = controller.now + number(request, "at_s", 0.0, 86400.0)
         controller.order(lambda: controller.now >= due, action)

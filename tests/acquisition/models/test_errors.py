@@ -1,12 +1,13 @@
 """Validation errors are told in our own words, wherever a file or a setting is read."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from acquisition.models import cell_config
-from acquisition.models.errors import ErrorCode, RigError
-from api.rest import settings
+from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from api.rest import keys, settings, tls
 
 ROOT = Path(__file__).parents[3]
 
@@ -36,3 +37,26 @@ def test_setting_that_is_refused_is_told_without_the_name_of_an_exception() -> N
 
     assert "LIGHTPOSE_TRUSTED_PROXIES" in refused.value.detail
     assert "Value error" not in refused.value.detail
+
+
+def _add_twice(folder: Path) -> None:
+    for _ in range(2):
+        keys.add(folder / "keys.json", "page", keys.Role.VIEWER)
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [
+        _add_twice,
+        lambda folder: settings.refuse_open_bind("0.0.0.0", keys=False),  # noqa: S104 - what is refused
+        lambda folder: tls.context(folder / "cert.pem", None),
+    ],
+    ids=["a name in use", "open without keys", "half of TLS"],
+)
+def test_remedy_of_config_invalid_requires_no_named_file(cause: Callable[[Path], None], tmp_path: Path) -> None:
+    with pytest.raises(RigError) as refused:
+        cause(tmp_path)
+
+    assert refused.value.code is ErrorCode.CONFIG_INVALID
+    assert "file" not in refused.value.context
+    assert PROBLEMS[refused.value.code].remedy.startswith("Do what the detail says, or ")

@@ -168,4 +168,6 @@ def test_baseline_unreachable_user_lights_are_named_by_number() -> None:
     with pytest.raises(RigError, match=r"user light 1: .*; user light 3: ") as caught:
         baselines.user_lights(Recipe(method="user", user_lights=given), reach)
     assert caught.value.code == ErrorCode.WAYPOINTS_UNREACHABLE
-    assert caught.value.context["lights"] == [1, 3]
+    named = caught.value.context["lights"]
+    assert [set(light) for light in named] == [{"number", "reason", "detail"}] * 2  # as of a route's lights
+    assert [(light["number"], light["reason"]) for light in named] == [(1, "too-far"), (3, "too-far")]

@@ -56,6 +56,16 @@ def test_allow_names_every_method_of_an_address(shared: Any, path: str, methods:
         assert set(answer.headers["Allow"].split(", ")) == methods
 
 
+def test_answers_to_deletes_have_neither_body_nor_content_type(administered: Any) -> None:
+    entry = administered.http.post("/v1/queue/entries", json={"object_name": "coin"}).headers["Location"]
+    for address in (f"/v1/sessions/{administered.client.create().id}", entry):
+        answer = administered.http.delete(address)
+
+        assert (answer.status_code, answer.content) == (204, b"")
+        assert "content-type" not in answer.headers, address
+        assert "content-length" not in answer.headers, address
+
+
 def test_answers_have_headers_against_misuse(shared: Any) -> None:
     for path in ("/v1/rig", "/v1/sessions/none", "/health/live", "/v1/rig/stop"):
         answer = shared.http.get(path)

@@ -1,16 +1,21 @@
 """The event stream: replay, live events, reconnection, without lost events."""
 
 import json
+import re
 import socket
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
-from typing import Any
+from pathlib import Path
+from typing import Any, get_args
 
 import pytest
 
+from acquisition.models.errors import ErrorCode
+from api import ProblemError
 from api.rest import events as events_module
+from api.rest.joint_readings import EVENT_TYPE
 
 
 def ids(events: list[Any]) -> list[int]:
@@ -19,7 +24,7 @@ def ids(events: list[Any]) -> list[int]:
 
 def announce(service: Any, count: int, session_id: str | None = None) -> None:
     for number in range(count):
-        service.service.store.journal.announce(session_id, "test.event", {"number": number})
+        service.service.store.journal.announce(session_id, "shot.retaken", {"number": number})
 
 
 def test_events_replay_begins_after_given_id(own: Any) -> None:
@@ -37,7 +42,7 @@ def test_events_header_takes_precedence_over_query(own: Any) -> None:
     assert answer.headers["content-type"].startswith("text/event-stream")
     lines = answer.text.splitlines()
     assert lines[:3] == ["retry: 1000", "id: 4", ""]
-    assert lines[3:5] == ["id: 5", "event: test.event"]
+    assert lines[3:5] == ["id: 5", "event: shot.retaken"]
     data = json.loads(lines[5].removeprefix("data: "))
     assert data["id"] == 5
     assert data["body"] == {"number": 4}
@@ -59,11 +64,45 @@ def test_events_filter_by_session_and_type(own: Any) -> None:
     announce(own, 2, one.id)
     own.client.stop(other.id)
 
-    assert [event.type for event in own.client.past_events(one.id)] == ["session.created", "test.event", "test.event"]
-    chosen = own.http.get("/v1/events?after=0&follow=false&type=session.state&type=test.event").text
-    assert chosen.count("event: test.event") == 2
+    assert [event.type for event in own.client.past_events(one.id)] == [
+        "session.created",
+        "shot.retaken",
+        "shot.retaken",
+    ]
+    chosen = own.http.get("/v1/events?after=0&follow=false&type=session.state&type=shot.retaken").text
+    assert chosen.count("event: shot.retaken") == 2
     assert chosen.count("event: session.state") == 1
     assert "session.created" not in chosen
+
+
+def test_events_of_unknown_type_are_refused_naming_all_there_are(own: Any) -> None:
+    """An empty stream would look like a rig where nothing happens."""
+    refused = own.http.get("/v1/events?follow=false&type=session.state&type=session.stat")
+
+    assert (refused.status_code, refused.json()["code"]) == (422, ErrorCode.REQUEST_INVALID)
+    assert all(f"'{name}'" in refused.json()["detail"] for name in get_args(events_module.StreamType))
+    every = "&".join(f"type={name}" for name in get_args(events_module.StreamType)[:20])
+    assert own.http.get(f"/v1/events?follow=false&{every}").status_code == 200
+    assert own.http.get("/v1/events?follow=false&type=arm.joints&joints=true").status_code == 200
+
+
+def test_event_types_are_all_documented() -> None:
+    page = (Path(__file__).parents[3] / "docs/reference/rest.md").read_text(encoding="utf-8")
+    rows = page.partition("| type | meaning |\n")[2].partition("\n\n")[0].splitlines()
+    documented = {name for row in rows for name in re.findall(r"`([a-z]+\.[a-z_]+)`", row.split("|")[1])}
+
+    assert documented == set(get_args(events_module.StreamType)) - {EVENT_TYPE}
+
+
+def test_events_of_unknown_session_are_refused_and_of_a_deleted_one_replayed(own: Any) -> None:
+    made = own.client.create()
+    own.service.store.journal.delete_session(made.id)
+
+    assert [event.type for event in own.client.past_events(made.id)][-1] == "session.deleted"
+    refused = own.http.get("/v1/events?follow=false&session_id=20261121-101500-ffffff")
+    assert (refused.status_code, refused.json()["code"]) == (404, ErrorCode.SESSION_NOT_FOUND)
+    with pytest.raises(ProblemError, match="20261121-101500-ffffff"):
+        next(own.client.events("20261121-101500-ffffff"))
 
 
 def test_events_more_than_a_batch_are_all_sent(own: Any) -> None:

@@ -76,6 +76,17 @@ def test_create_on_a_full_disk_leaves_nothing_and_the_key_unused(own: Any, monke
     assert own.client.create(Recipe(), "key-1").id == made.id
 
 
+def test_action_on_an_ended_session_has_a_remedy_although_none_is_allowed(own: Any) -> None:
+    made = own.client.create()
+    own.client.stop(made.id)
+
+    refused = own.http.post(f"/v1/sessions/{made.id}/actions", json={"action": "start"}).json()
+
+    assert (refused["code"], refused["allowed"]) == (ErrorCode.SESSION_ACTION_NOT_ALLOWED, [])
+    assert "allows nothing" in refused["detail"]
+    assert "if not, " in refused["remedy"]
+
+
 def test_create_unknown_kind_names_all_there_are(shared: Any) -> None:
     refused = shared.http.post("/v1/sessions", json={"kind": "foo"})
 

@@ -3,12 +3,14 @@
 Lamp, camera and object fail in the world: the library sees nothing of them.
 """
 
+import re
 from collections.abc import Iterator
 
 import pytest
 
+import hardware_sim.controller.faults as module
 from hardware_sim.controller.controller import Controller
-from hardware_sim.controller.faults import FAULTS, prepare
+from hardware_sim.controller.faults import FAULTS, FaultError, prepare
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.modes import SafetyMode
 from hardware_sim.controller.process import ControllerProcess
@@ -74,6 +76,31 @@ def test_fault_at_s_takes_effect_after_that_time_of_the_ticks() -> None:
     for now, mode in ((1.05, SafetyMode.NORMAL), (1.099, SafetyMode.NORMAL), (1.1, SafetyMode.SAFEGUARD_STOP)):
         controller.tick(now)
         assert controller.safety.safety_mode is mode, now
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"kind": "protective_stop", "at_mov": 2}, "protective_stop takes at_s, at_move, not at_mov"),
+        (
+            {"kind": "lamp", "fraktion": 0.0, "at_S": 1},
+            "lamp takes fraction, flicker, at_s, at_move, not at_S, fraktion",
+        ),
+    ],
+)
+def test_fault_with_unknown_parameter_is_refused_by_name(fields: dict[str, object], said: str) -> None:
+    """Ignored, a misspelt time would let the fault happen at once."""
+    controller = Controller(MODELS["ur5e"], HOME, now=0.0)
+    with pytest.raises(FaultError, match=f"^{said}$"):
+        prepare(controller, NoLinks(), {"command": "fault", **fields})
+    assert controller.safety.safety_mode is SafetyMode.NORMAL
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_fault_takes_the_parameters_that_are_documented(kind: str) -> None:
+    documented = re.search(rf"\b{kind} \{{(.+?)\}}", module.__doc__ or "")
+    names = re.findall(r"(?:^|, )([a-z_]+)", re.sub(r":[^,]+|\[.*?\]", "", documented[1])) if documented else []
+    assert set(FAULTS[kind].takes) == set(names)
 
 
 @pytest.fixture
