@@ -6,11 +6,14 @@ right, y up, z to the camera) unless a name says otherwise. Lengths are in m, an
 """
 
 from collections.abc import Sequence
-from typing import Annotated, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 FloatT = TypeVar("FloatT", np.float32, np.float64)
 FloatArray = npt.NDArray[np.float64]
@@ -40,6 +43,22 @@ def as_matrix4(matrix: FloatArray) -> Matrix4:
     """Returns a (4, 4) pose as a tuple of rows, the type of fields of `Matrix4`."""
     rows = [tuple(float(value) for value in row) for row in matrix]
     return cast(Matrix4, tuple(rows))
+
+
+def wrong_fields(error: ValidationError) -> str:
+    """Names each wrong field and what is wrong with it, in one line without pydantic's headings and links."""
+    return "; ".join(": ".join(filter(None, (_path(item["loc"]), _what(item)))) for item in error.errors())
+
+
+def _path(parts: tuple[int | str, ...]) -> str:
+    return ".".join(map(str, parts))
+
+
+def _what(item: "ErrorDetails") -> str:
+    if item["type"] != "union_tag_invalid":
+        return item["msg"]
+    tag, expected = (item.get("ctx", {}).get(name) for name in ("tag", "expected_tags"))
+    return f"there is no kind {tag!r}: choose one of {expected}"
 
 
 class Value(BaseModel):

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from acquisition.formats.folders import image_files
 from acquisition.formats.folders.refusal import refusal, text
-from acquisition.models.base import FloatArray, Value
+from acquisition.models.base import FloatArray, Value, wrong_fields
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import sha256_of
@@ -81,8 +81,10 @@ def read_value(path: Path, kind: type[ValueT], what: str) -> ValueT:
     """Reads a value from its JSON; `what` describes the file in the message. Raises RigError config.invalid."""
     try:
         return kind.model_validate_json(path.read_bytes())
-    except (OSError, ValidationError) as error:
-        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: is not a valid {what}: {error}") from error
+    except OSError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: is not a valid {what}: {wrong_fields(error)}") from error
 
 
 def read_joints(path: Path) -> dict[str, FloatArray]:
