@@ -17,10 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
 from acquisition.models import cell_config
+from acquisition.models.base import wrong_fields
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
@@ -146,8 +148,8 @@ def recipe_of(options: DemoOptions, method: str) -> Recipe:
         values["user_lights"] = lights_file.read(options.lights)
     try:
         return Recipe.model_validate(values)
-    except ValueError as error:
-        raise RigError(ErrorCode.REQUEST_INVALID, str(error)) from error
+    except ValidationError as error:
+        raise RigError(ErrorCode.REQUEST_INVALID, wrong_fields(error)) from error
 
 
 def end_previous_session(client: Client) -> None:
