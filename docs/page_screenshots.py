@@ -137,6 +137,7 @@ def main() -> None:
     parser.add_argument("folder", nargs="?", type=Path, default=PICTURES)
     parser.add_argument("--only", choices=("session", "calibration"), help="the pictures of one of them alone")
     given = parser.parse_args()
+    given.folder.mkdir(parents=True, exist_ok=True)
     if given.only != "calibration":
         photograph("direct", ADDRESS, lambda page, url, _, client: take(page, url, client, given.folder))
     if given.only != "session":  # a board is lit by the room
