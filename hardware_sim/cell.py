@@ -224,15 +224,10 @@ def _check(options: CellOptions) -> None:
             ErrorCode.REQUEST_INVALID,
             f"there is no profile {options.profile!r}: choose one of {', '.join(get_args(ProfileName))}",
         )
-    check_speed_and_pixels(options.speed, options.pixels)
-
-
-def check_speed_and_pixels(speed: float, pixels: int) -> None:
-    """Raises RigError request.invalid that names the invalid value."""
-    if not 0.1 <= speed <= 100:
-        raise RigError(ErrorCode.REQUEST_INVALID, f"speed is {speed}: it must lie between 0.1 and 100")
-    if not 32 <= pixels <= 4096:
-        raise RigError(ErrorCode.REQUEST_INVALID, f"pixels is {pixels}: it must lie between 32 and 4096")
+    if not 0.1 <= options.speed <= 100:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"speed is {options.speed}: it must lie between 0.1 and 100")
+    if not 32 <= options.pixels <= 4096:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"pixels is {options.pixels}: it must lie between 32 and 4096")
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:

@@ -33,9 +33,16 @@ def as_rig_errors() -> Generator[None]:
 
 
 def start(address: str, options: ControllerOptions, *, log_level: str = "WARNING") -> ControllerProcess:
-    """Starts a controller, in real time if that is permitted. Raises RigError device.disconnected."""
-    with as_rig_errors():
+    """Starts a controller, in real time if that is permitted. Raises RigError request.invalid if it does not start."""
+    try:
         return ControllerProcess(address, options, log_level=log_level, module=__name__)
+    except ConnectionError as error:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"no simulated controller starts at {address}: choose a loopback address of which no other program uses "
+            "the controller's ports, such as 127.0.0.2",
+            address=address,
+        ) from error
 
 
 if __name__ == "__main__":

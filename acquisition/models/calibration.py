@@ -3,11 +3,12 @@
 import hashlib
 import json
 import math
+from datetime import datetime
 from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from acquisition.models.base import Matrix4, Value, Vector3
 from acquisition.models.colour import ColourCalibration, Mosaic
@@ -136,6 +137,18 @@ class Calibration(Value):
     )
     made_at: str = Field(description="ISO 8601 with time zone")
     valid_days: float = Field(gt=0, description="Validity, days; no session starts with an older calibration")
+
+    @field_validator("made_at")
+    @classmethod
+    def _is_a_moment(cls, made_at: str) -> str:
+        """Refuses a date without time and zone: its age would not be known."""
+        try:
+            zone = datetime.fromisoformat(made_at).tzinfo
+        except ValueError:
+            zone = None
+        if zone is None:
+            raise ValueError(f"{made_at!r} is not a date and time with a time zone, such as '2026-11-30T09:00:00Z'")
+        return made_at
 
     @model_validator(mode="after")
     def _covariances_are_such(self) -> "Calibration":

@@ -19,7 +19,7 @@ from acquisition.models.base import Joints, Value, Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.camera_config import AnyCamera
 from acquisition.models.charuco_markers import refuse_too_many_squares
-from acquisition.models.errors import ErrorCode, RigError, in_words
+from acquisition.models.errors import ErrorCode, RigError, wrong_fields
 
 
 class Pose(Value):
@@ -173,6 +173,14 @@ class ArmConfig(Value):
         max_length=6,
         description="Factory-calibrated kinematics, for poses accurate to 0.1 mm; `lightpose check` prints it",
     )
+
+    @field_validator("home")
+    @classmethod
+    def _is_in_rad(cls, home: Joints) -> Joints:
+        """Refuses angles that no joint can reach: they are in degrees."""
+        if max(map(abs, home)) > 2 * math.pi:
+            raise ValueError("angles are in rad, between -2π and 2π")
+        return home
 
 
 class LampConfig(Value):
@@ -357,7 +365,7 @@ def load(path: Path) -> CellConfig:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: is not TOML: {error}", file=str(path)) from error
     except ValidationError as error:
-        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {_fields(error)}", file=str(path)) from error
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {wrong_fields(error)}", file=str(path)) from error
 
 
 def _read_meshes(content: dict[str, Any], cell_file: Path) -> None:
@@ -379,14 +387,9 @@ def load_calibration(path: Path) -> Calibration:
     except OSError as error:
         raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: cannot be read: {error.strerror}", file=str(path)) from error
     except ValidationError as error:
-        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {_fields(error)}", file=str(path)) from error
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {wrong_fields(error)}", file=str(path)) from error
     for name in ("base_from_camera", "tool_from_lamp"):
         rotation = np.array(getattr(calibration, name))[:3, :3]
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
             raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {name} is not a rigid transform", file=str(path))
     return calibration
-
-
-def _fields(error: ValidationError) -> str:
-    parts = ((".".join(map(str, item["loc"])), in_words(item)) for item in error.errors())
-    return "; ".join(": ".join(filter(None, part)) for part in parts)

@@ -7,7 +7,10 @@ session's `reason` and the runbook are generated from it.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 
 class ErrorCode(StrEnum):
@@ -410,6 +413,12 @@ def in_words(error: Mapping[str, Any]) -> str:
     if error["type"] == "union_tag_invalid":
         return f"`kind` must be one of {error['ctx']['expected_tags']}, not '{error['ctx']['tag']}'"
     return str(error["msg"]).removeprefix("Value error, ")
+
+
+def wrong_fields(error: "ValidationError") -> str:
+    """Names each wrong field and what is wrong with it, in one line."""
+    parts = ((".".join(map(str, item["loc"])), in_words(item)) for item in error.errors(include_url=False))
+    return "; ".join(": ".join(filter(None, part)) for part in parts)
 
 
 class RigError(Exception):

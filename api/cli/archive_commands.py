@@ -62,7 +62,7 @@ def _print(outcome: dict[str, Any], as_json: bool) -> None:
 @app.command()
 def push(
     address: Address,
-    folders: Annotated[list[Path], typer.Argument(help="Folders of ended sessions, or a service's data folder")],
+    folders: Annotated[list[Path], typer.Argument(help="Folders of completed sessions, or a service's data folder")],
     catalogue: CatalogueAddress = None,
     as_json: AsJson = False,
 ) -> None:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import ValidationError
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
+from rich.table import Column, Table
 
-from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError, wrong_fields
 from acquisition.models.result import SolveSettings
 from api.cli import archive_report
 
@@ -58,6 +58,7 @@ def push(address: str, catalogue: str | None, folders: list[Path]) -> dict[str, 
     with _opened(address, catalogue, create=True) as archive, _bar(console) as bar:
         for folder in bar.track(_sessions(folders), description="pushing"):
             try:
+                _require_session(folder)
                 done = archive.push(folder)
             except RigError as error:
                 if error.code is not ErrorCode.FOLDER_INVALID:
@@ -76,7 +77,10 @@ def list_sessions(address: str, catalogue: str | None, condition: str | None, li
     wanted = None if condition is None else where.parse(condition)
     with _opened(address, catalogue) as archive:
         rows = archive.catalogue.sessions(wanted, limit)
-    table = Table("key", "captured", "object", "cell", "kind", "lights", "solver", "σ °")
+    table = Table(
+        Column("key", no_wrap=True, min_width=8), Column("captured", no_wrap=True, min_width=16),
+        "object", "cell", "kind", "lights", "solver", "σ °",
+    )  # fmt: skip
     for row in rows:
         sigma = "" if row.sigma_deg is None else f"{row.sigma_deg:.2f}"
         table.add_row(
@@ -173,7 +177,7 @@ def _opened(address: str, catalogue: str | None, *, create: bool = False) -> Gen
 
 
 def _sessions(folders: list[Path]) -> list[Path]:
-    """Returns the given session folders, and all ended sessions of a given data folder of a service."""
+    """Returns the given session folders, and all completed sessions of a given data folder of a service."""
     found: list[Path] = []
     for folder in folders:
         if (folder / "rig.db").is_file():
@@ -183,13 +187,26 @@ def _sessions(folders: list[Path]) -> list[Path]:
     return found
 
 
+def _require_session(folder: Path) -> None:
+    """Refuses a folder that is not a completed session's. Raises RigError folder.invalid."""
+    if not folder.is_dir():
+        raise RigError(ErrorCode.FOLDER_INVALID, f"{folder}: there is no such folder")
+    if not (folder / "manifest.json").is_file():
+        raise RigError(
+            ErrorCode.FOLDER_INVALID,
+            f"{folder}: holds neither a completed session (manifest.json) nor a service's data (rig.db)",
+        )
+
+
 def _settings(file: Path | None) -> SolveSettings:
     if file is None:
         return SolveSettings()
     try:
         return SolveSettings.model_validate_json(file.read_bytes())
-    except (OSError, ValidationError) as error:
-        raise RigError(ErrorCode.REQUEST_INVALID, f"--settings {file}: {str(error).partition(chr(10))[0]}") from error
+    except OSError as error:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"--settings {file}: {error.strerror}") from error
+    except ValidationError as error:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"--settings {file}: {wrong_fields(error)}") from error
 
 
 @contextmanager

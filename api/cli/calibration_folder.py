@@ -13,7 +13,7 @@ from acquisition.formats.folders import image_files
 from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models.base import FloatArray, Value
 from acquisition.models.calibration import Calibration
-from acquisition.models.errors import ErrorCode, RigError, in_words
+from acquisition.models.errors import ErrorCode, RigError, wrong_fields
 from acquisition.store.folder import sha256_of
 
 IMAGE_ENDINGS = (".png", ".tif", ".tiff")
@@ -89,15 +89,7 @@ def read_value(path: Path, kind: type[ValueT], what: str) -> ValueT:
     except OSError as error:
         raise RigError(ErrorCode.REQUEST_INVALID, f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
-        raise RigError(ErrorCode.REQUEST_INVALID, f"{path}: is not a valid {what}: {first_fault(error)}") from error
-
-
-def first_fault(error: ValidationError) -> str:
-    """Returns one clause on the first invalid field, with the number of all."""
-    first, *others = error.errors(include_url=False)
-    field = ".".join(map(str, first["loc"]))
-    more = f" ({len(others)} more)" if others else ""
-    return (f"{field}: " if field else "") + in_words(first) + more
+        raise RigError(ErrorCode.REQUEST_INVALID, f"{path}: is not a valid {what}: {wrong_fields(error)}") from error
 
 
 def read_joints(path: Path) -> dict[str, FloatArray]:

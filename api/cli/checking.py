@@ -24,6 +24,11 @@ from acquisition.store.folder import require_space
 from acquisition.waypoints.reach import ReachMap
 from api.rest import keys, wiring
 
+REMEDIES = {
+    ErrorCode.WAYPOINTS_COLLISION: "Correct `home`, or the bodies in its way, in the cell file; then check again.",
+}
+"""Remedies of errors that the cell file alone causes here, where those of the table suit a session."""
+
 
 def check(cell_file: Path, *, offline: bool, data: Path | None = None) -> bool:
     """Checks a cell, and the service's data folder if given, and prints the findings; moves nothing.
@@ -157,4 +162,4 @@ def _factory_calibration(console: Console, cell: CellConfig) -> bool:
 
 def _print_finding(console: Console, error: RigError) -> None:
     console.print(f"WRONG {error.code}: {error.detail}")
-    console.print(f"        what to do: {PROBLEMS[error.code].remedy}")
+    console.print(f"        what to do: {REMEDIES.get(error.code, PROBLEMS[error.code].remedy)}")

@@ -5,6 +5,7 @@ kernels nor an HTTP library.
 """
 
 import json
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -43,8 +44,8 @@ class LogFormat(StrEnum):
 
 
 Seed = Annotated[int, typer.Option(min=0, help="Seed of object, errors and noise")]
-Speed = Annotated[float, typer.Option(help="Speed of the simulated arm as a multiple of real time")]
-Pixels = Annotated[int, typer.Option(help="Width and height of the simulated image")]
+Speed = Annotated[float, typer.Option(min=0.1, max=100, help="Speed of the simulated arm as a multiple of real time")]
+Pixels = Annotated[int, typer.Option(min=32, max=4096, help="Width and height of the simulated image")]
 
 
 @app.command()
@@ -238,7 +239,7 @@ app.add_typer(archive_commands.app, name="archive")
 
 keys_app = typer.Typer(no_args_is_help=True, help="API keys: who may call the service, and what they may do.")
 app.add_typer(keys_app, name="keys")
-Data = Annotated[Path, typer.Option(help="The service's data folder")]
+Data = Annotated[Path, typer.Option(envvar="LIGHTPOSE_DATA", help="The service's data folder")]
 
 
 @keys_app.command("add")
@@ -274,6 +275,10 @@ def list_keys(data: Data = Path("data")) -> None:
     from api.rest import keys
 
     content = explain_errors(lambda: keys.read(keys.path_in(data)))
+    if content is None:
+        print(f"no keys in {data}: only this machine can connect, and everybody on it is an operator", file=sys.stderr)
+    elif not content.keys:
+        print(f"no keys in {data}: all were revoked, and the service refuses everybody", file=sys.stderr)
     for key in content.keys if content is not None else ():
         print(f"{key.name}\t{key.role}\tmade {datetime.fromtimestamp(key.created_at, UTC):%Y-%m-%d}")
 

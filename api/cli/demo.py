@@ -29,7 +29,7 @@ from acquisition.store import Store
 from api.cli import lights_file
 from api.client.client import Client
 from hardware_sim import grade, nominal, object_spec, truth
-from hardware_sim.cell import READY_WITHIN_S, check_speed_and_pixels
+from hardware_sim.cell import READY_WITHIN_S
 from hardware_sim.object_spec import ObjectSpec
 
 STOP_TIMEOUT_S = 15.0
@@ -135,7 +135,6 @@ def serve_page(options: DemoOptions) -> None:
 def prepared_folder(options: DemoOptions) -> Path:
     """Prepares the demonstration's folder. Raises RigError for a bad option and while another demonstration uses it."""
     object_spec.check(options.spec, options.seed, nominal.default_cell_file())
-    check_speed_and_pixels(options.speed, options.pixels)
     if options.lights is not None and options.method != "user":
         raise RigError(
             ErrorCode.REQUEST_INVALID,

@@ -11,6 +11,9 @@ from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
 T = TypeVar("T")
 
 REMEDIES = {
+    ErrorCode.CONFIG_INVALID: "Correct what the message names, and run the command again; `lightpose check` tests "
+    "a cell file.",
+    ErrorCode.REQUEST_NOT_FOUND: "Correct the name or the folder that the message names, and run the command again.",
     ErrorCode.REQUEST_INVALID: "Correct the option or the file that the message names, and run the command again.",
     ErrorCode.FOLDER_INVALID: "Correct what the message names, and run the command again; nothing has been written.",
     ErrorCode.STORE_DISK_FULL: "Free space there, or use a folder on another disk, and run the command again.",

@@ -215,5 +215,5 @@ def _run(settings: Settings, on_ready: Callable[[str], None]) -> None:
     except SystemExit as error:  # uvicorn's report that it did not start
         raise RigError(
             ErrorCode.CONFIG_INVALID,
-            f"{settings.host}:{settings.port} cannot be bound; the log says why",
+            f"{settings.host}:{settings.port} cannot be bound (see the log): is the port free? --port chooses another",
         ) from error

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, ValidationError, field_validator
+from pydantic_core import ErrorDetails
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from acquisition.models.errors import ErrorCode, RigError, in_words
@@ -74,9 +75,16 @@ def read_as(kind: type[SettingsT], **values: Any) -> SettingsT:
         return kind(**values)
     except ValidationError as error:
         fields = "; ".join(
-            f"LIGHTPOSE_{'_'.join(map(str, item['loc'])).upper()}: {in_words(item)}" for item in error.errors()
+            f"LIGHTPOSE_{'_'.join(map(str, item['loc'])).upper()}: {_wrong(item)}" for item in error.errors()
         )
         raise RigError(ErrorCode.CONFIG_INVALID, fields) from error
+
+
+def _wrong(item: ErrorDetails) -> str:
+    if item["type"] != "missing":
+        return in_words(item)
+    name = "-".join(map(str, item["loc"])).replace("_", "-")
+    return f"is not set: set it, or give --{name}"
 
 
 def refuse_open_bind(host: str, keys: bool, what: str = "move the arm", role: str = "operator") -> None:
@@ -85,8 +93,8 @@ def refuse_open_bind(host: str, keys: bool, what: str = "move the arm", role: st
         raise RigError(
             ErrorCode.CONFIG_INVALID,
             f"The service does not listen on {host!r} without keys: anybody who reaches it could {what}. Make a key "
-            f"with `lightpose keys add NAME --role {role}`, or listen on 127.0.0.1 and reach it from elsewhere by an "
-            "SSH tunnel (ssh -L 8000:127.0.0.1:8000 …).",
+            f"with `lightpose keys add NAME --role {role} --data FOLDER`, or listen on 127.0.0.1 and reach it from "
+            "elsewhere by an SSH tunnel (ssh -L 8000:127.0.0.1:8000 …).",
             host=host,
         )
 

@@ -123,5 +123,6 @@ def serve(wanted: ArchivePageSettings, on_ready: Callable[[str], None]) -> None:
         return
     except SystemExit as error:  # uvicorn's report that it did not start
         raise RigError(
-            ErrorCode.CONFIG_INVALID, f"{wanted.host}:{wanted.port} cannot be bound; the log says why"
+            ErrorCode.CONFIG_INVALID,
+            f"{wanted.host}:{wanted.port} cannot be bound (see the log): is the port free? --port chooses another",
         ) from error

@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -39,11 +40,32 @@ def filled(tmp_path: Path, session_folder: MakeSession) -> Path:
     return address
 
 
-def test_push_data_folder_takes_its_ended_sessions(tmp_path: Path, session_folder: MakeSession):
+def test_push_data_folder_takes_its_completed_sessions(tmp_path: Path, session_folder: MakeSession):
     (tmp_path / "rig.db").touch()
     session_folder("sessions/20261121-190041-aaaaaa")
     (tmp_path / "sessions" / "20261121-190041-running").mkdir()
     assert figures("push", tmp_path / "objects", tmp_path)["new"] == 1
+
+
+def test_push_of_a_folder_that_is_no_session_says_what_it_lacks(tmp_path: Path):
+    assert "there is no such folder" in call("push", tmp_path / "objects", tmp_path / "nowhere", status=1)
+    (tmp_path / "stopped").mkdir()
+    said = call("push", tmp_path / "objects", tmp_path / "stopped", status=1)
+    assert "holds neither a completed session" in " ".join(said.split())
+
+
+def test_list_shows_key_and_time_in_a_narrow_terminal(filled: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    (row,) = figures("list", filled, "--where", "object = 'amphora'")["sessions"]
+    said = call("list", filled)
+    assert row["key"][:7] in said
+    assert datetime.fromtimestamp(row["captured_at"], UTC).strftime("%Y-%m-%d %H:%M") in said
+
+
+def test_solve_settings_names_the_wrong_field(filled: Path, tmp_path: Path):
+    wrong = tmp_path / "settings.json"
+    wrong.write_text('{"colour_of_lamp": 1}')
+    assert "settings.json: colour_of_lamp: " in call("solve", filled, "--settings", wrong, status=2)
 
 
 def test_push_goes_on_after_a_damaged_session(tmp_path: Path, session_folder: MakeSession):

@@ -155,7 +155,7 @@ def test_hand_eye_of_folder_finds_camera_and_pose(folder: Path, tmp_path: Path) 
         ),
         (
             lambda path: (path / "board.json").write_text("{}"),
-            "description of a board: columns: Field required (2 more)",
+            "description of a board: columns: Field required; rows: Field required",
         ),
         (
             lambda path: (path / "0.png").write_bytes((path / "empty.png").read_bytes()),

@@ -56,6 +56,53 @@ def test_check_expired_calibration_is_reported_and_keys_counted(
     assert said.count("WRONG") == said.count("what to do:") == 1
 
 
+@pytest.mark.parametrize(
+    ("made_at", "home", "said"),
+    [
+        ("2026-11-30", None, "made_at: '2026-11-30' is not a date and time with a time zone"),
+        ("2026-11-30T09:00:00", None, "is not a date and time with a time zone"),
+        ("yesterday", None, "is not a date and time with a time zone"),
+        (None, "[180.0, -90.0, 100.0, -100.0, -90.0, 90.0]", "arm.home: angles are in rad"),
+        (None, "[3.14, -1.6, 1.8, -1.77, -1.57]", "arm.home.5: Field required"),
+        (None, "[3.14, 0.6, 1.8, -1.77, -1.57, 1.57]", "Correct `home`"),
+    ],
+)
+def test_check_wrong_value_is_one_finding_that_says_what_to_correct(
+    made_at: str | None, home: str | None, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
+    file, cell_file = tmp_path / "calibration.json", tmp_path / "cell.toml"
+    if made_at is not None:
+        file.write_text(json.dumps({**json.loads(file.read_text()), "made_at": made_at}))
+    if home is not None:
+        cell_file.write_text(re.sub(r"^home = .*", f"home = {home}", cell_file.read_text(), flags=re.MULTILINE))
+
+    assert not checking.check(cell_file, offline=True)
+
+    out = capsys.readouterr().out
+    assert said in out
+    assert out.count("WRONG") == out.count("what to do:") == 1
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "said"),
+    [
+        ("calibration.json", "{bad", "calibration.json: Invalid JSON"),
+        ("cell.toml", None, "camera: `kind` must be one of 'sim', 'pylon'"),
+    ],
+)
+def test_check_message_has_neither_empty_fields_nor_names_of_functions(
+    file: str, content: str | None, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
+    path = tmp_path / file
+    path.write_text(content or path.read_text().replace("[camera]", '[camera]\nkind = "canon"'))
+
+    assert not checking.check(tmp_path / "cell.toml", offline=True)
+
+    assert said in capsys.readouterr().out
+
+
 def test_check_other_arm_reports_each_difference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nominal.write(tmp_path, ARM, 64, CELL_FILE)
     cell_file = tmp_path / "cell.toml"

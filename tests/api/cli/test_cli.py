@@ -45,7 +45,7 @@ def test_help_loads_neither_kernels_nor_http_library() -> None:
         (("demo", "--planned", "-3"), "--planned -3: "),
         (("demo", "--lights", "a.txt"), "--method user"),
         (("demo", "--method", "user"), "--lights: "),
-        (("demo", "--pixels", "3"), "request.invalid: pixels is 3"),
+        (("demo", "--pixels", "3"), "--pixels"),
         (("sim", "--object", "teapot"), "sphere"),
         (("demo", "--object", "vase", "--mesh", "a.stl"), "only one"),
         (("sim", "--mesh", "a.stl", "--family", "knot"), "only one"),
@@ -55,7 +55,12 @@ def test_help_loads_neither_kernels_nor_http_library() -> None:
         (("demo", "--family", "teapots"), "vessel"),
         (("sim", "--reflectance", "velvet"), "oren-nayar"),
         (("sim", "--profile", "dreamy"), "dreamy"),
-        (("sim", "--address", "10.1.2.3"), "10.1.2.3"),
+        (("sim", "--address", "10.1.2.3"), "10.1.2.3: choose a loopback address"),
+        (("demo", "--speed", "0"), "--speed"),
+        (("sim", "--pixels", "8"), "--pixels"),
+        (("serve",), "LIGHTPOSE_CELL: is not set: set it, or give --cell"),
+        (("keys", "revoke", "nobody"), "Correct what the message names"),
+        (("prune",), "Correct the name or the folder"),
         (("serve", "--cell", "no-such-cell.toml"), "no-such-cell.toml"),
         (("solve", "no-such-folder"), "no-such-folder"),
         (("serve", "--cell", "hardware_sim/cells/cell.sim.toml", "--host", "0.0.0.0"), "lightpose keys add"),  # noqa: S104
@@ -66,11 +71,25 @@ def test_command_bad_input_exits_2_and_names_remedy(
     arguments: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
-    more = ("--data", str(tmp_path)) if arguments[0] in ("demo", "serve") else ()
+    more = ("--data", str(tmp_path)) if arguments[0] in ("demo", "serve", "keys", "prune") else ()
     done = CliRunner().invoke(app, [*arguments, *more])
     assert done.exit_code == 2
     assert said in done.stdout + done.stderr
+    assert "pydantic" not in done.stdout + done.stderr  # its links and headings say nothing to a user
     assert isinstance(done.exception, SystemExit)  # a printed message, not a traceback
+
+
+def test_keys_and_prune_find_the_services_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LIGHTPOSE_DATA", str(tmp_path))
+    runner = CliRunner()
+    empty = runner.invoke(app, ["keys", "list"])
+    assert "only this machine can connect" in empty.stderr
+    assert runner.invoke(app, ["keys", "add", "lab"]).exit_code == 0
+    assert (tmp_path / "keys.json").is_file()
+    assert runner.invoke(app, ["keys", "list"]).stdout.startswith("lab\toperator")
+    runner.invoke(app, ["keys", "revoke", "lab"])
+    assert "refuses everybody" in runner.invoke(app, ["keys", "list"]).stderr
+    assert str(tmp_path) in runner.invoke(app, ["prune"]).stderr  # it has no journal yet
 
 
 def test_command_error_exits_without_traceback() -> None:
