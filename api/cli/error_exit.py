@@ -13,6 +13,8 @@ T = TypeVar("T")
 REMEDIES = {
     ErrorCode.REQUEST_INVALID: "Correct the option or the file that the message names, and run the command again.",
     ErrorCode.FOLDER_INVALID: "Correct what the message names, and run the command again; nothing has been written.",
+    ErrorCode.REQUEST_NOT_FOUND: "Correct the option that the message names, and run the command again.",
+    ErrorCode.DEVICE_DISCONNECTED: "Check that the device, or the simulated cell (`lightpose sim`), runs there.",
     ErrorCode.STORE_DISK_FULL: "Free space there, or use a folder on another disk, and run the command again.",
 }
 """Remedies of errors in a command itself, where those of the table suit only a service."""

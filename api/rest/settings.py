@@ -74,7 +74,9 @@ def read_as(kind: type[SettingsT], **values: Any) -> SettingsT:
         return kind(**values)
     except ValidationError as error:
         fields = "; ".join(
-            f"LIGHTPOSE_{'_'.join(map(str, item['loc'])).upper()}: {item['msg']}" for item in error.errors()
+            f"LIGHTPOSE_{'_'.join(map(str, item['loc'])).upper()}: "
+            + ("is not set: set it, or give the command's option" if item["type"] == "missing" else item["msg"])
+            for item in error.errors()
         )
         raise RigError(ErrorCode.CONFIG_INVALID, fields) from error
 

@@ -57,6 +57,11 @@ def test_help_loads_neither_kernels_nor_http_library() -> None:
         (("sim", "--profile", "dreamy"), "dreamy"),
         (("sim", "--address", "10.1.2.3"), "10.1.2.3"),
         (("serve", "--cell", "no-such-cell.toml"), "no-such-cell.toml"),
+        (("serve",), "LIGHTPOSE_CELL: is not set: set it, or give the command's option"),
+        (("keys", "revoke", "nobody"), "request.invalid: There is no key named"),
+        (("prune", "--dry-run"), "Correct the option"),
+        (("place", "vase", "--address", "127.0.0.9"), "lightpose sim"),
+        (("replay", "no-such-folder"), "is not a folder"),
         (("solve", "no-such-folder"), "no-such-folder"),
         (("serve", "--cell", "hardware_sim/cells/cell.sim.toml", "--host", "0.0.0.0"), "lightpose keys add"),  # noqa: S104
     ],
@@ -66,7 +71,8 @@ def test_command_bad_input_exits_2_and_names_remedy(
     arguments: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
-    more = ("--data", str(tmp_path)) if arguments[0] in ("demo", "serve") else ()
+    monkeypatch.delenv("LIGHTPOSE_CELL", raising=False)
+    more = ("--data", str(tmp_path)) if arguments[0] in ("demo", "serve", "keys", "prune") else ()
     done = CliRunner().invoke(app, [*arguments, *more])
     assert done.exit_code == 2
     assert said in done.stdout + done.stderr
