@@ -16,6 +16,7 @@ REMEDIES = {
     ErrorCode.REQUEST_NOT_FOUND: "Correct the name or the folder that the message names, and run the command again.",
     ErrorCode.REQUEST_INVALID: "Correct the option or the file that the message names, and run the command again.",
     ErrorCode.FOLDER_INVALID: "Correct what the message names, and run the command again; nothing has been written.",
+    ErrorCode.DEVICE_DISCONNECTED: "Check that the device, or the simulated cell (`lightpose sim`), runs there.",
     ErrorCode.STORE_DISK_FULL: "Free space there, or use a folder on another disk, and run the command again.",
 }
 """Remedies of errors in a command itself, where those of the table suit only a service."""

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from acquisition import photometry
-from acquisition.formats import export
+from acquisition.formats import export, folders
 from acquisition.formats.folders import session_folder
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
@@ -25,6 +25,12 @@ def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
 
     Writes nothing. Raises RigError folder.invalid when the folder has no such result or lacks its settings.
     """
+    if folders.kind_of(folder) != "session":
+        raise RigError(
+            ErrorCode.FOLDER_INVALID,
+            f"{folder}: is not a session's folder: name one, or solve it with `lightpose solve`",
+            file=str(folder),
+        )
     capture = session_folder.read(folder)
     chosen = number if number is not None else max(capture.results, default=-1)
     if chosen not in capture.results:

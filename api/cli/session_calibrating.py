@@ -51,7 +51,7 @@ def completed(session: SessionResource) -> CalibrationSummary:
         return session.estimate
     reason = session.reason
     code = ErrorCode.CALIBRATION_INFEASIBLE if reason is None else reason.code
-    why = "no estimate" if reason is None else f"{reason.detail}. {reason.remedy}"
+    why = "no estimate" if reason is None else reason.detail
     raise RigError(code, f"Session {session.id} is {session.state}: {why}")
 
 

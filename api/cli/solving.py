@@ -139,6 +139,11 @@ def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[s
     if kind == "session":
         if request.full_scale is not None:
             raise session_full_scale(request.folder)
+        if request.sphere is not None:
+            raise RigError(
+                ErrorCode.REQUEST_INVALID,
+                f"--sphere: {request.folder} is a session, whose normals are not compared with a truth: leave it out",
+            )
         with timed(seconds, "read"):
             capture = session_folder.read(request.folder)
         with timed(seconds, "solve"), shown_step(bar, "solving"):

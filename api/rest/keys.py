@@ -108,30 +108,30 @@ def read(path: Path) -> KeyFile | None:
 
 
 def add(path: Path, name: str, role: Role) -> str:
-    """Creates a key and returns its secret, which is not stored. Raises RigError config.invalid for a name in use."""
+    """Creates a key and returns its secret, which is not stored. Raises RigError request.invalid for a name in use."""
     known = read(path) or KeyFile()
     if any(key.name == name for key in known.keys):
         raise RigError(
-            ErrorCode.CONFIG_INVALID, f"There is a key named {name!r}: revoke it first, or choose another name"
+            ErrorCode.REQUEST_INVALID, f"There is a key named {name!r}: revoke it first, or choose another name"
         )
     secret = PREFIX + secrets.token_urlsafe(32)
     try:
         key = Key(name=name, role=role, sha256=_digest(secret), created_at=time.time())
     except ValidationError as error:
         raise RigError(
-            ErrorCode.CONFIG_INVALID, f"{name!r} cannot name a key: use letters, digits, dot, dash, underscore"
+            ErrorCode.REQUEST_INVALID, f"{name!r} cannot name a key: use letters, digits, dot, dash, underscore"
         ) from error
     _write(path, KeyFile(keys=(*known.keys, key)))
     return secret
 
 
 def revoke(path: Path, name: str) -> None:
-    """Revokes a key; a running service refuses it within a second. Raises RigError config.invalid if there is none."""
+    """Revokes a key; a running service refuses it within a second. Raises RigError request.invalid if there is none."""
     known = read(path) or KeyFile()
     remaining = tuple(key for key in known.keys if key.name != name)
     if len(remaining) == len(known.keys):
         names = ", ".join(key.name for key in known.keys) or "none"
-        raise RigError(ErrorCode.CONFIG_INVALID, f"There is no key named {name!r}; there are: {names}")
+        raise RigError(ErrorCode.REQUEST_INVALID, f"There is no key named {name!r}; there are: {names}")
     _write(path, KeyFile(keys=remaining))
 
 

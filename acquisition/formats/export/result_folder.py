@@ -64,10 +64,11 @@ def write_maps(normal_map: NormalMap, folder: Path) -> None:
     if normal_map.notes.get("mask") == "proposed":
         map_files.mask_png(folder / "mask_proposed.png", normal_map.silhouette)
     map_files.png(folder / "lights_used.png", lights_used(normal_map))
+    units = {"depth": map_files.depth_unit(normal_map), "albedo_rgb": normal_map.notes.get("colour")}
     for name, unit in UNITS.items():
         values = getattr(normal_map, name)
         if values is not None:
-            more = f", {map_files.depth_unit(normal_map)}" if name == "depth" else ""
+            more = f", {units[name]}" if units.get(name) else ""
             map_files.float_tiff(folder / f"{name}.tiff", values, f"{unit}{more}; {map_files.FRAME}")
 
 

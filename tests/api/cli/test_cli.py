@@ -59,9 +59,13 @@ def test_help_loads_neither_kernels_nor_http_library() -> None:
         (("demo", "--speed", "0"), "--speed"),
         (("sim", "--pixels", "8"), "--pixels"),
         (("serve",), "LIGHTPOSE_CELL: is not set: set it, or give --cell"),
-        (("keys", "revoke", "nobody"), "Correct what the message names"),
+        (("keys", "revoke", "nobody"), "Correct the option"),
         (("prune",), "Correct the name or the folder"),
         (("serve", "--cell", "no-such-cell.toml"), "no-such-cell.toml"),
+        (("keys", "revoke", "nobody"), "request.invalid: There is no key named"),
+        (("prune", "--dry-run"), "Correct the option"),
+        (("place", "vase", "--address", "127.0.0.9"), "lightpose sim"),
+        (("replay", "no-such-folder"), "is not a folder"),
         (("solve", "no-such-folder"), "no-such-folder"),
         (("serve", "--cell", "hardware_sim/cells/cell.sim.toml", "--host", "0.0.0.0"), "lightpose keys add"),  # noqa: S104
     ],
@@ -71,6 +75,7 @@ def test_command_bad_input_exits_2_and_names_remedy(
     arguments: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
+    monkeypatch.delenv("LIGHTPOSE_CELL", raising=False)
     more = ("--data", str(tmp_path)) if arguments[0] in ("demo", "serve", "keys", "prune") else ()
     done = CliRunner().invoke(app, [*arguments, *more])
     assert done.exit_code == 2

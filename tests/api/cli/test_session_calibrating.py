@@ -6,7 +6,7 @@ from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import State
 from api.cli.session_calibrating import completed, sentences
-from api.rest.schemas import SessionResource
+from api.rest.schemas import Problem, SessionResource
 
 LAMP = CalibrationSummary(
     kind="lamp", images=72, used=72, estimated=True, position_sigma_mm=0.08, verified_deg=0.22, advice=["Use it."]
@@ -41,3 +41,11 @@ def test_session_without_result_is_refused_by_name(state: State, estimate: Calib
     with pytest.raises(RigError, match=f"Session a is {state}") as refused:
         completed(ended)
     assert refused.value.code is ErrorCode.CALIBRATION_INFEASIBLE
+
+
+def test_paused_session_states_its_reason_and_leaves_the_remedy_to_the_command() -> None:
+    reason = Problem.model_construct(code=ErrorCode.SCENE_MOVED, detail="The board moved", remedy="Tighten it.")
+    paused = SessionResource.model_construct(id="a", state=State.PAUSED, reason=reason, estimate=None)
+    with pytest.raises(RigError, match=r"Session a is paused: The board moved$") as refused:
+        completed(paused)
+    assert refused.value.code is ErrorCode.SCENE_MOVED

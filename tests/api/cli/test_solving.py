@@ -341,6 +341,13 @@ def test_replay_uses_settings_of_stored_result(session: Path, tmp_path: Path) ->
     assert refused.value.context["file"] == str(manifest)
 
 
+def test_session_is_neither_graded_by_a_sphere_nor_replayed_from_another_format(session: Path, tmp_path: Path) -> None:
+    with pytest.raises(RigError, match="--sphere"):
+        solving.run(request(session, sphere="8,8,4"))
+    with pytest.raises(RigError, match="is not a session's folder"):
+        replaying.replay(small.lp(tmp_path / "in"))
+
+
 def test_replay_missing_result_or_settings_is_refused(session: Path, tmp_path: Path) -> None:
     with pytest.raises(RigError, match="no result 7; it has 0, 1: name one with --result"):
         replaying.replay(session, 7)

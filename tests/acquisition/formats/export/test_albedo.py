@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import OpenEXR
 import pytest
+import tifffile
 from PIL import Image, ImageCms
 
 from acquisition import colour
-from acquisition.formats.export import exr, map_files
+from acquisition.formats.export import exr, map_files, result_folder
 from acquisition.models.result import FisherInformation, NormalMap
 from acquisition.normals.images.colour_albedo import CAMERA, SRGB
 
@@ -90,3 +91,12 @@ def test_albedo_exr_is_linear_with_primaries(result: NormalMap, tmp_path: Path) 
     grey = OpenEXR.File(str(path), separate_channels=True)
     assert set(grey.channels()) == {"Y"}
     assert "chromaticities" not in grey.header()
+
+
+@pytest.mark.parametrize("space", [SRGB, CAMERA])
+def test_float_albedo_states_its_colour_space(space: str, result: NormalMap, tmp_path: Path) -> None:
+    result_folder.write_maps(replace(result, notes={"colour": space}), tmp_path)
+    with tifffile.TiffFile(tmp_path / "albedo_rgb.tiff") as file:
+        assert space in file.pages.first.description
+    with tifffile.TiffFile(tmp_path / "albedo.tiff") as file:
+        assert space not in file.pages.first.description
