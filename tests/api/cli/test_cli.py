@@ -63,7 +63,7 @@ def test_help_loads_neither_kernels_nor_http_library() -> None:
         (("prune",), "Correct the name or the folder"),
         (("serve", "--cell", "no-such-cell.toml"), "no-such-cell.toml"),
         (("keys", "revoke", "nobody"), "request.invalid: There is no key named"),
-        (("prune", "--dry-run"), "Correct the option"),
+        (("prune", "--dry-run"), "Correct the name or the folder"),
         (("place", "vase", "--address", "127.0.0.9"), "lightpose sim"),
         (("replay", "no-such-folder"), "is not a folder"),
         (("solve", "no-such-folder"), "no-such-folder"),
