@@ -92,20 +92,23 @@ class Server(uvicorn.Server):
                 handler.flush()
 
     async def startup(self, sockets: list[socket] | None = None) -> None:
-        """Starts the service, binds the sockets, starts the listener and reports the address.
+        """Binds the sockets, starts the service, starts the listener and reports the address.
 
-        In place of uvicorn's own, which has the event loop accept connections.
+        In place of uvicorn's own, which has the event loop accept connections. The sockets come first: a service that
+        cannot listen, because another one does, must not touch the arm that the other one moves.
         """
-        await self.lifespan.startup()
-        if self.lifespan.should_exit:
-            sys.exit(STARTUP_FAILURE)
-        self.servers, self.loop = [], asyncio.get_running_loop()
         try:
             bound = sockets or bound_sockets(self.config.host, self.config.port)
         except OSError as error:
             _log.error("%s", error)
-            await self.lifespan.shutdown()
+            self.service.store.close()
             sys.exit(STARTUP_FAILURE)
+        await self.lifespan.startup()
+        if self.lifespan.should_exit:
+            for each in bound:
+                each.close()
+            sys.exit(STARTUP_FAILURE)
+        self.servers, self.loop = [], asyncio.get_running_loop()
         self._listener = Listener(
             bound, self._capacity, lambda: http_protocol.HEAD_TIMEOUT_S, self._security_headers, self._tls
         )

@@ -1,5 +1,6 @@
 """The server process: addresses, settings, start and shutdown."""
 
+import contextlib
 import os
 import signal
 import socket
@@ -14,7 +15,8 @@ import httpx
 import pytest
 
 from acquisition.models.errors import ErrorCode, RigError
-from api.rest import server, settings
+from acquisition.store import Store
+from api.rest import server, settings, wiring
 
 HEAVY = ("numba", "trimesh", "embreex", "matplotlib", "rtde_control", "rtde_receive", "hardware_sim")
 
@@ -110,13 +112,22 @@ def test_serve_damaged_database_ends_with_a_remedy(cell_file: Path, tmp_path: Pa
     assert "Traceback" not in ended.stderr
 
 
-def test_serve_port_in_use_is_refused(cell_file: Path, tmp_path: Path) -> None:
+def test_serve_port_in_use_is_refused_before_the_arm_is_touched(
+    cell_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another service may listen there and move the arm: to connect or to halt would end its program."""
+    touched: list[str] = []
+    monkeypatch.setattr(wiring.Service, "open", lambda _: touched.append("open"))
+    monkeypatch.setattr(wiring.Service, "close", lambda _: touched.append("close"))
     with socket.create_server(("127.0.4.5", 0)) as listener:
         port = listener.getsockname()[1]
         with pytest.raises(RigError, match=f"127.0.4.5:{port}") as refused:
             server.serve(settings.read(cell=cell_file, data=tmp_path / "data", host="127.0.4.5", port=port))
 
     assert refused.value.code is ErrorCode.CONFIG_INVALID
+    assert touched == []
+    with contextlib.closing(Store(tmp_path / "data")):
+        pass  # the data folder is free again
 
 
 def test_signal_while_lock_is_held_halts_the_arm(own: Any) -> None:
