@@ -7,7 +7,7 @@ import pytest
 
 from acquisition.models import cell_config
 from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
-from api.rest import keys, settings, tls
+from api.rest import settings, tls
 
 ROOT = Path(__file__).parents[3]
 
@@ -39,19 +39,13 @@ def test_setting_that_is_refused_is_told_without_the_name_of_an_exception() -> N
     assert "Value error" not in refused.value.detail
 
 
-def _add_twice(folder: Path) -> None:
-    for _ in range(2):
-        keys.add(folder / "keys.json", "page", keys.Role.VIEWER)
-
-
 @pytest.mark.parametrize(
     "cause",
     [
-        _add_twice,
         lambda folder: settings.refuse_open_bind("0.0.0.0", keys=False),  # noqa: S104 - what is refused
         lambda folder: tls.context(folder / "cert.pem", None),
     ],
-    ids=["a name in use", "open without keys", "half of TLS"],
+    ids=["open without keys", "half of TLS"],
 )
 def test_remedy_of_config_invalid_requires_no_named_file(cause: Callable[[Path], None], tmp_path: Path) -> None:
     with pytest.raises(RigError) as refused:
