@@ -100,9 +100,12 @@ class Server(uvicorn.Server):
         try:
             bound = sockets or bound_sockets(self.config.host, self.config.port)
         except OSError as error:
-            _log.error("%s", error)
             self.service.store.close()
-            sys.exit(STARTUP_FAILURE)
+            raise RigError(
+                ErrorCode.CONFIG_INVALID,
+                f"{self.config.host}:{self.config.port} cannot be bound ({error.strerror}): is the port free? --port "
+                "chooses another",
+            ) from error
         await self.lifespan.startup()
         if self.lifespan.should_exit:
             for each in bound:
@@ -199,7 +202,7 @@ def announce(address: str) -> None:
 def serve(settings: Settings, on_ready: Callable[[str], None] = announce) -> None:
     """Serves until SIGTERM or SIGINT. `on_ready` is called with the address once the service listens.
 
-    Raises RigError as `create` does, and config.invalid when the port cannot be bound.
+    Raises RigError as `create` does, and config.invalid when the port cannot be bound or the service cannot be opened.
     """
     logs.configure(settings.log, settings.log_file)
     process_priority.set_niceness(process_priority.SERVICE)
@@ -216,7 +219,4 @@ def _run(settings: Settings, on_ready: Callable[[str], None]) -> None:
     except KeyboardInterrupt:  # uvicorn raises the signal again after an orderly shutdown
         _log.info("ended by an interrupt from the keyboard")
     except SystemExit as error:  # uvicorn's report that it did not start
-        raise RigError(
-            ErrorCode.CONFIG_INVALID,
-            f"{settings.host}:{settings.port} cannot be bound (see the log): is the port free? --port chooses another",
-        ) from error
+        raise RigError(ErrorCode.CONFIG_INVALID, "the service cannot be opened; the log says why") from error
