@@ -21,8 +21,8 @@ def lamps_that_reach(scene: scenes.Scene, positions: np.ndarray) -> np.ndarray:
     return out.reshape(scene.pixels, scene.pixels)
 
 
-@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.long), 20])
-def test_solve_pixels_in_all_shadows_are_doubtful_and_of_large_sigma(seed: int) -> None:
+@pytest.mark.parametrize(("seed", "least"), [pytest.param(0, 80, marks=pytest.mark.long), (20, 150)])
+def test_solve_pixels_in_all_shadows_are_doubtful_and_of_large_sigma(seed: int, least: int) -> None:
     scene = scenes.scene("vessel", seed, "lambert", PIXELS)
     positions = patterns.fixed("two-rings", scene, 6, 0, 1)
 
@@ -31,7 +31,7 @@ def test_solve_pixels_in_all_shadows_are_doubtful_and_of_large_sigma(seed: int) 
     graded = scene.truth.within_78_deg & solved.mask
     lights = lamps_that_reach(scene, positions)
     dark, lit = graded & (lights <= 1), graded & (lights >= 3)
-    assert np.count_nonzero(dark) > 80
+    assert np.count_nonzero(dark) > least
     assert np.mean(solved.doubtful[dark]) > 0.8
     assert np.mean(solved.doubtful[lit]) < 0.1
     error_deg, sigma_deg = scene.truth.error_deg(solved.normals)[dark], solved.sigma_deg[dark]
