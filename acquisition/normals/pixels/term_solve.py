@@ -5,6 +5,10 @@ change slowly with the normal, so these rounds converge from anywhere. A highlig
 not show where it would be, and a pixel whose highlight was taken for diffuse light stays wrong. So a glossy pixel is
 solved from its Lambertian solution, and from the half vectors of the camera and the lamps of its brightest images, the
 normals that would mirror these. The solution of least robust cost is taken.
+
+Each solve of the alternation needs all starts, although metal takes half a minute by them. If self-calibration starts
+from the solution before, seven of 13 captures of metal (α = 0.15, design seeds 555 and 556, eight lights in two rings)
+are no longer recognised.
 """
 
 from collections.abc import Callable
