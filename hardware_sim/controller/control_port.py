@@ -2,6 +2,7 @@
 
 Requests and replies are one JSON object per line. A reply carries `"ok"`, and `"error"` if that is false. No real
 controller has this port; only the simulated world, tests and graders use it. From Python: `control.ControlClient`.
+Fields that a command does not take are refused.
 
     {"command": "state"}                            the true state, see `state`
     {"command": "fault", "kind": …, …}              orders a fault; `faults` lists all kinds
@@ -17,7 +18,7 @@ import json
 import math
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -51,15 +52,28 @@ class ControlConnection(LineConnection):
     def _answer(self, request: Any) -> dict[str, Any]:
         if not isinstance(request, dict):
             raise FaultError("a request is a JSON object")
-        command = _COMMANDS.get(str(request.get("command")))
+        name = str(request.get("command"))
+        command = _COMMANDS.get(name)
         if command is None:
             raise FaultError(f"command must be one of {', '.join(_COMMANDS)}, not {request.get('command')!r}")
+        if name in _TAKES:
+            _require_known(request, name, _TAKES[name])
         return {"ok": True, **(command(self._controller, self._links, request) or {})}
+
+
+def _require_known(request: dict[str, Any], what: str, takes: Sequence[str]) -> None:
+    """Raises FaultError for a field that the command does not take."""
+    if unknown := request.keys() - {"command", *takes}:
+        raise FaultError(f"{what} takes {', '.join(takes) or 'no fields'}, not {', '.join(sorted(unknown))}")
 
 
 def _set_input(inputs: Inputs, request: dict[str, Any]) -> None:
     """Sets a digital or an analogue input. Raises FaultError."""
-    if "digital" in request:
+    kind = next((kind for kind in _INPUTS if kind in request), None)
+    if kind is None:
+        raise FaultError("input takes digital and level, or analog and value")
+    _require_known(request, f"{kind} input", _INPUTS[kind])
+    if kind == "digital":
         level = request.get("level")
         if not isinstance(level, bool):
             raise FaultError(f"level must be true or false, not {level!r}")
@@ -145,3 +159,11 @@ _COMMANDS: dict[str, Callable[[Controller, Links, dict[str, Any]], dict[str, Any
     "log": lambda c, _, request: {"messages": list(c.messages)},
     "surroundings": lambda c, _, request: _surround(c, request),
 }
+
+_TAKES: dict[str, tuple[str, ...]] = {
+    "state": (), "collisions": (), "log": (), "surface": ("point", "normal", "stiffness"), "surroundings": ("file",),
+}  # fmt: skip
+"""Fields of each command. `fault` and `input`, whose fields depend on the kind, check theirs themselves."""
+
+_INPUTS = {"digital": ("digital", "level"), "analog": ("analog", "value")}
+"""Fields of `input`, by the kind of input."""

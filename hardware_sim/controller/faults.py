@@ -2,7 +2,7 @@
 
 Every fault is one entry of `FAULTS`; its parameters are the other fields of the request, and any other field is
 refused. Faults act between two ticks: at once, after `at_s` seconds of wall time, or as soon as the `at_move`-th move
-from now has begun.
+from now has begun; a request may state only one of the two.
 
     safety      protective_stop · safeguard_stop · emergency_stop · system_emergency_stop · violation · fault
                 release_safeguard_stop · release_emergency_stop · clear (normal, powered and without faults at once)
@@ -179,6 +179,8 @@ def prepare(controller: Controller, links: Links, request: Parameters) -> None:
     takes = (*fault.takes, *_WHEN)
     if unknown := request.keys() - {"command", "kind", *takes}:
         raise FaultError(f"{kind} takes {', '.join(takes)}, not {', '.join(sorted(unknown))}")
+    if all(name in request for name in _WHEN):
+        raise FaultError(f"give {' or '.join(_WHEN)}, not both")
     action = fault.make(controller, links, request)
     if "at_s" in request:
         due = controller.now + number(request, "at_s", 0.0, 86400.0)

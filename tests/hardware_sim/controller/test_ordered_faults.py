@@ -86,10 +86,14 @@ def test_fault_at_s_takes_effect_after_that_time_of_the_ticks() -> None:
             {"kind": "lamp", "fraktion": 0.0, "at_S": 1},
             "lamp takes fraction, flicker, at_s, at_move, not at_S, fraktion",
         ),
+        (
+            {"kind": "protective_stop", "at_s": 60, "at_move": 1},
+            "give at_s or at_move, not both",
+        ),
     ],
 )
-def test_fault_with_unknown_parameter_is_refused_by_name(fields: dict[str, object], said: str) -> None:
-    """Ignored, a misspelt time would let the fault happen at once."""
+def test_fault_with_unknown_or_ambiguous_parameter_is_refused(fields: dict[str, object], said: str) -> None:
+    """Ignored, a misspelt time would let the fault happen at once, and one of two times would not hold."""
     controller = Controller(MODELS["ur5e"], HOME, now=0.0)
     with pytest.raises(FaultError, match=f"^{said}$"):
         prepare(controller, NoLinks(), {"command": "fault", **fields})

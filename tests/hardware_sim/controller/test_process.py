@@ -3,6 +3,7 @@
 import json
 import socket
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,6 +60,31 @@ def test_control_port_invalid_requests_are_refused_with_reason(controller: Contr
         for bad in (b"not json\n", b"[1, 2]\n", b"\xff\xfe\n", b"[" * 3000 + b"\n", b'{"command": NaN}\n'):
             raw.sendall(bad)
             assert json.loads(lines.readline())["ok"] is False
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"command": "state", "at": 1}, "state takes no fields, not at"),
+        ({"command": "collisions", "since": 1}, "collisions takes no fields, not since"),
+        ({"command": "log", "count": 3}, "log takes no fields, not count"),
+        ({"command": "input", "digital": 3, "level": True, "value": 1.0},
+         "digital input takes digital, level, not value"),
+        ({"command": "input", "analog": 1, "value": 1.0, "unit": "A"}, "analog input takes analog, value, not unit"),
+        ({"command": "input", "digitl": 3, "level": True}, "input takes digital and level, or analog and value"),
+        ({"command": "surface", "stiffness": 0.0, "stifness": 9.0},
+         "surface takes point, normal, stiffness, not stifness"),
+        ({"command": "surroundings", "file": "x", "clear": True}, "surroundings takes file, not clear"),
+    ],
+)  # fmt: skip
+def test_control_port_unknown_field_is_refused_by_name(
+    controller: ControllerProcess, fields: dict[str, Any], said: str
+) -> None:
+    with controller.control() as control:
+        inputs = control.state()["digital_inputs"]
+        with pytest.raises(ValueError, match=f"^{said}$"):
+            control.request(**fields)
+        assert control.state()["digital_inputs"] == inputs
 
 
 def test_faults_without_parameters_take_effect(controller: ControllerProcess) -> None:
