@@ -115,9 +115,11 @@ class FolderCameraConfig(CameraConfig):
 
     @model_validator(mode="after")
     def _can_be_released(self) -> "FolderCameraConfig":
-        """Refuses a camera that nothing releases, and a range of exposure times that nothing sets."""
+        """Refuses a camera that nothing releases, or two things, and a range of exposure times that nothing sets."""
         if not self.trigger_command and self.trigger_output is None:
             raise ValueError("state `trigger_command` or `trigger_output`: nothing else releases the camera")
+        if self.trigger_command and self.trigger_output is not None:
+            raise ValueError("state either `trigger_command` or `trigger_output`, not both: one of them releases")
         if "{exposure_s}" not in self.trigger_command and self.min_exposure_s != self.max_exposure_s:
             raise ValueError(
                 "nothing sets the exposure time: set `min_exposure_s` and `max_exposure_s` both to that of the program"

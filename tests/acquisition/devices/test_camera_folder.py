@@ -159,6 +159,14 @@ def test_folder_config_without_release_is_refused() -> None:
         FolderCameraConfig(kind="folder", folder="x", width=1, height=1, trigger_output=1)
 
 
+def test_folder_config_with_two_releases_is_refused() -> None:
+    """The output would release, and nothing would set the exposure times that the command stands for."""
+    with pytest.raises(ValueError, match="either `trigger_command` or `trigger_output`, not both"):
+        FolderCameraConfig(
+            kind="folder", folder="x", width=1, height=1, trigger_command="release {exposure_s}", trigger_output=1
+        )
+
+
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_folder_thousand_frames_with_faults_none_mislabelled(tmp_path: Path) -> None:
