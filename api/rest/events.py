@@ -106,9 +106,9 @@ class EventFeed:
     ) -> AsyncGenerator[str, None]:
         """Yields events above `after` (None: from now on) as event-stream text until `end` or loss of admission.
 
-        Without `follow` the stream ends with the newest event. With `joints` it carries joint readings too. An `after`
-        above the newest id is from another journal; the stream then begins with the event `stream.reset` and continues
-        from now.
+        Without `follow` the stream ends with the newest event. With `joints` it carries joint readings too; without
+        `follow` one, at its end. An `after` above the newest id is from another journal; the stream then begins with
+        the event `stream.reset` and continues from now.
         """
         wake = asyncio.Event()
         self._listeners.add(wake)
@@ -135,6 +135,8 @@ class EventFeed:
                     # Other sessions' events up to the newest id are not read again.
                     sent = batch[-1].id if len(batch) == BATCH else max(sent, newest, *(item.id for item in batch[-1:]))
                 if not follow and len(batch) < BATCH:
+                    if joints:
+                        yield self._readings.message()
                     return
                 if time.monotonic() >= due:
                     yield self._readings.message() if joints else ": keep-alive\n\n"
@@ -202,7 +204,7 @@ async def events(
         bool,
         Query(
             description="true: eight times a second also an event `arm.joints` (JointReadingResource), which is not "
-            "journalled and has no id"
+            "journalled and has no id; `type=arm.joints` implies it. With `follow=false` one, at the end"
         ),
     ] = False,
     last_event_id: Annotated[
@@ -220,6 +222,7 @@ async def events(
     if session_id is not None:
         await feed.require_session(session_id)
     start = int(last_event_id) if last_event_id is not None else after
+    joints = joints or joint_readings.EVENT_TYPE in type
     content = feed.stream(
         start, session_id, type, follow=follow, joints=joints, is_admitted=lambda: streams.is_valid(caller)
     )

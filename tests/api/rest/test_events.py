@@ -148,6 +148,21 @@ def test_events_concurrent_writers_and_stall_lose_none(own: Any) -> None:
         assert all(future.result(30) == list(range(1, writers * each + 1)) for future in heard)
 
 
+@pytest.mark.parametrize("query", ["type=arm.joints", "type=arm.joints&type=session.created", "joints=true"])
+def test_events_of_type_joints_carry_readings(own: Any, query: str) -> None:
+    own.client.create()
+    ended = own.http.get(f"/v1/events?follow=false&after=0&{query}").text
+    with own.http.stream("GET", f"/v1/events?{query}") as answer:
+        text = ""
+        for part in answer.iter_text():  # two, so that they come again and again
+            text += part
+            if text.count("event: arm.joints") == 2:
+                break
+
+    assert ended.count("event: arm.joints") == 1
+    assert ("event: session.created" in ended) == (query != "type=arm.joints")
+
+
 def test_client_events_resume_after_service_restart(start: Any) -> None:
     """The stream ends in good order when the service does; the generator connects again to the next one."""
     heard: list[int] = []
