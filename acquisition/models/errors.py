@@ -89,6 +89,7 @@ class ErrorCode(StrEnum):
     ARCHIVE_NO_SCHEDULER = "archive.no_scheduler"
     SERVICE_RESTARTED = "service.restarted"
     SERVICE_OVERLOADED = "service.overloaded"
+    SERVICE_UNREACHABLE = "service.unreachable"
     SERVICE_FAULT = "service.fault"
 
 
@@ -389,6 +390,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         503,
         "The service has as many connections, requests or streams as it can hold",
         "Try again after `retry_after_s` seconds; find out who holds them. A stop is still answered.",
+    ),
+    ErrorCode.SERVICE_UNREACHABLE: Problem(
+        503,
+        "No service answers at this address",
+        "Start it there with `lightpose serve`, or correct the address. A session that has begun there goes on.",
     ),
     ErrorCode.SERVICE_FAULT: Problem(
         500, "Internal error of the service", "Keep the log and report it; the session's data are safe."

@@ -38,8 +38,15 @@ from api.client.event_following import (
     parse_events,
 )  # fmt: skip
 from api.client.progress_bar import SessionProgressBar
-from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed
-from api.client.transport import CLOSED_MEANWHILE, authorization_headers, connection, may_repeat
+from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed, unreachable
+from api.client.transport import (
+    CLOSED_MEANWHILE,
+    LEAST_TIMEOUT_S,
+    TIMEOUT_S,
+    authorization_headers,
+    connection,
+    may_repeat,
+)  # fmt: skip
 from api.rest.calibration import RigCalibration, ToolResource
 from api.rest.calibration_schemas import EstimateResource
 from api.rest.key_schemas import CallerResource, KeyResource
@@ -143,14 +150,23 @@ class AsyncClient:
         await self._send("POST", "/v1/rig/park")
 
     async def wait_ready(self, timeout_s: float = 60.0) -> RigResource:
-        """Waits until a session may start. Raises ProblemError rig.not_ready with the last reasons at `timeout_s`."""
+        """Waits until a service answers and a session may start.
+
+        Raises ProblemError at `timeout_s`: rig.not_ready with the last reasons, service.unreachable if none answers.
+        """
         deadline = time.monotonic() + timeout_s
         while True:
-            rig = await self.rig()
-            if rig.may_start:
-                return rig
+            left_s = min(max(deadline - time.monotonic(), LEAST_TIMEOUT_S), TIMEOUT_S)
+            try:
+                rig = parsed(await self._send("GET", "/v1/rig", timeout=left_s), RigResource)
+            except httpx.TransportError as error:
+                problem = unreachable(error)
+            else:
+                if rig.may_start:
+                    return rig
+                problem = Problem.of(ErrorCode.RIG_NOT_READY, "; ".join(item.detail for item in rig.reasons))
             if time.monotonic() > deadline:
-                raise ProblemError(Problem.of(ErrorCode.RIG_NOT_READY, "; ".join(item.detail for item in rig.reasons)))
+                raise ProblemError(problem)
             await asyncio.sleep(0.2)
 
     async def create(self, recipe: AnyRecipe | None = None, idempotency_key: str | None = None) -> SessionResource:

@@ -49,6 +49,14 @@ def require_completed(session: SessionResource) -> SessionResource:
     raise ProblemError(session.reason or Problem.of(ErrorCode.SESSION_STEP_FAILED, detail))
 
 
+def unreachable(error: httpx.TransportError) -> Problem:
+    """Returns the problem of a service that does not answer. Raises the error of an address that none can have."""
+    if isinstance(error, httpx.UnsupportedProtocol):
+        raise error
+    url, why = error.request.url, str(error) or type(error).__name__
+    return Problem.of(ErrorCode.SERVICE_UNREACHABLE, f"{url.scheme}://{url.netloc.decode()} does not answer: {why}")
+
+
 def parsed(response: httpx.Response, model: type[ModelT]) -> ModelT:
     """Parses the body of an answer into a value. Raises ValidationError if it does not fit the model."""
     return model.model_validate_json(response.content)

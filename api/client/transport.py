@@ -10,6 +10,10 @@ TIMEOUT_S = 30.0
 """Time limit of a request, s; longer than devices may delay a start, and than the pause between two keep-alive comments
 of the event stream."""
 
+LEAST_TIMEOUT_S = 5.0
+"""Time limit of a request whose answer is waited for until a deadline, at and shortly before that deadline, s: a busy
+machine may need a second."""
+
 LIMITS = httpx.Limits(keepalive_expiry=2.0)
 """Time after which an idle connection is given up, s: below the service's 5 s, because a request on a closing
 connection fails. The service counts from sending an answer, the client from reading it; a client delayed by three

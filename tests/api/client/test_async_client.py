@@ -1,11 +1,15 @@
 """The asynchronous client: a session from creation to deletion, and concurrent event listeners."""
 
 import asyncio
+import json
 import socket
 import struct
 import threading
+import time
 from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -16,6 +20,7 @@ from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from api import AsyncClient, Client, ProblemError
+from api.client.transport import TIMEOUT_S
 
 
 def test_async_client_session_from_creation_to_deletion(administered: Any) -> None:
@@ -48,6 +53,60 @@ def test_wait_ready_absent_rig_raises_reasons(shared: Any) -> None:
             assert missing.value.code is ErrorCode.RIG_NOT_READY
 
     asyncio.run(script())
+
+
+def free_port() -> int:
+    """A port of loopback at which nobody listens."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        return int(listening.getsockname()[1])
+
+
+def test_wait_ready_without_service_waits_until_its_deadline() -> None:
+    url, begun = f"http://127.0.0.1:{free_port()}", time.monotonic()
+    with Client(url) as client, pytest.raises(ProblemError, match=f"{url} does not answer") as refused:
+        client.wait_ready(timeout_s=0.5)
+    assert time.monotonic() - begun > 0.5
+    assert refused.value.code is ErrorCode.SERVICE_UNREACHABLE
+    assert "lightpose serve" in refused.value.remedy
+
+
+def test_wait_ready_silent_service_is_given_up_near_the_deadline() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url, begun = f"http://127.0.0.1:{silent.getsockname()[1]}", time.monotonic()
+        with Client(url) as client, pytest.raises(ProblemError, match="timed out") as refused:
+            client.wait_ready(timeout_s=0)
+    assert refused.value.code is ErrorCode.SERVICE_UNREACHABLE
+    assert time.monotonic() - begun < TIMEOUT_S
+
+
+def test_wait_ready_with_an_address_of_another_kind_raises_at_once() -> None:
+    with Client("127.0.0.1:8000") as client, pytest.raises(httpx.UnsupportedProtocol):
+        client.wait_ready()
+
+
+def test_wait_ready_service_that_comes_later_is_waited_for(shared: Any) -> None:
+    """A ready rig is answered for, as nobody is at the arm's address."""
+    ready = json.dumps({**shared.http.get("/v1/rig").json(), "may_start": True, "reasons": []}).encode()
+
+    class Ready(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(ready)))
+            self.end_headers()
+            self.wfile.write(ready)
+
+        def log_message(self, *_: object) -> None:
+            """Says nothing."""
+
+    port = free_port()
+    with Client(f"http://127.0.0.1:{port}") as client, ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(client.wait_ready)
+        time.sleep(0.5)
+        assert not waiting.done()
+        with HTTPServer(("127.0.0.1", port), Ready) as late:
+            late.timeout = 60
+            late.handle_request()
+        assert waiting.result(60).may_start
 
 
 def test_events_concurrent_listeners_miss_none_over_restart(start: Callable[..., AbstractContextManager[Any]]) -> None:
