@@ -32,6 +32,7 @@ class ErrorCode(StrEnum):
     SESSION_NOT_FOUND = "session.not_found"
     SESSION_ACTION_NOT_ALLOWED = "session.action_not_allowed"
     SESSION_STEP_FAILED = "session.step_failed"
+    SESSION_STOPPED = "session.stopped"
     RESULT_NOT_READY = "result.not_ready"
     RESULT_CANCELLED = "result.cancelled"
     RIG_BUSY = "rig.busy"
@@ -161,6 +162,12 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.SESSION_STEP_FAILED: Problem(
         500, "A step of the session failed", "Read the detail; the frames captured so far are kept."
+    ),
+    ErrorCode.SESSION_STOPPED: Problem(
+        409,
+        "Somebody stopped the session",
+        "Look at the cell and find out who stopped it (`by` in its events `session.state`); then start a new session. "
+        "Its images are kept: three or more can be solved.",
     ),
     ErrorCode.RESULT_NOT_READY: Problem(
         409, "The result is not ready yet", "Wait for the event `normals.ready`, then ask again."

@@ -46,10 +46,13 @@ def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool)
 
 
 def completed(session: SessionResource) -> CalibrationSummary:
-    """Returns a session's calibration summary. Raises RigError with its reason if it has not completed."""
+    """Returns a session's calibration summary. Raises RigError if it has not completed: with its reason, or
+    session.stopped."""
     if session.state is State.COMPLETED and session.estimate is not None and session.estimate.estimated:
         return session.estimate
     reason = session.reason
+    if reason is None and session.state is State.STOPPED:
+        raise RigError(ErrorCode.SESSION_STOPPED, f"Session {session.id} is stopped")
     code = ErrorCode.CALIBRATION_INFEASIBLE if reason is None else reason.code
     why = "no estimate" if reason is None else reason.detail
     raise RigError(code, f"Session {session.id} is {session.state}: {why}")

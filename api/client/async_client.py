@@ -372,7 +372,7 @@ class AsyncClient:
     async def capture(self, recipe: Recipe | None = None, *, progress: bool = True) -> SessionResource:
         """Creates a session, starts it and follows it to its end, with a progress bar on a terminal.
 
-        Raises ProblemError with the session's reason when it does not complete.
+        Raises ProblemError with the session's reason when it does not complete, session.stopped if it was stopped.
         """
         created = await self.create(recipe)
         await self.start(created.id)

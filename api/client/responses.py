@@ -42,11 +42,12 @@ class ProblemError(Exception):
 
 
 def require_completed(session: SessionResource) -> SessionResource:
-    """Returns a completed session. Raises ProblemError with the session's reason if it is in any other state."""
+    """Returns a completed session. Raises ProblemError if it is in any other state: with the session's reason, or
+    session.stopped."""
     if session.state is State.COMPLETED:
         return session
-    detail = f"Session {session.id} is {session.state}"
-    raise ProblemError(session.reason or Problem.of(ErrorCode.SESSION_STEP_FAILED, detail))
+    code = ErrorCode.SESSION_STOPPED if session.state is State.STOPPED else ErrorCode.SESSION_STEP_FAILED
+    raise ProblemError(session.reason or Problem.of(code, f"Session {session.id} is {session.state}"))
 
 
 def unreachable(error: httpx.TransportError) -> Problem:

@@ -49,3 +49,9 @@ def test_paused_session_states_its_reason_and_leaves_the_remedy_to_the_command()
     with pytest.raises(RigError, match=r"Session a is paused: The board moved$") as refused:
         completed(paused)
     assert refused.value.code is ErrorCode.SCENE_MOVED
+
+
+def test_stopped_session_is_no_poor_calibration() -> None:
+    stopped = SessionResource.model_construct(id="a", state=State.STOPPED, reason=None, estimate=LAMP)
+    with pytest.raises(RigError, match=r"^session\.stopped: Session a is stopped$"):
+        completed(stopped)

@@ -55,6 +55,24 @@ def test_wait_ready_absent_rig_raises_reasons(shared: Any) -> None:
     asyncio.run(script())
 
 
+def test_capture_stopped_by_somebody_raises_session_stopped(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody stops the session between its start, which needs no arm here, and its end."""
+    monkeypatch.setattr(own.client, "start", own.client.stop)
+
+    with pytest.raises(ProblemError, match=r"is stopped\. Look at the cell") as refused:
+        own.client.capture(progress=False)
+
+    assert refused.value.code is ErrorCode.SESSION_STOPPED
+    (stopped,) = [event for event in own.client.past_events(one(own)) if event.type == "session.state"]
+    assert stopped.body["by"]  # where the remedy says that it is
+
+
+def one(service: Any) -> str:
+    """The service's only session."""
+    (session,) = service.client.sessions()
+    return str(session.id)
+
+
 def free_port() -> int:
     """A port of loopback at which nobody listens."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
