@@ -321,7 +321,8 @@ class AsyncClient:
     ) -> AsyncGenerator[EventResource, None]:
         """Yields events above `after` (None: from now on) without end; resumes a broken connection where it broke.
 
-        Raises httpx.TransportError when the service cannot be reached for `reconnect_timeout_s`.
+        Raises httpx.TransportError when the service cannot be reached for `reconnect_timeout_s`, and ProblemError
+        session.not_found for a session that its journal does not know, as when that was restored meanwhile.
         """
         cursor = EventCursor(session_id, after, reconnect_timeout_s)
         while True:
@@ -341,7 +342,7 @@ class AsyncClient:
             await asyncio.sleep(cursor.next_pause())
 
     async def past_events(self, session_id: str) -> list[EventResource]:
-        """Returns the events of a session so far."""
+        """Returns the events of a session so far. Raises ProblemError session.not_found."""
         query = {"session_id": session_id, "after": 0, "follow": False}
         return parse_events(await self._send("GET", "/v1/events", params=query))
 

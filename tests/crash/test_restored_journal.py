@@ -1,6 +1,7 @@
 """A journal that was copied away and restored in mid-life, and a data folder of the first release: both are taken up.
 
-Events that were heard before are of another journal then: a listener is told (`stream.reset`), and nothing is doubled.
+Events that were heard before are of another journal then: a listener is told (`stream.reset`), one that follows a
+session that the journal lacks is told so (`session.not_found`), and nothing is doubled.
 """
 
 import shutil
@@ -10,8 +11,9 @@ from pathlib import Path
 import httpx
 import pytest
 
+from acquisition.models.errors import ErrorCode
 from acquisition.session import State
-from api import Client
+from api import Client, ProblemError
 from tests.crash.crashing import Bench, assert_rests, bench
 
 pytestmark = pytest.mark.long
@@ -63,6 +65,10 @@ def test_journal_restored_from_a_copy_resets_listeners_and_goes_on(tmp_path: Pat
         shutil.copy(tmp_path / "copy.db", made.data / "rig.db")
         with made.serve() as client:
             heard = events(client, newest)
+            for following in (lambda: next(client.events(second, after=newest)), lambda: client.wait(second)):
+                with pytest.raises(ProblemError) as lost:  # no stream without end of a session that there is not
+                    following()
+                assert lost.value.code is ErrorCode.SESSION_NOT_FOUND
             third = complete(made, client)
             after = events(client)
             known = {session.id for session in client.sessions()}

@@ -103,6 +103,10 @@ def test_events_of_unknown_session_are_refused_and_of_a_deleted_one_replayed(own
     assert (refused.status_code, refused.json()["code"]) == (404, ErrorCode.SESSION_NOT_FOUND)
     with pytest.raises(ProblemError, match="20261121-101500-ffffff"):
         next(own.client.events("20261121-101500-ffffff"))
+    for follow in (lambda: next(own.client.events(made.id + "a", after=1000)), lambda: own.client.wait(made.id + "a")):
+        with pytest.raises(ProblemError) as lost:  # an id of another journal makes no difference
+            follow()
+        assert lost.value.code is ErrorCode.SESSION_NOT_FOUND
 
 
 def test_events_more_than_a_batch_are_all_sent(own: Any) -> None:
