@@ -113,7 +113,7 @@ def test_wait_ready_service_that_comes_later_is_waited_for(shared: Any) -> None:
             self.end_headers()
             self.wfile.write(ready)
 
-        def log_message(self, *_: object) -> None:
+        def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class's name
             """Says nothing."""
 
     port = free_port()
