@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
-from acquisition.calibrate import bundle_adjustment, change_test
+from acquisition.calibrate import bundle_adjustment, change_test, stated_values
 from acquisition.calibrate.board_results import AdjustmentRecord
 from acquisition.calibrate.bundle_adjustment import (
     BASE_FROM_CAMERA,
@@ -57,17 +56,7 @@ def stated(known: Path | None, calibration: Calibration) -> Adjusted:
 
     Raises RigError calibration.infeasible if there is none or if it does not belong to these values, store.corrupt.
     """
-    file = None if known is None else known / "basis.json"
-    if file is None or not file.exists():
-        raise _not_known("The calibration in use states no covariance of camera, board and joints")
-    try:
-        found = AdjustmentRecord.model_validate_json(file.read_bytes()).adjusted
-    except ValidationError as error:
-        raise RigError(ErrorCode.STORE_CORRUPT, f"{file}: {error}", file=file.name) from error
-    same = np.allclose(found.parameters.base_from_camera, calibration.base_from_camera, atol=1e-9)
-    if not same or not np.allclose(found.parameters.matrix, calibration.camera_matrix, atol=1e-6):
-        raise _not_known("The camera was calibrated after its place, or its place was not calibrated in a session")
-    return found
+    return stated_values.adjustment(known, calibration, AdjustmentRecord).adjusted
 
 
 def check(model: Model, views: Sequence[View], known: Adjusted) -> BoardCheck:
@@ -101,10 +90,3 @@ def sentence(test: GroupTest) -> str:
     moved_mm, turned_deg = 1e3 * float(np.linalg.norm(change[:3])), math.degrees(float(np.linalg.norm(change[3:])))
     whose = "the camera's place in the arm's base frame" if name == CAMERA_PLACE else "the board's place on the flange"
     return f"{whose}, by {moved_mm:.2f} mm and {turned_deg:.3f}°"
-
-
-def _not_known(why: str) -> RigError:
-    return RigError(
-        ErrorCode.CALIBRATION_INFEASIBLE,
-        f"{why}: there is nothing to check against. Calibrate hand-eye in a session and use that calibration",
-    )

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from acquisition.calibrate import intrinsics
 from acquisition.calibrate.bundle_adjustment import (
@@ -24,9 +22,9 @@ from acquisition.calibrate.bundle_adjustment import (
 )
 from acquisition.calibrate.hand_eye import HandEyeFit
 from acquisition.calibrate.intrinsics import CameraFit
-from acquisition.models.base import FloatArray, Joints, Matrix4, Value, as_matrix4
+from acquisition.models.base import FloatArray, as_matrix4
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_result import CameraResult, HandEyeResult, Rows, ViewResidual
+from acquisition.models.calibration_result import AdjustmentValues, CameraResult, HandEyeResult, ViewResidual
 
 
 def now() -> str:
@@ -34,18 +32,8 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
-class AdjustmentRecord(Value):
-    """All parameters that an adjustment found, without its views: the basis for planning further views."""
-
-    camera: Annotated[tuple[float, ...], Field(strict=False)]
-    warp_m: Annotated[tuple[float, ...], Field(strict=False)]
-    base_from_camera: Matrix4
-    flange_from_board: Matrix4
-    scale: float
-    joint_offsets_rad: Joints
-    covariance: Rows = Field(description="Of all 29 parameters, as in `bundle_adjustment`")
-    corner_sigma_px: float
-    arm_sigma: Annotated[tuple[float, float], Field(strict=False)] = Field(description="m and rad")
+class AdjustmentRecord(AdjustmentValues):
+    """An adjustment without its views: the basis for planning further views."""
 
     @classmethod
     def of(cls, found: Adjusted) -> "AdjustmentRecord":

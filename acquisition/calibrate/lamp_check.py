@@ -6,23 +6,20 @@ estimated anew. Together they count the geometry twice, once by itself and once 
 check raises alarms too seldom rather than too often.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
-from pydantic import ValidationError
 from scipy.linalg import block_diag
 
 from acquisition import image_values, photometry
 from acquisition.calibrate import change_test, plane_shading
 from acquisition.calibrate.change_test import ChangeTest, Group, GroupTest
 from acquisition.calibrate.plane_shading import Known, Placing, PlaneImage
-from acquisition.models.base import FloatArray, Value
+from acquisition.calibrate.stated_values import StatedLamp
+from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_result import HandEyeResult, LampResult, LobeResult
+from acquisition.models.calibration_result import LobeResult
 from acquisition.models.errors import ErrorCode, RigError
 
 INTENSITY, LOBE, LAMP_PLACE = "intensity", "lobe", "lamp"
@@ -36,17 +33,6 @@ ROUNDS = 3
 ALBEDO_STAYS = 1e-3
 """1 σ of a change of the plane's albedo, as a fraction: paper yellows by less in a year indoors."""
 
-_V = TypeVar("_V", bound=Value)
-
-
-@dataclass(frozen=True)
-class StatedLamp:
-    """The lamp and the camera's place as the files of the set in use state them."""
-
-    hand_eye: HandEyeResult
-    lamp: LampResult
-    lobe: LobeResult
-
 
 @dataclass(frozen=True)
 class LampCheck:
@@ -54,22 +40,6 @@ class LampCheck:
 
     found: ChangeTest
     offsets: tuple[float, ...]
-
-
-def stated(known: Path | None, calibration: Calibration) -> StatedLamp:
-    """Reads what the calibration in use states about its lamp, from the folder of its set.
-
-    Raises RigError calibration.infeasible if it states nothing or states other values, store.corrupt.
-    """
-    lobe = _read(known, "lobe.json", LobeResult)
-    # A later calibration of the response does not change digital values, but the intensity is a fraction of full scale,
-    # which depends on the black level.
-    full_scale_dn = calibration.sensor.full_scale_dn
-    stated_dn = lobe.lamp_intensity * (lobe.full_scale_dn or full_scale_dn)
-    same = math.isclose(stated_dn, calibration.lamp_intensity * full_scale_dn, rel_tol=1e-9)
-    if not same or lobe.lobe != calibration.lobe:
-        raise _not_known("The lamp's values in use are not those of its calibration")
-    return StatedLamp(_read(known, "hand_eye.json", HandEyeResult), _read(known, "lamp.json", LampResult), lobe)
 
 
 def known_of(stated_lamp: StatedLamp, calibration: Calibration, albedo: float, size_m: tuple[float, float]) -> Known:
@@ -180,20 +150,3 @@ def _within_lobe(image: PlaneImage, placing: Placing, known: Known, lobe: LobeRe
 
 def _in_first_placing(image: PlaneImage) -> PlaneImage:
     return PlaneImage(image.name, 0, image.base_from_tool, image.points, image.pixels, image.values, image.noise)
-
-
-def _read(known: Path | None, name: str, kind: type[_V]) -> _V:
-    file = None if known is None else known / name
-    if file is None or not file.exists():
-        raise _not_known(f"The calibration in use has no {name}")
-    try:
-        return kind.model_validate_json(file.read_bytes())
-    except ValidationError as error:
-        raise RigError(ErrorCode.STORE_CORRUPT, f"{file}: {error}", file=name) from error
-
-
-def _not_known(why: str) -> RigError:
-    return RigError(
-        ErrorCode.CALIBRATION_INFEASIBLE,
-        f"{why}: there is nothing to check the lamp against. Calibrate the lamp in a session and use that calibration",
-    )

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from acquisition.models.base import Matrix4, Value, Vector3
+from acquisition.models.base import Joints, Matrix4, Value, Vector3
 from acquisition.models.calibration import LampLobe
 
 Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(strict=False)], ...], Field(strict=False)]
@@ -82,6 +82,20 @@ class HandEyeResult(Value):
         """1 σ per axis, m, by which the arm's deviations move a point as far from the flange as the board's corner."""
         x, y, z = (row[3] for row in self.flange_from_board[:3])
         return math.hypot(self.arm_sigma_m, math.hypot(x, y, z) * self.arm_sigma_rad)
+
+
+class AdjustmentValues(Value):
+    """All parameters that an adjustment of views of the board found, without the views; `basis.json`."""
+
+    camera: Annotated[tuple[float, ...], Field(strict=False)]
+    warp_m: Annotated[tuple[float, ...], Field(strict=False)]
+    base_from_camera: Matrix4
+    flange_from_board: Matrix4
+    scale: float
+    joint_offsets_rad: Joints
+    covariance: Rows = Field(description="Of all 29 parameters, as in `bundle_adjustment`")
+    corner_sigma_px: float
+    arm_sigma: Annotated[tuple[float, float], Field(strict=False)] = Field(description="m and rad")
 
 
 class CalibrationSummary(Value):

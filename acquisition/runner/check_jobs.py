@@ -10,7 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.calibrate import board_check, board_session, change_test, lamp_check, lamp_session, lamp_targets
+from acquisition.calibrate import (
+    board_check,
+    board_session,
+    change_test,
+    lamp_check,
+    lamp_session,
+    lamp_targets,
+    stated_values,
+)  # fmt: skip
 from acquisition.calibrate.board_results import now
 from acquisition.calibrate.change_test import ChangeTest, GroupTest
 from acquisition.formats.atomic_write import atomic_folder, discard_partial
@@ -36,7 +44,7 @@ def check_poses(
     to check against, and waypoints.unreachable.
     """
     if recipe.target == "plane":
-        lamp_check.stated(known, calibration)
+        stated_values.lamp(known, calibration)
         return lamp_jobs.plane_poses(recipe.max_images, recipe.seed + 7, cell, calibration)
     board_check.stated(known, calibration)
     views = BoardRecipe(kind="hand-eye", max_images=max(recipe.max_images, 8), seed=recipe.seed)
@@ -83,7 +91,7 @@ def _board(cell: CellConfig, calibration: Calibration, observations: Observation
 
 def _plane(cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None) -> _Compared:
     targets, board = lamp_targets.require_targets(cell), lamp_targets.plane_board(cell)
-    stated = lamp_check.stated(known, calibration)
+    stated = stated_values.lamp(known, calibration)
     images, placing = lamp_session.read_placing(observations, 0, 0, cell, calibration)
     given = lamp_check.known_of(stated, calibration, targets.albedo, board.size_m)
     made = lamp_check.check(images, placing, given, stated.lobe, targets.albedo_sigma)

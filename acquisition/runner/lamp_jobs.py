@@ -9,17 +9,24 @@ lamp's axis.
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from acquisition import geometry, lamp_pose, photometry
-from acquisition.calibrate import charuco, highlight, lamp_position, lamp_results, lamp_session, lamp_targets
+from acquisition.calibrate import (
+    charuco,
+    highlight,
+    lamp_position,
+    lamp_results,
+    lamp_session,
+    lamp_targets,
+    stated_values,
+)  # fmt: skip
 from acquisition.capture.compare import MAX_SHIFT_PX, has_shifted
 from acquisition.capture.take import Exposed
 from acquisition.formats.atomic_write import atomic_folder, discard_partial
 from acquisition.models.base import FloatArray, as_joints
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.calibration_recipe import LampRecipe
-from acquisition.models.calibration_result import CalibrationSummary, HandEyeResult
+from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light, LightPlan
@@ -42,8 +49,6 @@ NEAREST, FARTHEST = 0.85, 1.1
 """Range of the lamp's distances from the dome's centre, in units of the dome's radius. Different distances separate the
 lamp's position from the sphere's."""
 
-HAND_EYE = "hand_eye.json"
-
 
 def lamp_poses(
     recipe: LampRecipe, cell: CellConfig, calibration: Calibration, number: int, known: Path | None
@@ -53,7 +58,7 @@ def lamp_poses(
     Raises RigError calibration.infeasible without a hand–eye calibration or with too few poses, config.invalid without
     targets.
     """
-    targets, hand_eye = lamp_targets.require_targets(cell), _hand_eye(known)
+    targets, hand_eye = lamp_targets.require_targets(cell), stated_values.hand_eye(known)
     seed = recipe.seed + 7 * number
     if number != lamp_targets.SPHERE_PASS:
         return plane_poses(recipe.placing_images, seed, cell, calibration)
@@ -158,7 +163,7 @@ def estimate_lamp(
     The sphere gives the lamp's position; the plane, if it has been captured, gives intensity and lobe. Raises RigError
     calibration.infeasible.
     """
-    hand_eye = _hand_eye(known)
+    hand_eye = stated_values.hand_eye(known)
     hashes = {shot.frame.path: shot.frame.sha256 for shot in observations.shots}
     passes = 1 + max(shot.key.pass_number for shot in observations.shots)
     images = lamp_session.read_sphere(observations, cell, calibration)
@@ -251,20 +256,6 @@ def _plane_levels(lights: list[Light], cell: CellConfig, calibration: Calibratio
     vectors = photometry.light_vectors(points, photometry.lamps(lights), calibration)[:, :, 0]
     shading = np.maximum(vectors.astype(float) @ normal, 1e-3)
     return (lamp_targets.require_targets(cell).albedo * calibration.lamp_intensity * shading).tolist()
-
-
-def _hand_eye(known: Path | None) -> HandEyeResult:
-    file = None if known is None else known / HAND_EYE
-    try:
-        if file is not None and file.exists():
-            return HandEyeResult.model_validate_json(file.read_bytes())
-    except ValidationError as error:
-        raise RigError(ErrorCode.STORE_CORRUPT, f"{file}: {error}", file=HAND_EYE) from error
-    raise RigError(
-        ErrorCode.CALIBRATION_INFEASIBLE,
-        "The calibration in use states no uncertainty of the camera's pose: calibrate hand-eye first, and make that "
-        "the calibration in use",
-    )
 
 
 def _pass_of(frame: str) -> int:

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.calibrate import stated_values
 from acquisition.capture import exposure
 from acquisition.devices import ArmIdentity
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_recipe import AnyRecipe
+from acquisition.models.calibration_recipe import AnyRecipe, CheckRecipe, LampRecipe
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
@@ -42,6 +43,13 @@ def require_same_rig(row: SessionRow, cell: CellConfig, choices: RigChoices, fol
         raise RigError(ErrorCode.RIG_CHANGED, "The cell file is not the one that the session was created with")
     if cell_config.load_calibration(folder / "calibration.json") != choices.calibration:
         raise RigError(ErrorCode.RIG_CHANGED, "The calibration is not the one that the session was created with")
+
+
+def require_stated(recipe: AnyRecipe, cell: CellConfig, choices: RigChoices) -> None:
+    """Raises RigError calibration.infeasible, config.invalid or store.corrupt unless the cell and the calibration in
+    use state what the session goes on from. It would otherwise pause in its first step, and no resume would help."""
+    if isinstance(recipe, LampRecipe | CheckRecipe):
+        stated_values.require_for(recipe, cell, choices.calibration, choices.calibration_folder)
 
 
 def require_same_arm(folder: Path, identity: ArmIdentity) -> None:

@@ -8,6 +8,7 @@ needs another tool than the stated one is refused.
 
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import AnyRecipe, tool_of
@@ -85,6 +86,11 @@ class RigChoices:
     def calibration_id(self) -> str:
         """Identifier of the calibration in use; `cell` for that of the cell file."""
         return self._id
+
+    @property
+    def calibration_folder(self) -> Path | None:
+        """Folder of the calibration set in use, with the covariances of its values; None for the cell file's values."""
+        return None if self._id == CELL_FILE else self._store.calibrations.folder(self._id)
 
     @property
     def tool(self) -> Tool:

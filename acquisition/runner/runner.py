@@ -118,7 +118,7 @@ class Runner:
 
         Raises RigError as `new_session.create`.
         """
-        return new_session.create(self._store, self._rig.cell, self.choices.calibration, recipe, idempotency_key)
+        return new_session.create(self._store, self._rig.cell, self.choices, recipe, idempotency_key)
 
     def state_tool(self, tool: Tool, actor: str) -> None:
         """Records the tool that a person states to be on the flange; the controller then gets its payload. Raises
@@ -145,7 +145,7 @@ class Runner:
 
         Raises RigError session.not_found, session.action_not_allowed, rig.busy, and for start and resume whatever
         stands in the way: arm.unreachable, arm.preflight, arm.elsewhere, camera.unreachable, safety.not_acknowledged,
-        rig.changed, store.disk_full.
+        rig.changed, calibration.infeasible, store.disk_full.
         """
         match action:
             case Trigger.STOP:
@@ -270,6 +270,7 @@ class Runner:
         self.moves.refuse_jogged()
         folder = self._store.folder(session_id)
         preconditions.require_same_rig(row, self._rig.cell, self.choices, folder)
+        preconditions.require_stated(row.recipe, self._rig.cell, self.choices)
         if datetime.now().astimezone() > self._valid_until():
             since = f"The calibration has been out of date since {self._valid_until()}: calibrate again"
             raise RigError(ErrorCode.RIG_NOT_READY, since)

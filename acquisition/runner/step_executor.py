@@ -17,7 +17,6 @@ from acquisition.capture import region
 from acquisition.devices import Rig, StopToken
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import CheckRecipe, LampRecipe, ResponseRecipe
-from acquisition.models.calibration_set import CELL_FILE
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
@@ -86,7 +85,7 @@ class StepExecutor:
     def keep_calibration(self, record: SessionRecord) -> None:
         """Keeps the estimate of a calibration session; does nothing for a session of kind capture."""
         if not isinstance(record.recipe, Recipe):
-            estimates.keep(self._store, record, self._rig.cell, self._known)
+            estimates.keep(self._store, record, self._rig.cell, self._choices.calibration_folder)
 
     def execute(self, record: SessionRecord, step: Step, stop: StopToken) -> None:
         """Executes one step. Raises Halted when the token is set meanwhile, RigError when the step fails."""
@@ -128,12 +127,6 @@ class StepExecutor:
         return self._lamp_shots if isinstance(record.recipe, LampRecipe) else self._board_shots
 
     @property
-    def _known(self) -> Path | None:
-        """Folder of the calibration set in use, with the covariances of its values; None for the cell file's values."""
-        identity = self._choices.calibration_id
-        return None if identity == CELL_FILE else self._store.calibrations.folder(identity)
-
-    @property
     def reach_cache(self) -> Path:
         """Cache file of the cell's reach with the calibration in use."""
         return self.reach_cache_of(self._calibration)
@@ -169,13 +162,13 @@ class StepExecutor:
 
     def _choose_views(self, record: SessionRecord, step: ChooseLights, stop: StopToken) -> None:
         number, folder = step.pass_number, self._store.folder(record.session_id)
-        known = (record.recipe, self._rig.cell, self._calibration)
+        known, in_use = (record.recipe, self._rig.cell, self._calibration), self._choices.calibration_folder
         if isinstance(record.recipe, LampRecipe):
-            plan: LightPlan = self._compute.run(stop, "lamp_poses", *known, number, self._known)
+            plan: LightPlan = self._compute.run(stop, "lamp_poses", *known, number, in_use)
         elif isinstance(record.recipe, ResponseRecipe):
             plan = self._compute.run(stop, "response_light", *known)
         elif isinstance(record.recipe, CheckRecipe):
-            plan = self._compute.run(stop, "check_poses", *known, re_solve.observations(record, folder), self._known)
+            plan = self._compute.run(stop, "check_poses", *known, re_solve.observations(record, folder), in_use)
         else:
             previous = folder / "estimates" / str(number - 1) if number else None
             images = re_solve.observations(record, folder)
@@ -276,7 +269,7 @@ class StepExecutor:
         if not isinstance(record.recipe, Recipe):
             estimates.estimate_and_record(
                 self._store, self._compute, record, step.number, self._shots.cell_of(record), self._calibration,
-                self._known, stop,
+                self._choices.calibration_folder, stop,
             )  # fmt: skip
             return
         request = SolveRequest(record.session_id, step.number, SolveSettings(), step.number)

@@ -72,6 +72,8 @@ _ACTOR_OF_ROLE = {
         200: {"model": SessionResource, "description": "The session that this Idempotency-Key made before"},
         **problems.responses_of(
             *problems.BODY_CODES,
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            ErrorCode.CONFIG_INVALID,
             ErrorCode.STORE_DISK_FULL,
         ),
     },
@@ -195,6 +197,7 @@ def delete(service: ServiceOf, session_id: SessionId) -> None:
             ErrorCode.RIG_BUSY,
             ErrorCode.RIG_CHANGED,
             ErrorCode.RIG_OTHER_TOOL,
+            ErrorCode.CALIBRATION_INFEASIBLE,
             ErrorCode.REQUEST_INVALID,
             ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
             ErrorCode.ARM_PROTECTIVE_STOP,

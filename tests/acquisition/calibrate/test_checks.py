@@ -8,15 +8,26 @@ import numpy as np
 import pytest
 
 from acquisition import geometry
-from acquisition.calibrate import board_check, change_test, hand_eye, intrinsics, lamp_check, lamp_lobe, lamp_results
+from acquisition.calibrate import (
+    board_check,
+    change_test,
+    hand_eye,
+    intrinsics,
+    lamp_check,
+    lamp_lobe,
+    lamp_results,
+    stated_values,
+)  # fmt: skip
 from acquisition.calibrate.board_check import BoardCheck
 from acquisition.calibrate.bundle_adjustment import JOINT_OFFSETS, Adjusted, Model, Parameters, information
 from acquisition.calibrate.lamp_check import LampCheck
 from acquisition.calibrate.plane_shading import Known, Placing, PlaneImage
-from acquisition.models import calibration_check
+from acquisition.models import calibration_check, cell_config
 from acquisition.models.calibration_check import CheckRecord
+from acquisition.models.calibration_recipe import CheckRecipe, LampRecipe
 from acquisition.models.calibration_result import LobeResult
 from acquisition.models.errors import ErrorCode, RigError
+from hardware_sim import nominal
 from tests.acquisition.calibrate import matt_plane, synthetic
 from tests.acquisition.calibrate.synthetic import Truth
 
@@ -180,9 +191,20 @@ def test_check_goes_with_a_response_calibrated_since(
     intensity = before.lamp_intensity * before.sensor.full_scale_dn / sensor.full_scale_dn
     since = before.model_copy(update={"sensor": sensor, "lamp_intensity": intensity})
     with pytest.raises(RigError, match=r"has no hand_eye\.json"):
-        lamp_check.stated(tmp_path, since)
+        stated_values.lamp(tmp_path, since)
     with pytest.raises(RigError, match="not those of its calibration"):
-        lamp_check.stated(tmp_path, since.model_copy(update={"lamp_intensity": before.lamp_intensity}))
+        stated_values.lamp(tmp_path, since.model_copy(update={"lamp_intensity": before.lamp_intensity}))
+
+
+def test_check_of_lamp_without_targets_is_refused_by_name(tmp_path: Path) -> None:
+    root = Path(__file__).parents[3]
+    cell = cell_config.load(root / "hardware_sim" / "cells" / "cell.sim.toml")
+    without = cell_config.load(root / "tests" / "data" / "cell.test.toml")
+    for recipe in (CheckRecipe(kind="check", target="plane"), LampRecipe(kind="lamp")):
+        with pytest.raises(RigError, match=r"add \[lamp_targets\]"):
+            stated_values.require_for(recipe, without, nominal.calibration(64), tmp_path)
+        with pytest.raises(RigError, match=r"^calibration\.infeasible"):
+            stated_values.require_for(recipe, cell, nominal.calibration(64), tmp_path)
 
 
 def test_check_state_warns_without_check_of_age_and_of_failure() -> None:

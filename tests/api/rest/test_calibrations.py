@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.calibration_recipe import CheckRecipe
+from acquisition.models.calibration_result import AdjustmentValues, CalibrationSummary
 from acquisition.models.calibration_set import CalibrationSet
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
@@ -80,6 +81,44 @@ def test_calibration_of_another_camera_is_refused_by_name(own: Running, tmp_path
     of_cell = own.http.get("/v1/rig/calibrations/cell/calibration.json")
     assert of_cell.json()["code"] == ErrorCode.CALIBRATION_NOT_FOUND
     assert "GET /v1/rig/calibration " in of_cell.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("recipe", "said"),
+    [
+        ({"kind": "check", "target": "plane"}, "has no lobe.json"),
+        ({"kind": "check", "target": "board"}, "states no covariance of camera, board and joints"),
+        ({"kind": "lamp"}, "calibrate hand-eye first"),
+    ],
+)
+def test_session_without_what_it_goes_on_from_is_not_created(own: Running, recipe: dict[str, str], said: str) -> None:
+    """It would pause in its first step and hold the rig, and no resume would help."""
+    refused = own.http.post("/v1/sessions", json=recipe)
+    assert (refused.status_code, refused.json()["code"]) == (422, ErrorCode.CALIBRATION_INFEASIBLE)
+    assert said in refused.json()["detail"]
+    assert list(own.client.sessions()) == []
+    assert list((own.settings.data / "sessions").iterdir()) == []
+
+
+def test_check_of_a_set_no_longer_in_use_is_refused_at_start(own: Running, tmp_path: Path) -> None:
+    """The cell file's calibration may have the same values, but it states no covariance."""
+    before = own.client.calibration().values
+    keep(own, tmp_path / "made", lobe_exponent=before.lobe_exponent)
+    (f_x, _, c_x), (_, f_y, c_y), _ = before.camera_matrix
+    basis = AdjustmentValues(
+        camera=(f_x, f_y, c_x, c_y, 0.0, 0.0, 0.0, 0.0, 0.0), warp_m=(0.0, 0.0, 0.0),
+        base_from_camera=before.base_from_camera, flange_from_board=before.base_from_camera, scale=0.0,
+        joint_offsets_rad=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), covariance=(), corner_sigma_px=0.1, arm_sigma=(1e-4, 1e-4),
+    )  # fmt: skip
+    write_value(own.service.store.calibrations.folder(ID) / "basis.json", basis)
+    own.client.activate_calibration(ID)
+    made = own.client.create(CheckRecipe(kind="check"))
+    own.client.activate_calibration("cell")
+    own.client.state_tool("board")
+    with pytest.raises(ProblemError, match="states no covariance") as refused:
+        own.client.start(made.id)
+    assert refused.value.code is ErrorCode.CALIBRATION_INFEASIBLE
+    assert own.client.rig().holder is None
 
 
 def test_session_of_another_tool_is_refused_at_start(start: Callable[..., Any]) -> None:
