@@ -173,7 +173,7 @@ def end_previous_session(client: Client) -> None:
     holder = client.rig().holder
     if holder is not None:
         client.stop(holder)
-    if not client.safety().clear:
+    if client.safety().faults:
         client.acknowledge()
 
 

@@ -342,7 +342,9 @@ VALUES: tuple[BaseModel, ...] = (
         faults=[_FAULT],
         links={"self": "/v1/rig", "stop": "/v1/rig/stop"},
     ),
-    SafetyResource(clear=False, faults=[_FAULT], links={"acknowledgement": "/v1/rig/safety/acknowledgement"}),
+    SafetyResource(
+        clear=False, connected=True, faults=[_FAULT], links={"acknowledgement": "/v1/rig/safety/acknowledgement"}
+    ),
     SCENE,
     _SESSION,
     CallerResource(name="anna", role=Role.OPERATOR),

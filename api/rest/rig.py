@@ -106,17 +106,21 @@ def stop_accepted() -> Accepted:
 
 @router.get("/v1/rig/safety", tags=["rig"])
 def safety(service: ServiceOf) -> SafetyResource:
-    """Returns the unacknowledged safety faults."""
-    return _safety(service.runner.status().latched)
+    """Returns the unacknowledged safety faults, and whether the arm's controller would say if it reported a stop."""
+    return _safety(service.runner.status())
 
 
 @router.post(
     "/v1/rig/safety/acknowledgement", tags=["rig"], responses=problems.responses_of(ErrorCode.SAFETY_STILL_FAULTED)
 )
 def acknowledge(service: ServiceOf, actor: Actor) -> SafetyResource:
-    """Acknowledges the faults: a person has inspected the cell and finds it clear. Sessions may start again."""
+    """Acknowledges the faults: a person has inspected the cell and finds it clear. Sessions may start again.
+
+    It is accepted without a connection to the arm's controller too, but `clear` is then false: starting or resuming
+    connects, and is refused if the controller reports a stop.
+    """
     service.runner.acknowledge(actor)
-    return _safety(service.runner.status().latched)
+    return _safety(service.runner.status())
 
 
 @router.post(
@@ -230,13 +234,15 @@ def _reasons(reasons: Iterable[Mapping[str, Any]]) -> list[Reason]:
     return [Reason(code=ErrorCode(item["code"]), detail=item["detail"], remedy=item["remedy"]) for item in reasons]
 
 
-def _safety(latch: Latch | None) -> SafetyResource:
+def _safety(status: RigStatus) -> SafetyResource:
+    latch, reading = status.latched, status.reading
+    known = reading.connected or reading.taking_control  # the driver is silent for seconds while it takes control
     links = {
         "self": RIG_LINKS["safety"],
         "acknowledgement": "/v1/rig/safety/acknowledgement",
         "recovery": "/v1/rig/safety/recovery",
     }
-    return SafetyResource(clear=latch is None, faults=_faults(latch), links=links)
+    return SafetyResource(clear=known and latch is None, connected=known, faults=_faults(latch), links=links)
 
 
 def _faults(latch: Latch | None) -> list[Fault]:

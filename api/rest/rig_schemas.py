@@ -95,7 +95,10 @@ class RigResource(Resource):
 class SafetyResource(Resource):
     """The latched faults: they stay until a person acknowledges that the cell is clear."""
 
-    clear: bool = Field(description="Whether no fault is latched")
+    clear: bool = Field(
+        description="Whether no fault is latched and the arm's controller is `connected`, which would report a stop"
+    )
+    connected: bool = Field(description="Whether the arm's controller sends readings; if not, its stops are not known")
     faults: list[Fault] = Field(description="The latched faults, oldest first")
     links: Links
 

@@ -36,7 +36,7 @@ def test_async_client_session_from_creation_to_deletion(administered: Any) -> No
             assert await client.passes(made.id) == []
             assert await client.results(made.id) == []
             await client.halt()
-            assert (await client.acknowledge()).clear
+            assert (await client.acknowledge()).faults == []
             await client.delete(made.id)
             with pytest.raises(ProblemError) as gone:
                 await client.session(made.id)
@@ -193,7 +193,7 @@ def test_client_asks_again_where_a_connection_was_closed_meanwhile(own: Any, res
 def test_client_repeats_a_stop_whose_connection_was_closed_meanwhile(own: Any) -> None:
     with closing_the_first(own.url, reset=True) as url, Client(url) as client:
         client.halt()
-    assert not own.client.safety().clear
+    assert own.client.safety().faults
 
 
 def test_client_never_repeats_what_is_no_mere_question(own: Any) -> None:
