@@ -124,8 +124,11 @@ class Arm(Protocol):
         """Returns the arm's positions of the newest `seconds`, oldest first. Cached, never blocks, any thread."""
         ...
 
-    def connect(self) -> ArmIdentity:
-        """Starts the driver and connects. Raises RigError arm.unreachable within 3 s if nobody listens."""
+    def connect(self, *, take_control: bool = True) -> ArmIdentity:
+        """Starts the driver and connects; without `take_control` the arm is only read, and no program is started.
+
+        Raises RigError arm.unreachable within 3 s if nobody listens.
+        """
         ...
 
     def prepare(self) -> None:

@@ -1,7 +1,9 @@
 """Readiness of the devices: connection, and comparison of the arm with the cell file; nothing moves.
 
 Missing devices are reconnected periodically while nothing runs, so that the service starts without a device and reports
-which is missing. `make_ready` is the explicit step before a session, which also compares the arm with the cell file.
+which is missing. After a restart with an interrupted session the arm is only read: its stops are known, and nothing is
+armed before a person resumes. `make_ready` is the explicit step before a session, which also compares the arm with the
+cell file.
 """
 
 import logging
@@ -25,6 +27,8 @@ class Readiness:
         self._rig, self._choices = rig, choices
         self.identity: ArmIdentity | None = None
         self.camera_ready = False
+        self.was_complete = False  # whether all devices have been connected since the service started
+        self._only_read = False  # whether it was connected last without control
         self.payload_told = True  # False if sending the payload of the tool stated last has failed
         self.problems: list[dict[str, Any]] = [
             problem(ErrorCode.RIG_NOT_READY, "The devices have not been connected yet")
@@ -39,6 +43,7 @@ class Readiness:
         try:
             self._rig.arm.carry(*self._payload())
             identity = self._rig.arm.connect()
+            self._only_read = False
             # If connecting has not taken control, this raises why. If sending the payload failed, this sends it again.
             if not self._rig.arm.reading.program_running or not self.payload_told:
                 self._rig.arm.prepare()
@@ -56,7 +61,7 @@ class Readiness:
             self.identity, self.camera_ready = None, False
             self.problems = [_as_problem(error)]
             raise
-        self.identity, self.camera_ready, self.problems = identity, True, []
+        self.identity, self.camera_ready, self.problems, self.was_complete = identity, True, [], True
         return identity
 
     @property
@@ -75,14 +80,18 @@ class Readiness:
             self._rig.arm.prepare()
         self.payload_told = True
 
-    def reconnect_missing(self) -> bool:
-        """Connects missing devices and keeps the problem of each; returns True if this has completed the rig."""
-        if not self.problems and self._rig.arm.reading.connected:
+    def reconnect_missing(self, *, take_control: bool = True) -> bool:
+        """Connects missing devices and keeps the problem of each; returns True if this has completed the rig.
+
+        Without `take_control` the arm is only read, and a later call takes control.
+        """
+        if not self.problems and self._rig.arm.reading.connected and not (take_control and self._only_read):
             return False
         problems: list[dict[str, Any]] = []
         try:
             self._rig.arm.carry(*self._payload())
-            self.identity = self._rig.arm.connect()
+            self.identity = self._rig.arm.connect(take_control=take_control)
+            self._only_read = not take_control
         except RigError as error:
             self.identity = None
             problems.append(_as_problem(error))
@@ -93,6 +102,7 @@ class Readiness:
         except RigError as error:
             problems.append(_as_problem(error))
         self.problems = problems
+        self.was_complete = self.was_complete or not problems
         return not problems
 
     def _payload(self) -> tuple[float, Vector3]:

@@ -45,7 +45,7 @@ READY_WITHIN_S = 20.0
 refused within 3 s; the rest is a margin for a busy machine."""
 
 CONNECT_EVERY_S = 5.0
-"""Period, s, of attempts to connect missing devices while no session holds the rig."""
+"""Period, s, of attempts to connect missing devices while no session moves the arm."""
 
 CLOSING_POLL_S = 0.1
 """Period, s, at which a request that waits for devices checks whether the service is ending."""
@@ -316,7 +316,7 @@ class Runner:
     def _serve(self) -> None:
         while not self._closing.is_set():
             try:
-                if time.monotonic() >= self._next_connection and self._store.journal.holder() is None:
+                if time.monotonic() >= self._next_connection:
                     self._connect_missing()
                 with suppress(queue.Empty):
                     self._requests.get(timeout=0.25)()
@@ -324,8 +324,16 @@ class Runner:
                 _log.exception("a task of the runner's thread failed")
 
     def _connect_missing(self) -> None:
+        """Connects what is missing while no session holds the rig.
+
+        For a session that a restart found interrupted the arm is only read, until all devices have been connected once:
+        what is lost later is connected again by an explicit resume (decision 2).
+        """
+        holder = self._store.journal.holder()
+        if holder is not None and (holder.state is not State.INTERRUPTED or self._readiness.was_complete):
+            return
         try:
-            if self._readiness.reconnect_missing():
+            if self._readiness.reconnect_missing(take_control=holder is None):
                 self._store.journal.announce(None, "device.changed", {"arm": "connected", "camera": "connected"})
         finally:
             self._next_connection = time.monotonic() + CONNECT_EVERY_S

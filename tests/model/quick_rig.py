@@ -87,7 +87,7 @@ class QuickArm:
         self._points.append(TrackPoint(now, now, self._joints, np.eye(4)))
         return [point for point in self._points if point.received_at >= now - seconds]
 
-    def connect(self) -> ArmIdentity:
+    def connect(self, *, take_control: bool = True) -> ArmIdentity:
         return ArmIdentity("UR5", "1", "5.12")
 
     def prepare(self) -> None:

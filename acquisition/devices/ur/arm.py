@@ -128,8 +128,8 @@ class UrArm:
 
     # --------------------------------------------------------------------------------------------- the runner's thread
 
-    def connect(self) -> ArmIdentity:
-        """Starts the driver unless it lives, switches the lamp off, and takes control if the arm is ready for it.
+    def connect(self, *, take_control: bool = True) -> ArmIdentity:
+        """Starts the driver unless it lives, switches the lamp off, and takes control if asked and the arm is ready.
 
         An arm that is not ready (power, safety, local control) is connected without control: `preflight` reports why,
         and `prepare` or another `connect` takes control later. Moves nothing. Raises RigError arm.unreachable within 3
@@ -147,7 +147,7 @@ class UrArm:
                 self._start_driver()
         reading = self.reading
         fault = states.safety_fault(reading.safety_bits) or states.power_fault(reading.robot_mode)
-        if state.remote_control and fault is None:
+        if take_control and state.remote_control and fault is None:
             self.prepare()
         return state.identity
 

@@ -40,7 +40,7 @@ class ScriptedArm:
     def track(self, seconds: float) -> list[TrackPoint]:
         raise NotImplementedError
 
-    def connect(self) -> ArmIdentity:
+    def connect(self, *, take_control: bool = True) -> ArmIdentity:
         raise NotImplementedError
 
     def prepare(self) -> None:
