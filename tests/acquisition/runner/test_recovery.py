@@ -84,7 +84,7 @@ def test_object_moved_during_pilot_discards_all_its_images(rig: Rig) -> None:
     wait_for(rig, session_id, State.PAUSED)
     reason = reason_of(rig, session_id)
     assert reason["code"] == "scene.moved"
-    assert "anew" in reason["detail"]
+    assert "all images of pass 0 will be taken again" in reason["detail"]
     assert rig.store.journal.shots(session_id) == []
     events = [event for event in rig.store.journal.events(0, 500, session_id) if event.type.startswith("shot")]
     assert [event.type for event in events].count("shot.captured") == LONG.pilot_lights
