@@ -41,13 +41,13 @@ def require_for(
     """Raises unless the cell and the calibration in use state what a session goes on from.
 
     `known` is the folder of the set in use, None for the cell file's calibration. Raises RigError
-    calibration.infeasible, config.invalid without targets of the lamp, store.corrupt.
+    calibration.infeasible, also without targets of the lamp: the request is at fault, not the service; store.corrupt.
     """
     if isinstance(recipe, LampRecipe):
-        lamp_targets.require_targets(cell)
+        _require_targets(cell)
         hand_eye(known)
     elif recipe.target == "plane":
-        lamp_targets.require_targets(cell)
+        _require_targets(cell)
         lamp(known, calibration)
     else:
         adjustment(known, calibration, AdjustmentValues)
@@ -95,6 +95,13 @@ def adjustment(known: Path | None, calibration: Calibration, kind: type[_A]) -> 
     if not same or not np.allclose(matrix, calibration.camera_matrix, atol=1e-6):
         raise _no_adjustment("The camera was calibrated after its place, or its place was not calibrated in a session")
     return found
+
+
+def _require_targets(cell: CellConfig) -> None:
+    try:
+        lamp_targets.require_targets(cell)
+    except RigError as error:
+        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, error.detail) from error
 
 
 def _of_lamp(known: Path | None, name: str, kind: type[_V]) -> _V:

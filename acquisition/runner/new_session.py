@@ -19,8 +19,8 @@ def create(
 
     The folder has recipe, cell file and calibration, and is complete without the database. Raises RigError
     request.invalid for exposures that the camera cannot make and for a key that was used for another recipe;
-    calibration.infeasible or config.invalid if calibration or cell lack what the recipe goes on from; store.disk_full
-    and store.unwritable, which leave nothing behind.
+    calibration.infeasible if calibration or cell lack what the recipe goes on from; store.disk_full and
+    store.unwritable, which leave nothing behind.
     """
     preconditions.require_exposures(recipe, cell)
     known = store.journal.session_of_key(idempotency_key, recipe)

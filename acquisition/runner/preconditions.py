@@ -46,8 +46,8 @@ def require_same_rig(row: SessionRow, cell: CellConfig, choices: RigChoices, fol
 
 
 def require_stated(recipe: AnyRecipe, cell: CellConfig, choices: RigChoices) -> None:
-    """Raises RigError calibration.infeasible, config.invalid or store.corrupt unless the cell and the calibration in
-    use state what the session goes on from. It would otherwise pause in its first step, and no resume would help."""
+    """Raises RigError calibration.infeasible or store.corrupt unless the cell and the calibration in use state what the
+    session goes on from. It would otherwise pause in its first step, and no resume would help."""
     if isinstance(recipe, LampRecipe | CheckRecipe):
         stated_values.require_for(recipe, cell, choices.calibration, choices.calibration_folder)
 

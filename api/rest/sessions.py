@@ -73,7 +73,6 @@ _ACTOR_OF_ROLE = {
         **problems.responses_of(
             *problems.BODY_CODES,
             ErrorCode.CALIBRATION_INFEASIBLE,
-            ErrorCode.CONFIG_INVALID,
             ErrorCode.STORE_DISK_FULL,
         ),
     },
