@@ -25,6 +25,7 @@ from acquisition.calibrate.charuco import CharucoBoard, View
 from acquisition.calibrate.intrinsics import CameraFit
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.rounding import percent
 from acquisition.waypoints import calibrated_kinematics
 
 MIN_VIEWS = 6
@@ -134,6 +135,6 @@ def _require_scale(found: Adjusted) -> None:
     if abs(told) > MAX_SCALE:
         raise RigError(
             ErrorCode.CALIBRATION_BOARD_WRONG,
-            f"By the arm's motions the squares are {100 * abs(told):.1f} % {'larger' if told > 0 else 'smaller'} than "
+            f"By the arm's motions the squares are {percent(abs(told))} % {'larger' if told > 0 else 'smaller'} than "
             "stated: measure their side",
         )

@@ -20,6 +20,7 @@ from acquisition.calibrate import lamp_targets
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
+from acquisition.models.rounding import percent
 
 HIGHLIGHT_SHARE = 0.15
 """Share of the brightest value above the background from which a pixel belongs to the highlight: the values at the rim
@@ -112,7 +113,8 @@ def why_another(spot: Spot, expected: Spot, pixels_per_metre: float) -> str:
     if spot.side_px > expected.side_px:
         return f"{NO_HIGHLIGHT} (the brightest spot is {spot.side_px:.0f} pixels wide, too wide for the lamp)"
     if spot.light < LEAST_LIGHT * expected.light:
-        return f"{NO_HIGHLIGHT} (the brightest spot has {spot.light / expected.light:.1%} of the lamp's expected light)"
+        share = percent(spot.light / expected.light)
+        return f"{NO_HIGHLIGHT} (the brightest spot has {share}% of the lamp's expected light)"
     away_m = float(np.linalg.norm(spot.pixel - expected.pixel)) / pixels_per_metre
     if away_m > PLACE_M + expected.side_px / pixels_per_metre:
         return f"the brightest spot is {1e3 * away_m:.0f} mm from the sphere's place: lay the sphere in the middle"

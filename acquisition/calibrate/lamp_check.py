@@ -21,6 +21,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import LobeResult
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.rounding import percent
 
 INTENSITY, LOBE, LAMP_PLACE = "intensity", "lobe", "lamp"
 
@@ -84,12 +85,11 @@ def check(
 def sentence(test: GroupTest) -> str:
     """Describes a group's change, for people."""
     if test.group.name == INTENSITY:
-        percent = 100 * float(np.expm1(test.change[0]))
-        return (
-            f"the lamp is {abs(percent):.1f} % {'brighter' if percent > 0 else 'dimmer'} (or the aperture has changed)"
-        )
+        change = float(np.expm1(test.change[0]))
+        by, than = percent(abs(change)), "brighter" if change > 0 else "dimmer"
+        return f"the lamp is {by} % {than} (or the aperture has changed)"
     if test.group.name == LOBE:
-        return f"the lamp's lobe differs by up to {100 * float(np.abs(np.expm1(test.change)).max()):.1f} %"
+        return f"the lamp's lobe differs by up to {percent(float(np.abs(np.expm1(test.change)).max()))} %"
     return f"the lamp's place in the tool's frame, by {1e3 * float(np.linalg.norm(test.change)):.2f} mm"
 
 

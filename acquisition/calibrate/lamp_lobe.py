@@ -36,6 +36,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration, FlatField, LampLobe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
+from acquisition.models.rounding import percent
 
 MIN_IMAGES = 10
 """Least number of images of the plane: fewer do not separate lobe, sides and flat field."""
@@ -275,8 +276,8 @@ def _solve(
     if patch_sigma > MAX_PATCH_SIGMA:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"Patches differ by {patch_sigma:.0%} from what a matt plane would show: check the plane's albedo and "
-            "evenness, shadows on it, and whether lamp and camera were calibrated first",
+            f"Patches differ by {percent(patch_sigma, 0)}% from what a matt plane would show: check the plane's "
+            "albedo and evenness, shadows on it, and whether lamp and camera were calibrated first",
         )
     stated = np.r_[0, 1 : 1 + count, tilt_at.start : tilt_at.stop]
     of_stated = covariance[np.ix_(stated, stated)]

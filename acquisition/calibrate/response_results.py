@@ -10,6 +10,7 @@ from acquisition.calibrate.board_results import now
 from acquisition.calibrate.response import ResponseFit
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import ResponseResult
+from acquisition.models.rounding import percent
 
 MAX_ROOM_OVER_LAMP = 0.01
 """Ratio of room light to the lamp's above which it should be darkened: subtraction leaves its noise and flicker."""
@@ -59,12 +60,12 @@ def advice(found: ResponseResult) -> list[str]:
     said: list[str] = []
     if found.room_over_lamp > MAX_ROOM_OVER_LAMP:
         said.append(
-            f"With the lamp off the room gives {found.room_over_lamp:.1%} of the lamp's light: darken the room."
+            f"With the lamp off the room gives {percent(found.room_over_lamp)}% of the lamp's light: darken the room."
         )
     if abs(found.nonlinearity) > MAX_BEND:
         said.append(
-            f"The response bends by {found.nonlinearity:+.1%} at full scale: switch off the camera's gamma, noise "
-            "reduction and automatic functions."
+            f"The response bends by {percent(found.nonlinearity, signed=True)}% at full scale: switch off the camera's "
+            "gamma, noise reduction and automatic functions."
         )
     if found.full_by == "not reached":
         said.append(
@@ -72,7 +73,8 @@ def advice(found: ResponseResult) -> list[str]:
         )
     if abs(found.lamp_drift_per_h) > DRIFT_SIGMAS * found.lamp_drift_sigma_per_h:
         said.append(
-            f"The lamp's brightness changes by {found.lamp_drift_per_h:+.1%} an hour: let it warm up before captures."
+            f"The lamp's brightness changes by {percent(found.lamp_drift_per_h, signed=True)}% an hour: let it warm "
+            "up before captures."
         )
     if found.defects:
         said.append(f"{len(found.defects)} pixels are defective; response.json lists them.")

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from acquisition.capture.check import BRIGHT_PERCENTILE
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import SensorModel
+from acquisition.models.rounding import percent
 
 LOW_PASS_CYCLES_PER_PIXEL = 0.12
 """Width of the Gaussian low-pass of the cross-power spectrum, cycles per pixel: finer detail is mostly noise."""
@@ -57,8 +58,10 @@ def same_scene(
     changed = float(np.mean(differs))
     differences = [
         f"has shifted by {shift_px:.2f} pixels" if has_shifted(shift_px, first.shape[1]) else "",
-        f"differs in {changed:.1%} of its pixels" if changed > MAX_CHANGED_SHARE else "",
-        f"has {brightness:.0%} of its earlier brightness" if abs(brightness - 1) > MAX_BRIGHTNESS_CHANGE else "",
+        f"differs in {percent(changed)}% of its pixels" if changed > MAX_CHANGED_SHARE else "",
+        f"has {percent(brightness, 0)}% of its earlier brightness"
+        if abs(brightness - 1) > MAX_BRIGHTNESS_CHANGE
+        else "",
     ]
     detail = " and ".join(item for item in differences if item)
     return Comparison(round(shift_px, 3), round(brightness, 4), round(changed, 4), not detail, detail)

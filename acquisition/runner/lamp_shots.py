@@ -13,6 +13,7 @@ from acquisition.devices import StopToken
 from acquisition.models.calibration_recipe import CheckRecipe, LampRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Exposure
+from acquisition.models.rounding import percent
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.models.step import AwaitTarget, TakeShot
 from acquisition.runner.board_shots import BoardShots, last_was_seen
@@ -108,7 +109,9 @@ class LampShots(BoardShots):
             level / exposure_s, Exposure(target=SPHERE_TARGET / (3 if level > 1 else 1)), camera
         )
         side = "clipped" if level > SPHERE_MOST else "too dark"
-        quality = quality.model_copy(update={"reason": f"the brightest pixel is at {level:.0%} of full scale: {side}"})
+        quality = quality.model_copy(
+            update={"reason": f"the brightest pixel is at {percent(level, 0)}% of full scale: {side}"}
+        )
         too_long = level > SPHERE_MOST and better >= exposure_s
         too_short = level < SPHERE_LEAST and better <= exposure_s
         return check.Verdict(quality, None if too_long or too_short else better)

@@ -22,6 +22,7 @@ from acquisition.models import cell_config
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration_result import CameraResult, ViewResidual
 from acquisition.models.errors import ErrorCode, RigError, in_words
+from acquisition.models.rounding import percent
 from acquisition.store.folder import write_value
 from acquisition.waypoints import calibrated_kinematics
 from api.cli import calibration_folder
@@ -147,7 +148,7 @@ def _next_view(
         return None
     name, loss = list(offered)[best[0]], best[1]
     gain = 1 - (loss / view_planning.loss(found.covariance)) ** 0.5
-    console.print(f"take next: {name}, which lowers the pose's uncertainty by {gain:.0%}")
+    console.print(f"take next: {name}, which lowers the pose's uncertainty by {percent(gain, 0)}%")
     return name
 
 

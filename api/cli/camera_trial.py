@@ -18,6 +18,7 @@ from acquisition.models import cell_config
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import SensorModel
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.rounding import percent
 from api.rest import wiring
 
 EXPOSURE_S = 0.01
@@ -100,7 +101,9 @@ def print_trial(trial: Trial) -> None:
     if trial.interval_median_s is not None:
         console.print(f"intervals: median {trial.interval_median_s:.3f} s, longest {trial.interval_max_s:.3f} s")
     noise = "" if trial.noise_dn is None else f", noise {trial.noise_dn:.2f} DN (1 σ, from frame to frame)"
-    console.print(f"level {trial.level_dn:.1f} DN above black, drift {trial.level_drift:+.2%}{noise}")
+    console.print(
+        f"level {trial.level_dn:.1f} DN above black, drift {percent(trial.level_drift, 2, signed=True)}%{noise}"
+    )
 
 
 def as_dictionary(trial: Trial) -> dict[str, object]:

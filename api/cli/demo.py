@@ -25,6 +25,7 @@ from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError, in_words
 from acquisition.models.recipe import Recipe
+from acquisition.models.rounding import percent
 from acquisition.store import Store
 from api.cli import lights_file
 from api.client.client import Client
@@ -240,7 +241,7 @@ def _show(
             f"{row.mean_deg:.2f}",
             f"{row.median_deg:.2f}",
             f"{row.p95_deg:.2f}",
-            f"{100 * row.coverage:.1f} %",
+            f"{percent(row.coverage)} %",
         )
     console.print(table)
     means = {name: graded["mean_deg"] for name, graded in outcome["gradings"].items()}

@@ -19,6 +19,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import HandEyeResult, LampResult, LobeResult
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.rounding import percent
 from acquisition.store.folder import sha256_of, write_value
 from acquisition.waypoints import measured_pose
 from api.cli.calibration_folder import read_grey, read_value, refuse_degrees, refuse_overwriting
@@ -132,9 +133,9 @@ def _placing(
 def _show(result: LobeResult) -> None:
     console = Console(stderr=True, markup=False)
     console.print(
-        f"intensity {result.lamp_intensity:.3f} full scales per second, known to {result.intensity_sigma:.2%}; "
-        f"{len(result.lobe.knots_rad)} knots to {np.degrees(result.lobe.knots_rad[-1]):.0f}°; images differ by "
-        f"{result.image_sigma:.2%}, patches by {result.patch_sigma:.2%}"
+        f"intensity {result.lamp_intensity:.3f} full scales per second, known to {percent(result.intensity_sigma, 2)}%"
+        f"; {len(result.lobe.knots_rad)} knots to {np.degrees(result.lobe.knots_rad[-1]):.0f}°; images differ by "
+        f"{percent(result.image_sigma, 2)}%, patches by {percent(result.patch_sigma, 2)}%"
     )
     if result.verified_deg is None:
         console.print("not verified: lay the plane down a second time, tilted, and take images of it there too")

@@ -28,6 +28,7 @@ from acquisition.formats.folders.angular_error import AngularErrors, angular_err
 from acquisition.formats.folders.session_folder import SessionCapture
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
+from acquisition.models.rounding import percent
 from acquisition.normals import distant, near_light
 from acquisition.normals.images.image_set import DistantLights, ImageSet
 from acquisition.runner.session_solve import solve_in_cell
@@ -210,7 +211,8 @@ def _solver_and_reason(normal_map: NormalMap, requested: str) -> tuple[str, str]
         return str(notes["solver"]), str(notes["why"])
     indirect, lobe = notes.get("interreflection", {}), notes.get("lobe", {})
     light = "distant" if "solver" in notes else "near"
-    why = f"{light} light; share of indirect light {indirect.get('share', 0):.1%}, gloss {lobe.get('strength', 0):.2f}"
+    share = percent(indirect.get("share", 0))
+    why = f"{light} light; share of indirect light {share}%, gloss {lobe.get('strength', 0):.2f}"
     return (light if requested == "auto" else requested), why
 
 

@@ -14,6 +14,7 @@ from acquisition.formats.report import pictures
 from acquisition.formats.report.context import ReportContext
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.result import CAST, HIGHLIGHT, NormalMap
+from acquisition.models.rounding import percent
 from acquisition.normals.images import memory_mapped
 
 MIN_REPORTED_SHARE = 0.01
@@ -161,4 +162,4 @@ def _told(sentence: str, where: BoolArray, area: BoolArray, least: float = MIN_R
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %" if share >= 0.095 else f"{100 * share:.1f} %"
+    return f"{percent(share, 0 if share >= 0.095 else 1)} %"

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.formats.report.page import PAGE, table_rows, template
+from acquisition.models.rounding import percent
 
 PICTURES: Mapping[str, str] = {
     "projection_sigma.png": "Projection uncertainty of the camera model, 1 σ, and the corners that were seen: where "
@@ -212,8 +213,8 @@ def _lobe(stated: dict[str, Any]) -> _Part:
     values += [(f"factor at {knot} off the axis", value, value * one, "") for knot, value, one in factors]
     values += [("brighter towards x", lobe["tilt"][0], sigma[-2], ""), ("towards y", lobe["tilt"][1], sigma[-1], "")]
     facts = [
-        ("images differ in brightness by", f"{stated['image_sigma']:.2%} (1 σ)"),
-        ("scatter of patches about the fit", f"{stated['patch_sigma']:.2%} (1 σ)"),
+        ("images differ in brightness by", f"{percent(stated['image_sigma'], 2)}% (1 σ)"),
+        ("scatter of patches about the fit", f"{percent(stated['patch_sigma'], 2)}% (1 σ)"),
     ]
     if stated["verified_deg"] is not None:
         facts.append(
@@ -235,12 +236,13 @@ def _response(stated: dict[str, Any]) -> _Part:
         (name, stated[key], one, unit)
         for name, key, one, unit in zip(names, keys, _sigmas(stated["covariance"]), units, strict=True)
     ]
+    drift, drift_sigma = stated["lamp_drift_per_h"], stated["lamp_drift_sigma_per_h"]
     facts = [
         ("saturation limited by", stated["full_by"]),
         ("defective pixels", str(len(stated["defects"]))),
-        ("room light / lamp light", f"{stated['room_over_lamp']:.2%}"),
-        ("brightness scatter between images", f"{stated['lamp_sigma']:.2%} (1 σ)"),
-        ("drift of the lamp", f"{stated['lamp_drift_per_h']:+.2%} ± {stated['lamp_drift_sigma_per_h']:.2%} an hour"),
+        ("room light / lamp light", f"{percent(stated['room_over_lamp'], 2)}%"),
+        ("brightness scatter between images", f"{percent(stated['lamp_sigma'], 2)}% (1 σ)"),
+        ("drift of the lamp", f"{percent(drift, 2, signed=True)}% ± {percent(drift_sigma, 2)}% an hour"),
     ]
     steps = [(f"{1e3 * one['exposure_s']:.4g} ms", 100 * one["nonlinear"], "") for one in stated["exposures"]]
     return _Part("Camera's response", values, names, stated["covariance"], steps, "%", facts)

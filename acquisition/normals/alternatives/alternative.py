@@ -14,6 +14,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.result import ModelFinding
+from acquisition.models.rounding import percent
 from acquisition.normals.alternatives import model_trial
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.pixels import image_terms
@@ -161,7 +162,7 @@ class Alternative:
                 message += f" and {terms.strength:.1f} times the strength of a dielectric's"
         elif self.term in ("ambient", "offset"):
             value = getattr(terms, self.term)
-            message += f" ({value:.1%} of white)"
+            message += f" ({percent(value)}% of white)"
         message += "" if convincing else "; this explains the images only in part: do not trust the normals"
         return ModelFinding(kind=self.kind, message=message, corrected=convincing, value=value)
 

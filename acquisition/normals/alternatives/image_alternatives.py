@@ -11,6 +11,7 @@ import numpy as np
 
 from acquisition import mosaic, photometry
 from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.rounding import percent
 from acquisition.normals import alternation, self_calibration
 from acquisition.normals.alternatives import changed_images, light_tests, model_trial
 from acquisition.normals.alternatives.alternative import Alternative, Limits, clearly_better
@@ -134,7 +135,9 @@ def other_intensities(present: Solution) -> list[Alternative]:
         return []
     factors = np.where(far, np.exp(_log_intensity(present)), 1.0)
     images = present.hypothesis.masked.images
-    names = ", ".join(f"image {images.label(int(n))} by {factors[n] - 1:+.0%}" for n in np.flatnonzero(far))
+    names = ", ".join(
+        f"image {images.label(int(n))} by {percent(factors[n] - 1, 0, signed=True)}%" for n in np.flatnonzero(far)
+    )
     scaled = present.hypothesis.reread(changed_images.scaled(images, factors))
     scaled = replace(scaled, factors=factors)
     message = f"these images are brighter or darker than stated, and are scaled to match: {names}"

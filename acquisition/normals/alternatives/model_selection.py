@@ -15,6 +15,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ModelFinding
+from acquisition.models.rounding import percent
 from acquisition.normals import alternation, pixel_solution
 from acquisition.normals.alternatives import (
     image_alternatives,
@@ -107,7 +108,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
             ModelFinding(
                 kind="lamps",
                 message="lamp positions, lamp intensities or the object's distance differ from the stated values "
-                f"(intensities by {noise.intensity:.1%}, object by "
+                f"(intensities by {percent(noise.intensity)}%, object by "
                 f"{1000 * solution.moved_m:.0f} mm): do not trust the normals",
                 corrected=False,
             )
@@ -135,8 +136,8 @@ def remaining(solution: Solution) -> list[ModelFinding]:
             ModelFinding(
                 kind="misfit",
                 message=f"the images fit the model badly: residuals are {fit.misfit:.1f} times the stated noise; only "
-                f"{fit.probability:.1%} of sound captures fit as badly (metal, strong gloss, moving shadows?): do not "
-                "trust the normals",
+                f"{percent(fit.probability)}% of sound captures fit as badly (metal, strong gloss, moving shadows?): "
+                "do not trust the normals",
                 corrected=False,
                 value=fit.probability,
             )
