@@ -19,6 +19,11 @@ EIGHT_BITS = (
     "gamma-encoded. Use linear 16-bit images if there are any."
 )
 
+ABOVE_ONE = (
+    "The float32 files hold values above 1, and no full scale is stated: no pixel counts as clipped, as in merged "
+    "exposures. If pixels clip, state the value (full_scale in lights.json, or else --full-scale), or σ is wrong."
+)
+
 LOSSY = (".jpg", ".jpeg")
 
 NO_SATURATION_LEVEL = 1e30
@@ -66,6 +71,8 @@ def image_set(
     clipped_from = NO_SATURATION_LEVEL if merged else image_values.SATURATION_SHARE
     image_checks.refuse_unusable(images, area, clipped_from)
     warnings = [*warnings, *image_checks.refuse_same(images, area, irradiance)]
+    if merged:
+        warnings.append(ABOVE_ONE)
     if images.kind == "uint8":
         warnings.append(EIGHT_BITS)
     elif (unfilled := image_checks.unfilled_bits(images, black_level)) is not None:

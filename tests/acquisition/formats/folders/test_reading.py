@@ -148,11 +148,14 @@ def test_read_near_light_folder_states_what_is_known_of_lights_and_sensor(tmp_pa
 
 @pytest.mark.parametrize(("gain", "clipped"), [(1.0, True), (3.0, False)])
 def test_read_float_images_above_one_are_not_saturated(gain: float, clipped: bool, tmp_path: Path) -> None:
+    """They may be merged exposures or 16-bit values, which nobody can tell, so a warning says what they count as."""
     folder = small.near(tmp_path / "in")
     for path in folder.glob("*.tiff"):
         pixels = tifffile.imread(path).astype(np.float32) / 65535
         tifffile.imwrite(path, np.float32(gain) * pixels / max(1.0, float(pixels.max())))
-    assert (folders.read(folder, tmp_path).saturated_from < 1) == clipped
+    images = folders.read(folder, tmp_path)
+    assert (images.saturated_from < 1) == clipped
+    assert any("values above 1, and no full scale is stated" in said for said in images.notes["warnings"]) != clipped
 
 
 def test_read_near_light_folder_unknown_fields_are_named(tmp_path: Path) -> None:
