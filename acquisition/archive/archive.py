@@ -17,6 +17,7 @@ from acquisition.archive import catalogue as catalogues
 from acquisition.archive.catalogue import Catalogue
 from acquisition.archive.contents import ContentStore
 from acquisition.archive.entries import SESSIONS, FileEntry, ResultEntry, SessionEntry, session_name
+from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.base import Value
 from acquisition.models.errors import ErrorCode, RigError
 
@@ -59,7 +60,8 @@ class Archive:
         """Opens an archive; with `create` begins a new one if there is none.
 
         `catalogue` is the address of its database (None: SQLite in the archive's folder), `patience_s` as of
-        `Catalogue`. Raises RigError archive.address_invalid, archive.unreachable, archive.catalogue_newer.
+        `Catalogue`. Raises RigError archive.address_invalid, archive.unreachable, archive.catalogue_newer, and
+        folder.invalid for a new one within a session's folder.
         """
         self.address = address
         self.contents = ContentStore(address)
@@ -69,6 +71,8 @@ class Archive:
                 raise RigError(
                     ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address} holds no archive: `lightpose archive push` makes one"
                 )
+            if self.contents.folder is not None:
+                refuse_in_session(self.contents.folder, "archive")
             if self.contents.names(""):
                 raise RigError(
                     ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address} holds other files: name an empty folder or prefix"

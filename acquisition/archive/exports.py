@@ -18,6 +18,7 @@ from acquisition.formats import export
 from acquisition.formats.atomic_write import atomic_folder
 from acquisition.formats.export import light_files
 from acquisition.formats.folders import session_folder
+from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.errors import ErrorCode, RigError
 
 Form = Literal["folder", "bagit", "relight"]
@@ -33,6 +34,7 @@ def write(archive: Archive, key: str, form: Form, out: Path) -> None:
     """
     if out.exists():
         raise RigError(ErrorCode.FOLDER_INVALID, f"{out} already exists: name a new folder", file=str(out))
+    refuse_in_session(out, "--out")
     entry, results = archive.session(key), archive.results(key)
     with atomic_folder(out) as partial:
         if form == "relight":

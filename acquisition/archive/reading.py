@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from acquisition.archive.entries import FileEntry, ResultEntry, SessionEntry, SessionFacts, SolveIdentity
-from acquisition.formats.folders import session_folder
+from acquisition.formats import session_files
 from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models import calibration_recipe
 from acquisition.models.calibration import Calibration
@@ -40,9 +40,9 @@ def read(folder: Path, label: str | None = None, notes: str | None = None) -> tu
 
 def _facts(folder: Path, stated: dict[str, Any], label: str | None, notes: str | None) -> SessionFacts:
     try:
-        recipe = calibration_recipe.read(text(folder / session_folder.RECIPE))
-        cell = CellConfig.model_validate_json(text(folder / session_folder.CELL))
-        calibration = Calibration.model_validate_json(text(folder / session_folder.CALIBRATION))
+        recipe = calibration_recipe.read(text(folder / session_files.RECIPE))
+        cell = CellConfig.model_validate_json(text(folder / session_files.CELL))
+        calibration = Calibration.model_validate_json(text(folder / session_files.CALIBRATION))
     except ValidationError as error:
         raise refusal(folder, f"{error.title} is not readable: {in_words(error.errors()[0])}") from error
     shots: list[dict[str, Any]] = stated["shots"]
@@ -116,7 +116,7 @@ def _checked(path: Path, stated: dict[str, Any] | None) -> FileEntry:
 
 def _manifest(folder: Path) -> dict[str, Any]:
     """Reads the manifest of a folder. Raises RigError folder.invalid."""
-    path = folder / session_folder.MANIFEST
+    path = folder / session_files.MANIFEST
     try:
         stated: dict[str, Any] = json.loads(text(path))
         files, software = stated["files"], stated["software"]["lightpose"]

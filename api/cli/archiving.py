@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 
+from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.errors import ErrorCode, RigError, wrong_fields
 from acquisition.models.result import SolveSettings
 from api.cli import archive_report
@@ -137,6 +138,7 @@ def solve(request: SolveRequest) -> dict[str, Any]:
     wanted = captures if request.where is None else captures & where.parse(request.where)
     identity = SolveIdentity(settings=_settings(request.settings))
     if request.report is not None:
+        refuse_in_session(request.report, "--report")
         with _writing(request.report):
             request.report.open("a").close()  # before hours of work and not after them
     from acquisition.archive import distributed  # noqa: PLC0415 - imports Dask and the solver

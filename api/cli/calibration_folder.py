@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from acquisition.formats.folders import image_files
 from acquisition.formats.folders.refusal import refusal, text
+from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.base import FloatArray, Value
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError, wrong_fields
@@ -118,7 +119,9 @@ def refuse_degrees(path: Path, line: int, joints: FloatArray) -> None:
 
 
 def refuse_overwriting(*paths: Path) -> None:
-    """Raises RigError request.invalid if one of the files exists, because a replaced calibration is lost."""
+    """Raises RigError request.invalid if one of the files exists, because a replaced calibration is lost, and
+    folder.invalid if it would lie in a session's folder."""
     for path in paths:
+        refuse_in_session(path, "--out")
         if path.exists():
             raise RigError(ErrorCode.REQUEST_INVALID, f"{path} exists and is not overwritten: give another --out")

@@ -7,6 +7,7 @@ kernels nor an HTTP library.
 import json
 import sys
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -144,9 +145,13 @@ def sim(
     json_status: Annotated[bool, typer.Option("--json-status", help="A JSON line at each change of the arm")] = False,
 ) -> None:
     """Runs a simulated cell until interrupted; prints a line `ready …` when it accepts connections."""
+    from acquisition.formats.session_files import refuse_in_session
     from hardware_sim import cell as simulation
     from hardware_sim import object_spec
 
+    for option, path in (("--folder", folder), ("--record", record)):
+        if path is not None:
+            explain_errors(partial(refuse_in_session, path, option))
     explain_errors(
         lambda: simulation.run(
             simulation.CellOptions(

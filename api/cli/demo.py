@@ -21,6 +21,7 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
+from acquisition.formats.session_files import refuse_in_session
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError, in_words
@@ -142,6 +143,7 @@ def prepared_folder(options: DemoOptions) -> Path:
             f"--lights {options.lights}: is for --method user, not {options.method}: correct one of them",
         )
     recipe_of(options, options.method)
+    refuse_in_session(options.data, "--data")
     folder = options.data.resolve()
     (folder / "log").mkdir(parents=True, exist_ok=True)
     Store(folder / "data").close()  # raises while in use, before the cell of a running demo is overwritten

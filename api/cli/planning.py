@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from acquisition import plan
+from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.cell_config import MIN_SLANT_DEG
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
@@ -214,6 +215,7 @@ def _show(console: Console, capture: Capture, outcome: dict[str, Any]) -> None:
 
 def _refuse_out(out: Path) -> None:
     """Refuses an output file that cannot be written or is not a plan, before anything is read. Raises RigError."""
+    refuse_in_session(out, "--out")
     try:
         if out.exists():
             content: Any = json.loads(out.read_bytes())

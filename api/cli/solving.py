@@ -26,6 +26,7 @@ from acquisition.formats import export, folders, report
 from acquisition.formats.folders import Sphere, session_folder
 from acquisition.formats.folders.angular_error import AngularErrors, angular_errors
 from acquisition.formats.folders.session_folder import SessionCapture
+from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.rounding import percent
@@ -232,6 +233,7 @@ def _refuse(request: SolveRequest) -> None:
             ErrorCode.FOLDER_INVALID, f"{request.out}: {what}, which would be deleted: name another folder",
             file=str(request.out),
         )  # fmt: skip
+    refuse_in_session(request.out, "--out")
     export.refuse_foreign(request.out, SUMMARY)
 
 

@@ -12,7 +12,8 @@ from typing import Literal
 
 import numpy as np
 
-from acquisition.formats.folders import diligent_folder, ground_truth, lp_folder, near_light_folder, session_folder
+from acquisition.formats import session_files
+from acquisition.formats.folders import diligent_folder, ground_truth, lp_folder, near_light_folder
 from acquisition.formats.folders.ground_truth import Sphere
 from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal
@@ -40,8 +41,8 @@ def _format(folder: Path) -> tuple[Kind, Path]:
         raise refusal(folder, "is not a folder: name the folder that holds the images")
     if (folder / near_light_folder.LIGHTS).is_file():
         return "near", folder / near_light_folder.LIGHTS
-    if (folder / session_folder.RECIPE).is_file() and (folder / session_folder.CALIBRATION).is_file():
-        return "session", folder / session_folder.MANIFEST
+    if session_files.is_session(folder):
+        return "session", folder / session_files.MANIFEST
     if any((folder / name).is_file() for name in diligent_folder.LISTS):
         return "diligent", folder / diligent_folder.DIRECTIONS
     lp_files = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".lp" and path.is_file())

@@ -12,6 +12,7 @@ import numpy as np
 from acquisition import image_values
 from acquisition.formats.folders.refusal import refusal, text, value
 from acquisition.formats.frames import FolderFrames
+from acquisition.formats.session_files import CALIBRATION, CELL, MANIFEST, RECIPE
 from acquisition.models.base import BoolArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
@@ -19,8 +20,6 @@ from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.shot import FrameRef, FrameSource, Observations, Shot
 from acquisition.normals.images.image_set import Camera, ImageSet, NearLights, StoredValues
-
-RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
 
 
 @dataclass(frozen=True)

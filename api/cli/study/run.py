@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.errors import ErrorCode, RigError
 from api.cli.study import error_curves, page, paper_criterion, scene_geometry, simulated_scene, three_images
 from api.cli.study.error_curves import Draws, Scale
@@ -54,8 +55,9 @@ QUICK = Scale(
 def run(seed: int, out: Path, *, quick: bool) -> dict[str, Any]:
     """Runs the study, writes `study.html` and `study.json` into `out`, and returns the content of the latter.
 
-    Raises RigError service.fault when a process of the study dies.
+    Raises RigError service.fault when a process of the study dies, and folder.invalid for a session's folder.
     """
+    refuse_in_session(out, "--out")
     out.mkdir(parents=True, exist_ok=True)
     result = measure(seed, QUICK if quick else FULL, quick=quick)
     figures = summary(result)

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.session import Trigger
 from acquisition.store import Store
 from api.cli.commands import app
+from tests.acquisition.formats.folders import small
 
 ROOT = Path(__file__).parents[3]
 
@@ -82,6 +84,38 @@ def test_command_bad_input_exits_2_and_names_remedy(
     assert said in done.stdout + done.stderr
     assert "pydantic" not in done.stdout + done.stderr  # its links and headings say nothing to a user
     assert isinstance(done.exception, SystemExit)  # a printed message, not a traceback
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("solve", "SESSION", "--out", "SESSION"),
+        ("solve", "SESSION", "--out", "SESSION/normals"),
+        ("solve", "IMAGES", "--out", "SESSION/results/2"),
+        ("plan", "SESSION", "--count", "1", "--out", "SESSION/plan.json"),
+        ("archive", "push", "SESSION/archive", "SESSION"),
+        ("archive", "export", "ARCHIVE", "2026", "--out", "SESSION/out"),
+        ("archive", "solve", "ARCHIVE", "--report", "SESSION/report.html"),
+        ("calibrate", "board", "--out", "SESSION/board.pdf"),
+        ("calibrate", "response", "IMAGES", "--base", "SESSION/calibration.json", "--out", "SESSION/response"),
+        ("study", "--quick", "--out", "SESSION/study"),
+        ("sim", "--folder", "SESSION"),
+        ("demo", "--data", "SESSION/demo"),
+    ],
+)
+def test_output_within_a_sessions_folder_is_refused(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    """Another file there would be archived as part of the session, under another key, and `sim` replaces its files."""
+    session, archive = tmp_path / "20261121-190041-de2be6", tmp_path / "archive"
+    shutil.copytree(ROOT / "tests/data/release_0.1/sessions/20261121-190041-de2be6", session)
+    CliRunner().invoke(app, ["archive", "push", str(archive), str(session)])
+    places = {"IMAGES": small.lp(tmp_path / "images"), "ARCHIVE": archive}
+    before = {path: path.read_bytes() for path in session.rglob("*") if path.is_file()}
+    given = [str(places.get(word, word.replace("SESSION", str(session)))) for word in arguments]
+    done = CliRunner().invoke(app, given)
+    assert done.exit_code == 2
+    assert "folder.invalid: " in done.output
+    assert str(session) in done.output
+    assert {path: path.read_bytes() for path in session.rglob("*") if path.is_file()} == before
 
 
 def test_keys_and_prune_find_the_services_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
