@@ -1,10 +1,10 @@
 """Calibration targets of the simulated cell: ChArUco board, mirror sphere, matt plane, grey tile, on table or flange.
 
 A target is chosen by name, like an object: `charuco`, `mirror-sphere`, `matt-plane`, `grey-tile`, or `empty` for the
-table alone. The suffix `@flange` screws it to the arm's flange; `#N` is the N-th way in which an operator lays it down
-(0: flat; others tilted, on a wedge). Targets are as the cell file describes them, or else as this module does. The
-operator knows only nominal values: the print comes out larger or smaller, the board warps, the ball differs a little
-from its stamped size, and nobody has measured where it lies.
+table alone. The suffix `@flange` screws it to the arm's flange; `#N` is the N-th way in which an operator lays it on
+the table (0: flat; others tilted, on a wedge). Targets are as the cell file describes them, or else as this module
+does. The operator knows only nominal values: the print comes out larger or smaller, the board warps, the ball differs a
+little from its stamped size, and nobody has measured where it lies.
 """
 
 import re
@@ -134,7 +134,10 @@ def is_name(name: str) -> bool:
 
 
 def parse(name: str) -> TargetSpec:
-    """Reads `charuco`, `matt-plane#2`, `charuco@flange`. Raises RigError request.invalid that lists the choices."""
+    """Reads `charuco`, `matt-plane#2`, `charuco@flange`.
+
+    Raises RigError request.invalid that lists the choices, or says what does not go together.
+    """
     match = _NAME.fullmatch(name)
     kind, mount = (match["kind"], match["mount"] or "table") if match else ("", "")
     if match is None or kind not in get_args(Kind) or mount not in get_args(Mount):
@@ -144,7 +147,20 @@ def parse(name: str) -> TargetSpec:
             "the flange, and #N for placing number N",
             object=name,
         )
-    return TargetSpec(cast(Kind, kind), cast(Mount, mount), int(match["placing"] or 0))
+    placing = int(match["placing"] or 0)
+    if kind == "empty" and (mount == "flange" or placing):
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"{name}: empty is the table without a target, so there is nothing to mount or to lay down: write empty",
+            object=name,
+        )
+    if mount == "flange" and placing:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"{name}: #N is a way to lay a target on the table, and on the flange there is one: write {kind}@flange",
+            object=name,
+        )
+    return TargetSpec(cast(Kind, kind), cast(Mount, mount), placing)
 
 
 def build(spec: TargetSpec, seed: int, nominal: Nominal) -> Target:

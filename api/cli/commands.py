@@ -180,7 +180,8 @@ def place(
     name: Annotated[
         str,
         typer.Argument(
-            help="charuco, mirror-sphere, matt-plane, grey-tile, empty (with @flange, #N), or a built-in object"
+            help="charuco, mirror-sphere, matt-plane or grey-tile (@flange: on the flange; #N: laid down another way), "
+            "empty, or a built-in object"
         ),
     ],
     address: Annotated[str, typer.Option(help="The simulated cell's address")] = "127.0.0.1",

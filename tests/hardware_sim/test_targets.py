@@ -223,7 +223,7 @@ def test_targets_are_those_of_the_cell_file() -> None:
 
 
 def test_target_names_are_read_as_written_and_others_refused() -> None:
-    for name in ("charuco", "matt-plane#2", "mirror-sphere@flange", "charuco@flange#4"):
+    for name in ("charuco", "matt-plane#2", "mirror-sphere@flange", "empty"):
         assert str(targets.parse(name)) == name
     for name in ("charuco@ceiling", "matt-plane#", "board", "charuco#-1"):
         with pytest.raises(RigError) as caught:
@@ -233,6 +233,17 @@ def test_target_names_are_read_as_written_and_others_refused() -> None:
     assert object_spec.as_spec("vase").source == "built-in"
     with pytest.raises(RigError, match="reflectance"):
         object_spec.target(object_spec.choose("charuco", None, None, None, "lambert"), 1, CELL)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("empty@flange", "write empty"), ("empty#2", "write empty"), ("charuco@flange#4", "write charuco@flange")],
+)
+def test_target_name_of_what_does_not_go_together_is_refused(name: str, said: str) -> None:
+    """The cell said that it had placed them: an empty flange, and a board whose placing on the flange is the same."""
+    with pytest.raises(RigError, match=said) as caught:
+        targets.parse(name)
+    assert caught.value.code is ErrorCode.REQUEST_INVALID
 
 
 def test_perturbed_cell_is_off_by_stated_amounts(tmp_path: Path) -> None:
