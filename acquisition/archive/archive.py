@@ -223,6 +223,26 @@ class Archive:
             ) from error
 
 
+def refuse_missing_folder(address: str) -> None:
+    """Refuses a folder that does not exist, or that holds other files and no archive; an empty one may become one.
+
+    Other addresses are not looked at. Raises RigError archive.address_invalid, archive.unreachable.
+    """
+    contents = ContentStore(address)
+    folder = contents.folder
+    if folder is None or contents.read(MARK) is not None:
+        return
+    if not folder.is_dir():
+        raise RigError(
+            ErrorCode.ARCHIVE_ADDRESS_INVALID,
+            f"{address}: there is no such folder: name the archive's; `lightpose archive push` makes a new one",
+        )
+    if any(path.is_file() for path in folder.rglob("[!.]*")):
+        raise RigError(
+            ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address} holds other files and no archive: name the archive's folder"
+        )
+
+
 def _refuse_newer(address: str, mark: bytes) -> None:
     try:
         found = _Mark.model_validate_json(mark).format

@@ -15,6 +15,7 @@ from fastapi import FastAPI, Request
 from fastapi.responses import RedirectResponse
 from pydantic import Field
 
+from acquisition.archive.archive import refuse_missing_folder
 from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
 from api.rest import capacity, keys, logs, middleware, problems, settings, tickets, tls
 from api.rest.archive_page import routes
@@ -103,9 +104,10 @@ class Server(uvicorn.Server):
 def serve(wanted: ArchivePageSettings, on_ready: Callable[[str], None]) -> None:
     """Serves until SIGTERM or SIGINT. `on_ready` is called with the address once the server listens.
 
-    Raises RigError config.invalid for a host other than this machine without keys, a bad key file or certificate, and a
-    port that cannot be bound.
+    Raises RigError archive.address_invalid for a folder that is missing or no archive's, and config.invalid for a host
+    other than this machine without keys, a bad key file or certificate, and a port that cannot be bound.
     """
+    refuse_missing_folder(wanted.archive)
     logs.configure(wanted.log, wanted.log_file)
     ring = KeyRing(keys.path_in(wanted.data))
     settings.refuse_open_bind(wanted.host, ring.required, "read the archive", "viewer")

@@ -117,6 +117,8 @@ def silent_address() -> Iterator[str]:
         (["list", "ARCHIVE", "--where", "object ="], "archive.query_invalid"),
         (["list", "NOWHERE"], "archive.address_invalid"),
         (["show", "ARCHIVE", "zzz"], "archive.not_found"),
+        (["serve", "NOWHERE"], "archive.address_invalid: NOWHERE: there is no such folder"),
+        (["serve", "IMAGES"], "archive.address_invalid: IMAGES holds other files and no archive"),
         (["list", "ARCHIVE", "--catalogue", "postgresql://127.0.0.1:9/x"], "archive.unreachable"),
         (["list", "s3//bucket"], "archive.address_invalid"),
         (["solve", "ARCHIVE", "--settings", "NOWHERE", "--local", "1"], "request.invalid"),
@@ -128,9 +130,12 @@ def test_bad_input_is_named_in_a_sentence(
 ):
     other = tmp_path / "other.json"
     other.write_text('{"depth_rounds": 1}')
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "001.png").touch()
     places = {
         "ARCHIVE": str(filled),
         "NEWER": str(newer_archive(tmp_path / "newer")),
+        "IMAGES": str(tmp_path / "images"),
         "NOWHERE": str(tmp_path / "nowhere"),
         "NOWHERE/moved.html": str(tmp_path / "nowhere" / "moved.html"),
         "OTHER": str(other),
@@ -139,6 +144,8 @@ def test_bad_input_is_named_in_a_sentence(
     }
     said = call(*(places.get(argument, argument) for argument in arguments), status=2)
     sentence, remedy = said.strip().splitlines()[-2:]
+    for name in ("NOWHERE", "IMAGES"):
+        complaint = complaint.replace(name, places[name])
     assert sentence.startswith(complaint)
     assert remedy.startswith("  What to do: ")
 
