@@ -36,7 +36,7 @@ from acquisition.calibrate.intrinsics import CameraFit
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import BoardRecipe
-from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.calibration_result import USE_IT, CalibrationSummary
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.shot import Observations
@@ -219,4 +219,4 @@ def _advice(found: BoardEstimate, asked: Sequence[bool]) -> list[str]:
         said.append(
             "Corners scatter by more than 0.3 px: check whether images are blurred and whether the board is flat."
         )
-    return said or ["Make it the active calibration (PUT /v1/rig/calibrations/active)."]
+    return said or [USE_IT]

@@ -8,6 +8,9 @@ from pydantic import Field
 from acquisition.models.base import Joints, Matrix4, Value, Vector3
 from acquisition.models.calibration import LampLobe
 
+USE_IT = "Make it the active calibration (PUT /v1/rig/calibrations/active)."
+"""Advice of a result with which nothing is wrong, until it is in use."""
+
 Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(strict=False)], ...], Field(strict=False)]
 """A matrix of any size, row by row."""
 

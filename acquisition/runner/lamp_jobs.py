@@ -26,7 +26,7 @@ from acquisition.formats.atomic_write import atomic_folder, discard_partial
 from acquisition.models.base import FloatArray, as_joints
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.calibration_recipe import LampRecipe
-from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.calibration_result import USE_IT, CalibrationSummary
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light, LightPlan
@@ -214,7 +214,7 @@ def _advice(found: CalibrationSummary) -> list[str]:
             "On the verification placing, normals are off by more than 0.5°: check that the plane is flat and matt, "
             "and lit by the lamp alone."
         )
-    return said or ["Make it the active calibration (PUT /v1/rig/calibrations/active)."]
+    return said or [USE_IT]
 
 
 def _candidates(cell: CellConfig, calibration: Calibration, count: int, seed: int, *, sphere: bool) -> list[Light]:

@@ -15,7 +15,7 @@ from acquisition.formats.atomic_write import atomic_folder, discard_partial
 from acquisition.models.base import as_joints
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import ResponseRecipe
-from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.calibration_result import USE_IT, CalibrationSummary
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
@@ -84,7 +84,7 @@ def estimate_response(
         full_well_e=result.full_well_e,
         defective_pixels=len(result.defects),
         fingerprint=changed.fingerprint,
-        advice=response_results.advice(result) or ["Make it the active calibration (PUT /v1/rig/calibrations/active)."],
+        advice=response_results.advice(result) or [USE_IT],
     )
     discard_partial(folder)
     with atomic_folder(folder) as partial_folder:

@@ -78,7 +78,11 @@ def at_terminal(address: str, recipes: Sequence[AnyRecipe], *, yes: bool, simula
     hands = PersonsHands(say, yes) if simulated is None else SimulatedHands(say, simulated)
     with Client(address) as client:
         done = run(client, recipes, hands, say)
-    found = {one.recipe.kind: one.estimate.model_dump(mode="json") for one in done if one.estimate is not None}
+    found = {
+        one.recipe.kind: session_calibrating.used_from_now_on(one.estimate).model_dump(mode="json")
+        for one in done
+        if one.estimate is not None
+    }
     return {"calibration": done[-1].id, "active": True, **found}
 
 
@@ -115,7 +119,8 @@ def follow(client: Client, recipe: AnyRecipe, hands: Hands, say: Say) -> Session
             client.resume(done.id)
             continue
         break
-    for sentence in session_calibrating.sentences(session_calibrating.completed(done)):
+    found = session_calibrating.used_from_now_on(session_calibrating.completed(done))
+    for sentence in session_calibrating.sentences(found):
         say(sentence)
     say(f"report with values, residuals and pictures: {session_calibrating.report_path(client, done.id)}")
     return done

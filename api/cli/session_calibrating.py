@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 
 from acquisition.models.calibration_recipe import AnyRecipe, CheckRecipe, tool_of
-from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.calibration_result import USE_IT, CalibrationSummary
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import State
 from api import Client
@@ -33,7 +33,7 @@ def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool)
         console.print(f"session {created.id}: POST {address}/v1/rig/stop stops it at any time")
         client.start(created.id)
         done = client.wait(created.id)
-        found = completed(done)
+        found = used_from_now_on(completed(done)) if activate else completed(done)
         for sentence in sentences(found):
             console.print(sentence)
         console.print(f"report: {address.rstrip('/')}{report_path(client, done.id)}")
@@ -56,6 +56,11 @@ def completed(session: SessionResource) -> CalibrationSummary:
     code = ErrorCode.CALIBRATION_INFEASIBLE if reason is None else reason.code
     why = "no estimate" if reason is None else reason.detail
     raise RigError(code, f"Session {session.id} is {session.state}: {why}")
+
+
+def used_from_now_on(found: CalibrationSummary) -> CalibrationSummary:
+    """Returns the summary of a result that the command itself puts into use, without the advice to do so."""
+    return found.model_copy(update={"advice": [sentence for sentence in found.advice if sentence != USE_IT]})
 
 
 def report_path(client: Client, session_id: str) -> str:

@@ -1,10 +1,16 @@
 """What a calibration session tells a person at its end, and the error of one that has not completed."""
 
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
 import pytest
 
-from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.calibration_recipe import ResponseRecipe
+from acquisition.models.calibration_result import USE_IT, CalibrationSummary
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import State
+from api.cli import calibrating_in_turn, session_calibrating
 from api.cli.session_calibrating import completed, sentences
 from api.rest.schemas import Problem, SessionResource
 
@@ -55,3 +61,62 @@ def test_stopped_session_is_no_poor_calibration() -> None:
     stopped = SessionResource.model_construct(id="a", state=State.STOPPED, reason=None, estimate=LAMP)
     with pytest.raises(RigError, match=r"^session\.stopped: Session a is stopped$"):
         completed(stopped)
+
+
+class Service:
+    """A service whose session completes at once with a result that only has to be put into use."""
+
+    def __init__(self) -> None:
+        found = LAMP.model_copy(update={"advice": [USE_IT, "Darken the room."]})
+        self.done = SessionResource.model_construct(
+            id="a", state=State.COMPLETED, reason=None, estimate=found, recipe=ResponseRecipe(kind="response")
+        )
+        self.in_use: list[str] = []
+
+    def create(self, _recipe: object) -> SessionResource:
+        return self.done
+
+    def start(self, _id: str) -> None:
+        pass
+
+    def wait(self, _id: str) -> SessionResource:
+        return self.done
+
+    def estimates(self, _id: str) -> list[Any]:
+        return [self.done.model_copy(update={"number": 1})]
+
+    def activate_calibration(self, name: str) -> None:
+        self.in_use.append(name)
+
+
+@pytest.mark.parametrize("activate", [True, False])
+def test_calibration_in_use_is_not_advised_to_be_put_into_use(
+    activate: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    service = Service()
+
+    @contextlib.contextmanager
+    def client(_address: str) -> Iterator[Service]:
+        yield service
+
+    monkeypatch.setattr(session_calibrating, "Client", client)
+    outcome = session_calibrating.calibrate(
+        "http://cell", ResponseRecipe(kind="response"), mounted=False, activate=activate
+    )
+    said = capsys.readouterr().err
+    assert ("calibration a is in use" in said, "PUT /v1/rig" in said) == (activate, not activate)
+    assert "Darken the room." in said
+    assert outcome["advice"] == [*([] if activate else [USE_IT]), "Darken the room."]
+    assert service.in_use == ["a"] * activate
+
+
+def test_calibration_in_turn_does_not_advise_what_it_does_itself() -> None:
+    said: list[str] = []
+    calibrating_in_turn.follow(
+        Service(),
+        ResponseRecipe(kind="response"),
+        calibrating_in_turn.PersonsHands(said.append),
+        said.append,  # type: ignore[arg-type]
+    )
+    assert "Darken the room." in said
+    assert USE_IT not in said
