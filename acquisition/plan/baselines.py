@@ -12,6 +12,7 @@ from acquisition import geometry, lamp_pose
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
+from acquisition.models.listing import refused_lights
 from acquisition.models.recipe import Method, Recipe
 from acquisition.models.route import ArmReach, Reach
 
@@ -145,7 +146,7 @@ def user_lights(recipe: Recipe, reach: ArmReach) -> LightPlan:
     if refusals:
         raise RigError(
             ErrorCode.WAYPOINTS_UNREACHABLE,
-            "; ".join(f"user light {number}: {refusal.detail}" for number, refusal in refusals.items()),
+            refused_lights([f"user light {number}: {refusal.detail}" for number, refusal in refusals.items()]),
             lights=[refusal.of_light(number) for number, refusal in refusals.items()],
         )
     return LightPlan(

@@ -19,6 +19,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import CheckRecipe, LampRecipe, ResponseRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
+from acquisition.models.listing import refused_lights
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.models.route import Route
@@ -283,5 +284,5 @@ def _with_plan_numbers(error: RigError, light_numbers: tuple[int, ...]) -> RigEr
     lights = [{**light, "number": light_numbers[light["number"]]} for light in error.context.get("lights", [])]
     if not lights:
         return error
-    detail = "; ".join(f"light {light['number']}: {light['reason']}: {light['detail']}" for light in lights)
+    detail = refused_lights([f"light {light['number']}: {light['reason']}: {light['detail']}" for light in lights])
     return RigError(error.code, detail, **{**error.context, "lights": lights})

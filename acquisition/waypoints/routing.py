@@ -23,6 +23,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import ArmConfig, CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
+from acquisition.models.listing import refused_lights
 from acquisition.models.route import JointPath, Route, Waypoint
 from acquisition.waypoints import order_kernels
 from acquisition.waypoints.collision import Scene, scene
@@ -139,7 +140,7 @@ def _require_solutions(solutions: Sequence[IkSolutions]) -> None:
     unreachable = any(refusal.reason != "not-connected" for _, refusal in refused)
     raise RigError(
         ErrorCode.WAYPOINTS_UNREACHABLE if unreachable else ErrorCode.WAYPOINTS_COLLISION,
-        "; ".join(f"light {number}: {refusal.reason}: {refusal.detail}" for number, refusal in refused),
+        refused_lights([f"light {number}: {refusal.reason}: {refusal.detail}" for number, refusal in refused]),
         lights=[refusal.of_light(number) for number, refusal in refused],
     )
 

@@ -18,6 +18,7 @@ from rich.table import Column, Table
 
 from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.errors import ErrorCode, RigError, wrong_fields
+from acquisition.models.listing import first_few
 from acquisition.models.result import SolveSettings
 from api.cli import archive_report
 
@@ -127,7 +128,7 @@ def verify(address: str, catalogue: str | None) -> dict[str, Any]:
         task = bar.add_task("verifying", total=None)
         faults = archive.verify(lambda done, total: bar.update(task, completed=done, total=total))
     for fault in faults:
-        console.print(f"{fault.what}: {fault.file}, needed by {', '.join(fault.needed_by)}")
+        console.print(f"{fault.what}: {fault.file}, needed by {first_few(fault.needed_by)}")
     console.print(f"{len(faults)} files missing or damaged" if faults else "no file is missing or damaged")
     return {"faults": [asdict(fault) for fault in faults]}
 

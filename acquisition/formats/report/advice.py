@@ -13,6 +13,7 @@ from acquisition.formats.export import lights_used
 from acquisition.formats.report import pictures
 from acquisition.formats.report.context import ReportContext
 from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.listing import first_few
 from acquisition.models.result import CAST, HIGHLIGHT, NormalMap
 from acquisition.models.rounding import percent
 from acquisition.normals.images import memory_mapped
@@ -144,7 +145,7 @@ def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     named = zip(context.names, probabilities, strict=False)
     poor = [name for name, probability in named if probability is not None and probability < MIN_PROBABILITY]
     if poor and len(poor) <= len(probabilities) / 2:  # most images fit better
-        warnings.append(f"{', '.join(poor)}: poor fit to the other images; check image and lamp.")
+        warnings.append(f"{first_few(poor)}: poor fit to the other images; check image and lamp.")
     known = normal_map.mask & np.isfinite(normal_map.sigma_deg)
     inside = known & photometry.inside(normal_map.silhouette)  # nearly the facing pixels, which would need rays
     structure = normal_map.noise.get("structure_deg", 0.0) * np.count_nonzero(inside)  # a mean over facing pixels

@@ -171,3 +171,8 @@ def test_baseline_unreachable_user_lights_are_named_by_number() -> None:
     named = caught.value.context["lights"]
     assert [set(light) for light in named] == [{"number", "reason", "detail"}] * 2  # as of a route's lights
     assert [(light["number"], light["reason"]) for light in named] == [(1, "too-far"), (3, "too-far")]
+    with pytest.raises(
+        RigError, match=r"30 lights are refused: user light 1: .*; and 25 more \(all in `lights`\)$"
+    ) as caught:
+        baselines.user_lights(Recipe(method="user", user_lights=given * 15), reach)
+    assert len(caught.value.context["lights"]) == 30

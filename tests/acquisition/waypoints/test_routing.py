@@ -146,6 +146,19 @@ def test_route_unreachable_lights_are_named_with_reasons(
     assert all(item["detail"] for item in named)
 
 
+def test_route_of_many_unreachable_lights_names_the_first_few(
+    eight: tuple[CellConfig, Calibration, list[Light], Route],
+) -> None:
+    """The sentence was of 5 kB at the size of a dome; the problem's field still lists all lights."""
+    cell, calibration, lights, _ = eight
+    far = [Light(position=(3.0 + 0.01 * number, 0.0, 0.0), axis=(-1.0, 0.0, 0.0)) for number in range(40)]
+    with pytest.raises(RigError, match=r"^\S+: 40 lights are refused: light 1: too-far: ") as caught:
+        route([lights[0], *far], cell.arm.home, cell, calibration)
+    assert caught.value.detail.endswith("; and 35 more (all in `lights`)")
+    assert len(caught.value.detail) < 600
+    assert [item["number"] for item in caught.value.context["lights"]] == list(range(1, 41))
+
+
 def test_route_unconnected_light_is_named() -> None:
     cell, calibration = random_cell(4)
     lights = dome_lights(cell, calibration, cell.dome.candidates)
