@@ -17,9 +17,7 @@ from api.cli import archive_commands, calibrate_commands, camera_command, folder
 from api.cli.error_exit import explain_errors
 from api.cli.object_options import Family, MeshFile, ObjectName, Reflects, SizeMm
 
-app = typer.Typer(
-    no_args_is_help=True, add_completion=False, help="Photometric stereo with planned lights.", rich_markup_mode=None
-)
+app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
 
 class Profile(StrEnum):
@@ -42,6 +40,24 @@ class LogFormat(StrEnum):
 
     TEXT = "text"
     JSON = "json"
+
+
+def _print_version(wanted: bool) -> None:
+    """Prints the version, and ends."""
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"lightpose {version('lightpose')}")
+        raise typer.Exit
+
+
+@app.callback()
+def lightpose(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version, and end")
+    ] = False,
+) -> None:
+    """Photometric stereo with planned lights."""
 
 
 Seed = Annotated[int, typer.Option(min=0, help="Seed of object, errors and noise")]

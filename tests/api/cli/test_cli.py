@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import httpx
@@ -116,6 +117,11 @@ def test_output_within_a_sessions_folder_is_refused(arguments: tuple[str, ...], 
     assert "folder.invalid: " in done.output
     assert str(session) in done.output
     assert {path: path.read_bytes() for path in session.rglob("*") if path.is_file()} == before
+
+
+def test_version_is_that_of_the_package() -> None:
+    done = lightpose("--version")
+    assert (done.returncode, done.stdout) == (0, f"lightpose {metadata.version('lightpose')}\n")
 
 
 def test_keys_and_prune_find_the_services_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
