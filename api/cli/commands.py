@@ -15,9 +15,10 @@ import typer
 
 from api.cli import archive_commands, calibrate_commands, camera_command, folder_commands
 from api.cli.error_exit import explain_errors
+from api.cli.named_paths import Commands
 from api.cli.object_options import Family, MeshFile, ObjectName, Reflects, SizeMm
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
+app = typer.Typer(cls=Commands, no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
 
 class Profile(StrEnum):

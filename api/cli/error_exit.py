@@ -7,6 +7,7 @@ from typing import NoReturn, TypeVar
 import typer
 
 from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from api.cli.named_paths import is_named
 
 T = TypeVar("T")
 
@@ -29,7 +30,8 @@ SERVICE_REMEDY = (
 def explain_errors(work: Callable[[], T]) -> T:
     """Runs a command; prints a RigError or ProblemError with its remedy and exits with status 2.
 
-    So it does if a service does not answer, or a file cannot be read or written.
+    So it does if a service does not answer, or a file that the command line names cannot be read or written. Any other
+    error of a file is a defect of the program, whose traceback is needed.
     """
     import httpx
 
@@ -49,7 +51,7 @@ def explain_errors(work: Callable[[], T]) -> T:
         detail = f"the service at {url.scheme}://{url.netloc.decode()} does not answer: {error or type(error).__name__}"
         _exit_with_remedy(ErrorCode.REQUEST_INVALID, detail, SERVICE_REMEDY)
     except OSError as error:
-        if error.filename is None:
+        if not isinstance(error.filename, str) or not is_named(error.filename):
             raise
         detail = f"{error.filename}: cannot be read or written: {error.strerror}"
         _exit_with_remedy(ErrorCode.REQUEST_INVALID, detail, REMEDIES[ErrorCode.REQUEST_INVALID])
