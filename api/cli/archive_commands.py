@@ -10,9 +10,12 @@ import typer
 
 from acquisition.archive import answering
 from api.cli.error_exit import explain_errors
+from api.cli.summaries import Summaries
 
 app = typer.Typer(
-    no_args_is_help=True, help="Sessions of many cells at one address, solved again when the solver improves."
+    cls=Summaries,
+    no_args_is_help=True,
+    help="Sessions of many cells at one address, solved again when the solver improves.",
 )
 
 
@@ -113,7 +116,7 @@ def solve(
     settings: Annotated[
         Path | None, typer.Option(help="JSON file of settings as in a solve request; default: the solver's own")
     ] = None,
-    report: Annotated[Path | None, typer.Option(help="HTML file: changes relative to σ, and failures")] = None,
+    report: Annotated[Path | None, typer.Option(help="HTML file to write: changes relative to σ, and failures")] = None,
     catalogue: CatalogueAddress = None,
     as_json: AsJson = False,
 ) -> None:
@@ -137,7 +140,9 @@ def export_session(
     form: Annotated[
         ExportForm,
         typer.Option(
-            "--as", help="folder: as `lightpose solve` reads it; bagit: a bag with RO-Crate metadata; relight"
+            "--as",
+            help="folder: as `lightpose solve` reads it; bagit: a bag with RO-Crate metadata; relight: "
+            "8-bit images and their lights for Relight",
         ),
     ] = ExportForm.FOLDER,
     catalogue: CatalogueAddress = None,
@@ -151,9 +156,12 @@ def serve(
     address: Address,
     catalogue: CatalogueAddress = None,
     host: Annotated[
-        str | None, typer.Option(help="Default: LIGHTPOSE_HOST, else 127.0.0.1; other hosts need keys")
+        str | None, typer.Option(help="Address to listen at; default: LIGHTPOSE_HOST, else 127.0.0.1; others need keys")
     ] = None,
-    port: Annotated[int | None, typer.Option(help="0: any free port; default: LIGHTPOSE_PORT, else 8010")] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help="Port to listen at, 0: any free one; default: LIGHTPOSE_PORT, else 8010"),
+    ] = None,
     data: Annotated[
         Path | None,
         typer.Option(help="Folder of the keys (`keys add --data`); default: LIGHTPOSE_DATA, else data"),

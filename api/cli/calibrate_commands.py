@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from api.cli.error_exit import explain_errors
+from api.cli.summaries import Summaries
 
 if TYPE_CHECKING:
     from acquisition.models.calibration_recipe import AnyRecipe
 
 app = typer.Typer(
+    cls=Summaries,
     no_args_is_help=True,
     help="Calibrates the cell from images of a board, a mirror sphere and a matt plane; with --address the arm moves.",
 )
@@ -255,7 +257,7 @@ def check(
         str | None,
         typer.Option(help="board (on the flange) or plane (in the object's place); default: by the tool on the flange"),
     ] = None,
-    mounted: Mounted = False,
+    mounted: Annotated[bool, typer.Option("--mounted", help="States that the board is on the arm's flange")] = False,
     images: Annotated[int, typer.Option("--images", help="Number of images, at least 6")] = 8,
     as_json: AsJson = False,
 ) -> None:

@@ -28,8 +28,11 @@ from acquisition.waypoints import calibrated_kinematics
 from api.cli import calibration_folder
 from api.cli.calibration_folder import JOINTS_FILE, read_joints, read_value, refuse_overwriting
 
-BOARD_OPTIONS = {"square_m": "square-mm", "border_squares": "border"}
+BOARD_OPTIONS = {"border_squares": "border"}
 """Options of `calibrate board` whose names differ from the board's fields."""
+
+LEAST_SQUARE_MM, MOST_SQUARE_MM = 1.0, 500.0
+"""Limits of a board's square, mm, as of its description, which is in m."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,11 @@ def draw_board(
 
     Raises RigError request.invalid for squares that make no board, config.invalid for a file's ending.
     """
+    if not LEAST_SQUARE_MM < square_mm < MOST_SQUARE_MM:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"--square-mm {square_mm:g}: give more than {LEAST_SQUARE_MM:g} and less than {MOST_SQUARE_MM:g} mm",
+        )
     try:
         board = CharucoBoard(
             columns=columns, rows=rows, square_m=square_mm / 1000, legacy_pattern=legacy, border_squares=border

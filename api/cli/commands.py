@@ -5,7 +5,6 @@ kernels nor an HTTP library.
 """
 
 import json
-import sys
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -13,8 +12,9 @@ from typing import Annotated
 
 import typer
 
-from api.cli import archive_commands, calibrate_commands, camera_command, folder_commands
+from api.cli import archive_commands, calibrate_commands, camera_command, folder_commands, key_commands
 from api.cli.error_exit import explain_errors
+from api.cli.key_commands import DataFolder
 from api.cli.named_paths import Commands
 from api.cli.object_options import Family, MeshFile, ObjectName, Reflects, SizeMm
 
@@ -61,6 +61,13 @@ def lightpose(
     """Photometric stereo with planned lights."""
 
 
+ChosenProfile = Annotated[
+    Profile,
+    typer.Option(
+        help="How the cell differs from its calibration: ideal, not at all and without noise; direct, in the lamp's "
+        "place and intensity; realistic, also in the camera's pose, with room light and light between surfaces"
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of object, errors and noise")]
 Speed = Annotated[float, typer.Option(min=0.1, max=100, help="Speed of the simulated arm as a multiple of real time")]
 Pixels = Annotated[int, typer.Option(min=32, max=4096, help="Width and height of the simulated image")]
@@ -74,14 +81,19 @@ def demo(
     family: Family = None,
     reflectance: Reflects = None,
     seed: Seed = 1,
-    pilot: Annotated[int, typer.Option(help="Pilot lights")] = 4,
-    planned: Annotated[int, typer.Option(help="Planned lights")] = 4,
-    method: Annotated[str, typer.Option(help="How lights are chosen: see `method` of the recipe")] = "optimal",
+    pilot: Annotated[int, typer.Option(help="Number of pilot lights, 3 to 16")] = 4,
+    planned: Annotated[int, typer.Option(help="Number of planned lights, 0 to 64")] = 4,
+    method: Annotated[
+        str,
+        typer.Option(
+            help="How lights are chosen: optimal, two-rings, ring, drbohlav, max-distance, paper, random or user"
+        ),
+    ] = "optimal",
     lights: Annotated[
         Path | None,
         typer.Option(help="Positions for method `user`: x y z on each line, m, view frame; JSON; a session's folder"),
     ] = None,
-    profile: Profile = Profile.REALISTIC,
+    profile: ChosenProfile = Profile.REALISTIC,
     random: Annotated[bool, typer.Option(help="Compare with the same number of random lights")] = True,
     speed: Speed = 8.0,
     pixels: Pixels = 1024,
@@ -92,7 +104,9 @@ def demo(
     perturb: Annotated[
         bool, typer.Option("--perturb", help="With --calibrate: a cell that was never calibrated")
     ] = False,
-    page: Annotated[bool, typer.Option(help="Run no session: serve the operator's page until Ctrl+C")] = False,
+    page: Annotated[
+        bool, typer.Option("--page", help="Run no session: serve the operator's page until Ctrl+C")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
     """Runs a full session in a simulated cell over HTTP, and grades its normals against the truth."""
@@ -141,13 +155,18 @@ def sim(
     family: Family = None,
     reflectance: Reflects = None,
     seed: Seed = 1,
-    profile: Profile = Profile.REALISTIC,
+    profile: ChosenProfile = Profile.REALISTIC,
     speed: Speed = 1.0,
     pixels: Pixels = 1024,
-    folder: Annotated[Path | None, typer.Option(help="Folder for cell file, calibration and truth")] = None,
-    cell: Annotated[Path | None, typer.Option(help="The cell file to simulate; default: the simulated cell")] = None,
+    folder: Annotated[
+        Path | None, typer.Option(help="Folder for cell file, calibration and truth; default: a temporary one")
+    ] = None,
+    cell: Annotated[
+        Path | None, typer.Option(help="The cell file to simulate; default: lightpose's own simulated cell")
+    ] = None,
     calibration_seed: Annotated[
-        int | None, typer.Option(help="Seed of kinematic deviations of millimetres, as real arms have them")
+        int | None,
+        typer.Option(help="Seed of kinematic deviations of millimetres, as real arms have them; default: none"),
     ] = None,
     record: Annotated[Path | None, typer.Option(help="Record every tick of the controller to this file")] = None,
     programs: Annotated[
@@ -202,7 +221,7 @@ def place(
         ),
     ],
     address: Annotated[str, typer.Option(help="The simulated cell's address")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="The port of its camera")] = 30100,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="The port of its camera")] = 30100,
 ) -> None:
     """Puts another object or calibration target into a running simulated cell, as an operator does between sessions."""
     from hardware_sim import placing
@@ -216,18 +235,25 @@ def serve(
     data: Annotated[
         Path | None, typer.Option(help="Folder of journal and sessions; default: LIGHTPOSE_DATA, else data")
     ] = None,
-    host: Annotated[str | None, typer.Option(help="Default: LIGHTPOSE_HOST, else 127.0.0.1")] = None,
+    host: Annotated[
+        str | None, typer.Option(help="Address to listen at; default: LIGHTPOSE_HOST, else 127.0.0.1")
+    ] = None,
     port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="0: any free port; default: LIGHTPOSE_PORT, else 8000")
+        int | None,
+        typer.Option(min=0, max=65535, help="Port to listen at, 0: any free one; default: LIGHTPOSE_PORT, else 8000"),
     ] = None,
     log: Annotated[
-        LogFormat | None, typer.Option(help="Lines for people or JSON objects; default: LIGHTPOSE_LOG, else text")
+        LogFormat | None,
+        typer.Option(help="Log as lines for people or as JSON objects; default: LIGHTPOSE_LOG, else text"),
     ] = None,
     tls_cert: Annotated[Path | None, typer.Option(help="Certificate (PEM); default: LIGHTPOSE_TLS_CERT")] = None,
     tls_key: Annotated[Path | None, typer.Option(help="Its private key (PEM); default: LIGHTPOSE_TLS_KEY")] = None,
     trusted_proxy: Annotated[
         list[str] | None,
-        typer.Option(help="Proxy whose X-Forwarded-For and -Proto are trusted; default: LIGHTPOSE_TRUSTED_PROXIES"),
+        typer.Option(
+            help="Proxy whose X-Forwarded-For and -Proto are trusted; may be repeated; default: "
+            "LIGHTPOSE_TRUSTED_PROXIES"
+        ),
     ] = None,
 ) -> None:
     """Runs the service for one cell."""
@@ -241,8 +267,10 @@ def serve(
 
 @app.command()
 def check(
-    cell: Annotated[Path | None, typer.Option(help="The cell file; default: the simulated cell's")] = None,
-    offline: Annotated[bool, typer.Option(help="Do not connect to arm and camera")] = False,
+    cell: Annotated[
+        Path | None, typer.Option(envvar="LIGHTPOSE_CELL", help="The cell file; default: the simulated cell's")
+    ] = None,
+    offline: Annotated[bool, typer.Option("--offline", help="Do not connect to arm and camera")] = False,
     data: Annotated[
         Path | None, typer.Option(help="The service's data folder, to check its keys and free space too")
     ] = None,
@@ -260,50 +288,7 @@ app.command()(camera_command.camera)
 app.add_typer(calibrate_commands.app, name="calibrate")
 app.add_typer(archive_commands.app, name="archive")
 
-keys_app = typer.Typer(no_args_is_help=True, help="API keys: who may call the service, and what they may do.")
-app.add_typer(keys_app, name="keys")
-Data = Annotated[Path, typer.Option(envvar="LIGHTPOSE_DATA", help="The service's data folder")]
-
-
-@keys_app.command("add")
-def add_key(
-    name: str,
-    role: Annotated[
-        str, typer.Option(help="viewer reads, operator moves the arm, admin deletes sessions too")
-    ] = "operator",
-    data: Data = Path("data"),
-) -> None:
-    """Creates a key and prints its secret, which is not stored."""
-    from api.rest import keys
-
-    roles = [str(item) for item in keys.Role]
-    if role not in roles:
-        raise typer.BadParameter(f"choose one of {', '.join(roles)}", param_hint="--role")
-    print(explain_errors(lambda: keys.add(keys.path_in(data), name, keys.Role(role))))
-
-
-@keys_app.command("revoke")
-def revoke_key(name: str, data: Data = Path("data")) -> None:
-    """Revokes a key; a running service refuses it within a second."""
-    from api.rest import keys
-
-    explain_errors(lambda: keys.revoke(keys.path_in(data), name))
-
-
-@keys_app.command("list")
-def list_keys(data: Data = Path("data")) -> None:
-    """Lists names and roles of the keys; secrets are not stored."""
-    from datetime import UTC, datetime
-
-    from api.rest import keys
-
-    content = explain_errors(lambda: keys.read(keys.path_in(data)))
-    if content is None:
-        print(f"no keys in {data}: only this machine can connect, and everybody on it is an operator", file=sys.stderr)
-    elif not content.keys:
-        print(f"no keys in {data}: all were revoked, and the service refuses everybody", file=sys.stderr)
-    for key in content.keys if content is not None else ():
-        print(f"{key.name}\t{key.role}\tmade {datetime.fromtimestamp(key.created_at, UTC):%Y-%m-%d}")
+app.add_typer(key_commands.app, name="keys")
 
 
 @app.command()
@@ -313,7 +298,7 @@ def prune(
     ] = 30,
     keep: Annotated[int, typer.Option(min=0, help="Number of newest ended sessions that are always kept")] = 10,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be removed")] = False,
-    data: Data = Path("data"),
+    data: DataFolder = Path("data"),
 ) -> None:
     """Removes old sessions with their files: ended ones and those that were never started; queued ones stay."""
     import time

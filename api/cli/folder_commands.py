@@ -22,7 +22,7 @@ def solve_folder(
     ],
     solver: Annotated[str, typer.Option(help="auto, or for comparison ls: plain least squares of directions")] = "auto",
     near: Annotated[bool, typer.Option("--near", help="Require the near-light model")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for maps and report, written atomically")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for maps and report; default: nothing is written")] = None,
     exports: Annotated[
         list[str] | None,
         typer.Option(
@@ -55,7 +55,7 @@ def solve_folder(
 @app.command("plan")
 def plan_folder(
     folder: Annotated[Path, typer.Argument(help="Any folder that `solve` reads; its images are the pilot's")],
-    count: Annotated[int, typer.Option(help="Number of further lights")],
+    count: Annotated[int, typer.Option(help="Number of further lights, 1 to 300")],
     candidates: Annotated[
         Path | None,
         typer.Option(help="Where lights can be: three numbers on each line, in the folder's own frame and unit"),
@@ -71,7 +71,7 @@ def plan_folder(
         str | None,
         typer.Option(help="Use only these images, such as 0,7,31,90, counted from 0; the others are the candidates"),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="File for the JSON object")] = None,
+    out: Annotated[Path | None, typer.Option(help="File for the JSON object; default: nothing is written")] = None,
     full_scale: Annotated[float | None, FULL_SCALE] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:

@@ -8,10 +8,12 @@ from typing import Any
 
 from typer.core import TyperGroup
 
+from api.cli.summaries import Summaries
+
 _named: ContextVar[tuple[Path, ...]] = ContextVar("named", default=())
 
 
-class Commands(TyperGroup):
+class Commands(Summaries):
     """The outermost group of commands, which keeps the paths that the arguments name."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

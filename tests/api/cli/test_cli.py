@@ -6,11 +6,14 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from acquisition.models.errors import ErrorCode
@@ -61,6 +64,9 @@ def test_help_loads_neither_kernels_nor_http_library() -> None:
         (("sim", "--address", "10.1.2.3"), "10.1.2.3: choose a loopback address"),
         (("demo", "--speed", "0"), "--speed"),
         (("sim", "--pixels", "8"), "--pixels"),
+        (("place", "vase", "--port", "70000"), "--port"),
+        (("archive", "serve", "archive", "--port", "70000"), "--port"),
+        (("calibrate", "board", "--square-mm", "0.5"), "--square-mm 0.5: give more than 1 and less than 500 mm"),
         (("serve",), "LIGHTPOSE_CELL: is not set: set it, or give --cell"),
         (("keys", "revoke", "nobody"), "Correct the option"),
         (("prune",), "Correct the name or the folder"),
@@ -117,6 +123,29 @@ def test_output_within_a_sessions_folder_is_refused(arguments: tuple[str, ...], 
     assert "folder.invalid: " in done.output
     assert str(session) in done.output
     assert {path: path.read_bytes() for path in session.rglob("*") if path.is_file()} == before
+
+
+def every_command(command: Any, name: str = "lightpose") -> Iterator[tuple[str, Any]]:
+    yield name, command
+    for own, inner in getattr(command, "commands", {}).items():
+        yield from every_command(inner, f"{name} {own}")
+
+
+def test_help_of_every_command_is_complete() -> None:
+    """Each argument and option says what it is; a switch has no second name; summaries are not cut."""
+    for name, command in every_command(typer.main.get_command(app)):
+        said = CliRunner().invoke(app, [*name.split()[1:], "--help"], terminal_width=80).output
+        assert "..." not in said.replace("folders...", "").replace("{folders}...", "").replace("[ARGS]...", ""), name
+        for one in command.params:
+            assert one.help, f"{name}: {one.name}"
+            assert one.name == "random" or not one.secondary_opts, f"{name}: {one.name}"
+
+
+def test_check_is_of_the_services_cell_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("LIGHTPOSE_CELL", str(tmp_path / "lab.toml"))
+    done = CliRunner().invoke(app, ["check", "--offline"])
+    assert done.exit_code == 1
+    assert "lab.toml" in done.output
 
 
 def test_version_is_that_of_the_package() -> None:
