@@ -29,7 +29,7 @@ from acquisition.formats.folders.session_folder import SessionCapture
 from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
-from acquisition.models.rounding import percent
+from acquisition.models.rounding import figure, percent
 from acquisition.normals import distant, near_light
 from acquisition.normals.images.image_set import DistantLights, ImageSet
 from acquisition.runner.session_solve import solve_in_cell
@@ -213,7 +213,8 @@ def _solver_and_reason(normal_map: NormalMap, requested: str) -> tuple[str, str]
     indirect, lobe = notes.get("interreflection", {}), notes.get("lobe", {})
     light = "distant" if "solver" in notes else "near"
     share = percent(indirect.get("share", 0))
-    why = f"{light} light; share of indirect light {share}%, gloss {lobe.get('strength', 0):.2f}"
+    gloss = figure(lobe.get("strength", 0), 2)
+    why = f"{light} light; share of indirect light {share}%, gloss {gloss}"
     return (light if requested == "auto" else requested), why
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.result import ModelFinding
-from acquisition.models.rounding import percent
+from acquisition.models.rounding import figure, percent
 from acquisition.normals.alternatives import model_trial
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
 from acquisition.normals.pixels import image_terms
@@ -154,12 +154,12 @@ class Alternative:
         message, value = self.message, self.value
         if self.term == "roughness":
             value = terms.roughness_rad
-            message += f" {value:.2f} rad"
+            message += f" {figure(value, 2)} rad"
         elif self.term in ("gloss", "metal"):
             value = max(terms.gloss, terms.metal)
-            message += f" {value:.2f}"
+            message += f" {figure(value, 2)}"
             if terms.strength > 0:
-                message += f" and {terms.strength:.1f} times the strength of a dielectric's"
+                message += f" and {figure(terms.strength, 1)} times the strength of a dielectric's"
         elif self.term in ("ambient", "offset"):
             value = getattr(terms, self.term)
             message += f" ({percent(value)}% of white)"

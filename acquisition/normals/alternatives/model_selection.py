@@ -15,7 +15,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ModelFinding
-from acquisition.models.rounding import percent
+from acquisition.models.rounding import figure, percent
 from acquisition.normals import alternation, pixel_solution
 from acquisition.normals.alternatives import (
     image_alternatives,
@@ -109,7 +109,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
                 kind="lamps",
                 message="lamp positions, lamp intensities or the object's distance differ from the stated values "
                 f"(intensities by {percent(noise.intensity)}%, object by "
-                f"{1000 * solution.moved_m:.0f} mm): do not trust the normals",
+                f"{figure(1000 * abs(solution.moved_m), 0)} mm): do not trust the normals",
                 corrected=False,
             )
         )

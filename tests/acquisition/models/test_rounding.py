@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.models.rounding import percent
+from acquisition.models.rounding import figure, percent
 from acquisition.normals.alternatives.alternative import Alternative, Limits
 from acquisition.normals.alternatives.model_trial import Hypothesis
 from acquisition.normals.pixels.image_terms import ImageTerms
@@ -39,6 +39,10 @@ def test_percent_small_share_is_not_zero(share: float, decimals: int, text: str)
 )
 def test_percent_signed_share_has_its_sign(share: float, text: str) -> None:
     assert percent(share, signed=True) == text
+
+
+def test_figure_of_small_value_in_any_unit_is_not_zero() -> None:
+    assert [figure(value, 2) for value in (1.5, 0.004, 0.0, 2e-4)] == ["1.50", "0.004", "0", "under 0.001"]
 
 
 @pytest.mark.parametrize("term", ["ambient", "offset"])
