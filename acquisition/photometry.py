@@ -110,12 +110,13 @@ class SharedSettings:
     known, and of a pixel's indirect light under all lights alike. Measured: at the true shape, the prediction is
     0.80–0.97 of the indirect light of five path-traced objects, since the camera does not see all surfaces
     (November 2026)."""
-    misfit_factor: float = tuned(0.3, "1")
-    """B, by which misfit raises a pixel's variance (1 + B m (ε + ε̄)) σ₀². σ₀² is the variance of the posterior, m the
-    number of lights, ε the excess of squared whitened residuals over what the stated noise explains, ε̄ the same of all
-    pixels that face the camera. Measured: errors of 272 captures of design seeds 439–472 (eight families, eight lights
-    by two rings) are likeliest with 0.3: the mean log-likelihood is lower by 0.010 with 0.2 and by 0.005 with 0.4. Of
-    112 under 20 lights (457–470) it is higher by 0.027 with 0.15. `normals.uncertainty.error_variance` has the fit."""
+    misfit_factor: float = tuned(0.1, "1")
+    """B, by which misfit raises a pixel's variance (1 + B m χ² (ε + ε̄)) σ₀². σ₀² is the variance of the posterior, m
+    the number of lights, χ² the misfit of the pixel's own images, ε the excess of squared whitened residuals round it
+    over what the stated noise explains, ε̄ the same of all pixels that face the camera. Measured on 66 captures of
+    design seeds 557–562 (eight families, 6, 8 and 20 lights by two rings): the mean log-likelihood of errors is higher
+    by 0.005 with 0.05 and lower by 0.033 with 0.2; P(e < 2σ) is 0.932 and 0.950, and 0.941 with this value.
+    `normals.uncertainty.error_variance` has the model, decision 101 the fit."""
     unchecked_sigma_deg: float = tuned(8.0, "deg")
     """E, 1 σ of a normal that nothing has checked: fewer than four lights are usable, or the capture has a fault that
     could not be corrected. Measured on 118 captures with a fault or metal left in (design seeds 70–73, eight lights, no

@@ -28,8 +28,8 @@ REASONS: dict[str, str] = {
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
         light_tests.STATED_AXES light_tests.SIDES light_tests.QUARTER_AXES
         error_variance.FOUR_NEIGHBOURS planned_images.INTEGRABILITY_SHARE
-        error_variance.NOISE_DETAIL error_variance.CREASE error_variance.DETAIL
-        error_variance.NOISE_LINE error_variance.LINE error_variance.LINES_PX
+        error_variance.NOISE_DETAIL error_variance.CREASE error_variance.DETAIL error_variance.MISFIT
+        error_variance.NOISE_LINE error_variance.LINE error_variance.LINES_PX error_variance.POSTERIOR
         photometry.RANDOM_NORMAL_SIGMA_DEG photometry.RANDOM_NORMAL_VARIANCE
         photometry.CAUCHY_SCALE term_alternatives.CODED_EXPONENTS image_terms.ROUGH_WEIGHTS image_terms.FACET_SLOPES_RAD
         translucency.NEAR_PX""",

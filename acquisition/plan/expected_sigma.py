@@ -3,9 +3,9 @@
     σ² = 1 / (1/w + 1/V²),   w = (1 + B m (κ − 1)) (v + 2 L²) + S² + E²
 
 - v is the posterior's variance, of both tangential directions; m is the number of lights that will reach the pixel.
-- κ − 1 is the mean of ε + ε̄ (`photometry.SETTINGS.misfit_factor`) over all pixels that face the camera. It replaces
-  each pixel's own value, because few images have few residuals. Causes of misfit are shared by images, so that this
-  part does not fall with their number.
+- κ − 1 is the value of χ² (ε + ε̄) (`photometry.SETTINGS.misfit_factor`) that would raise σ of all pixels that face the
+  camera as much as their own do in the mean. It replaces each pixel's own value, because few images have few residuals.
+  Causes of misfit are shared by images, so that this part does not fall with their number.
 - L is 1 σ, per axis, of the lamp directions by errors of the calibration that all lamps share.
 - E is 1 σ of normals that nothing checks: those of fewer than four lights, or of a capture in which something is wrong
   (`photometry.capture_sigma_deg`).

@@ -47,11 +47,14 @@ CREASES_DEG = (8.0, 12.0, 16.0, 20.0, 24.0)
 CHANGE = 2
 """Index of the component that is recorded before Δ₀² is subtracted."""
 
+ARRAYS = ("error_deg", "components", "own_misfit", "by_field", "sigma_deg")
+"""Arrays of a sample, as fields of `Errors`."""
+
 
 @dataclass(frozen=True)
 class Errors:
-    """A sample of one capture's pixels: errors e (N,) and the solve's σ (N,), degrees, and components (6, N), of which
-    the third is Δ²."""
+    """A sample of one capture's pixels: errors e (N,) and the solve's σ (N,), degrees, components (6, N), of which the
+    third is χ² Δ², χ² itself (N,) of the pixel's own images, and 1/σ² by the Markov random field (N,), deg⁻²."""
 
     family: str
     seed: int
@@ -59,13 +62,19 @@ class Errors:
     unsound: bool
     error_deg: FloatArray
     components: FloatArray
+    own_misfit: FloatArray
+    by_field: FloatArray
     sigma_deg: FloatArray
 
     def regressors(self, crease_deg: float) -> FloatArray:
         """The components (6, N) for Δ₀."""
         out = self.components.copy()
-        out[CHANGE] = np.maximum(out[CHANGE] - crease_deg**2, 0)
+        out[CHANGE] = np.maximum(out[CHANGE] - crease_deg**2 * self.own_misfit, 0)
         return out
+
+    def variance(self, by_images: FloatArray) -> FloatArray:
+        """σ² (N,), deg², of a variance by the images (N,): bounded, and lowered by the field."""
+        return 1 / (1 / photometry.bounded_variance(by_images) + self.by_field)
 
 
 def collect(plan: run.Plan, folder: Path, jobs: int) -> None:
@@ -84,14 +93,14 @@ def fit(
 ) -> tuple[FloatArray, float]:
     """Weights (6,) of greatest likelihood over captures without findings, and the mean negative log-likelihood; the
     weight of number `without` is held near zero."""
-    data = [(one.regressors(crease_deg), one.error_deg**2) for one in captures]
+    data = [(one, one.regressors(crease_deg), one.error_deg**2) for one in captures]
     bounds = [(-12.0, -12.0 if number == without else 6.0) for number in range(len(NAMES))]
 
     def objective(log_weights: FloatArray) -> tuple[float, FloatArray]:
         weights, value, slope = np.exp(log_weights), 0.0, np.zeros(len(log_weights))
-        for parts, square in data:
+        for one, parts, square in data:
             by_images = weights @ parts + 1e-4
-            variance = photometry.bounded_variance(by_images)
+            variance = one.variance(by_images)
             value += _negative_log_likelihood(variance, square, tail)
             # ∂ ln(variance)/∂(by_images) = variance/by_images²
             q = square / (tail * variance)
@@ -101,10 +110,13 @@ def fit(
 
     found = minimize(objective, np.zeros(len(NAMES)), jac=True, method="L-BFGS-B", bounds=bounds)
     weights = np.exp(found.x)
-    # e < σ if e² is below the bounded variance, that is, 1 / (1/e² − 1/V²) is below the variance by the images.
+    # e < σ if 1/e² less what bound and field contribute to 1/σ² is above the inverse of the variance by the images.
     far = 1 / photometry.RANDOM_NORMAL_SIGMA_DEG**2
     ratio = np.concatenate(
-        [1 / np.maximum(1 / square - far, 1e-9) / (weights @ parts + 1e-4) for parts, square in data]
+        [
+            1 / np.maximum(1 / square - far - one.by_field, 1e-9) / (weights @ parts + 1e-4)
+            for one, parts, square in data
+        ]
     )
     return weights * np.quantile(ratio, SHARE), float(found.fun)
 
@@ -121,7 +133,7 @@ def unsound_sigma_deg(
         return float(
             np.mean(
                 [
-                    _negative_log_likelihood(photometry.bounded_variance(variance) / level, one.error_deg**2, tail)
+                    _negative_log_likelihood(one.variance(variance) / level, one.error_deg**2, tail)
                     for variance, one in zip(by_images, captures, strict=True)
                 ]
             )
@@ -142,7 +154,7 @@ def summary(captures: Sequence[Errors], tail: float = TAIL) -> str:
     weights = fits[best][0]
     lines.append(
         f"best Δ₀ {best:.0f}°: A {weights[0]:.2f}, B {weights[1]:.2f}, M {weights[2] ** 0.5:.2f}, "
-        f"of detail {weights[3] ** 0.5:.2f}, E {weights[4] ** 0.5:.1f}°"
+        f"of detail {weights[3] ** 0.5:.2f}, E {weights[5] ** 0.5:.1f}°"
     )
     for number, name in enumerate(NAMES):
         value = fit(sound, best, number, tail=tail)[1]
@@ -194,14 +206,15 @@ def _collect_scene(plan: run.Plan, folder: Path, family: str, seed: int) -> int:
 def _solve(scene: Scene, count: int, fault: str | None) -> dict[str, np.ndarray]:
     """Solves a capture under two rings of `count` lights, with an azimuth by the seed, and samples graded pixels. A
     capture with a fault is solved by the plain model."""
-    recorded: list[FloatArray] = []
+    recorded: list[tuple[FloatArray, ...]] = []
 
     def record(*maps: np.ndarray, capture_deg: float, sharpened: bool) -> ErrorVariance:
         found = original(*maps, capture_deg=capture_deg, sharpened=sharpened)
         *of_components, _ = maps
         parts = error_variance.components(*of_components, typical=found.typical_excess)
-        parts[CHANGE] = error_variance.crease_deg2(of_components[-1], np.isfinite(maps[0]))
-        recorded.append(parts)
+        own = error_variance.own_misfit(maps[1], maps[2])
+        parts[CHANGE] = own * error_variance.crease_deg2(of_components[-1], np.isfinite(maps[0]))
+        recorded.append((parts, own, found.sigma_deg))
         return found
 
     original = error_variance.evaluate
@@ -214,10 +227,14 @@ def _solve(scene: Scene, count: int, fault: str | None) -> dict[str, np.ndarray]
     chosen = _graded(scene, solved)
     findings = [finding for finding in solved.findings if not finding.corrected]
     about = {"family": scene.family, "seed": scene.seed, "lights": count, "unsound": bool(findings)}
+    components, own, by_images_deg = (values.reshape(*values.shape[:-2], -1)[..., chosen] for values in recorded[-1])
+    sigma_deg = solved.sigma_deg.ravel()[chosen]
     return {
         "error_deg": scene.truth.error_deg(solved.normals).ravel()[chosen],
-        "sigma_deg": solved.sigma_deg.ravel()[chosen],
-        "components": recorded[-1].reshape(len(NAMES), -1)[:, chosen],
+        "sigma_deg": sigma_deg,
+        "components": components,
+        "own_misfit": own,
+        "by_field": np.maximum(1 / sigma_deg**2 - 1 / by_images_deg**2, 0),
         "about": np.array(json.dumps(about)),
     }
 
@@ -231,5 +248,5 @@ def _graded(scene: Scene, solved: NormalMap) -> np.ndarray:
 def _read(path: Path) -> Errors:
     with np.load(path) as kept:
         about = json.loads(str(kept["about"]))
-        arrays = {name: kept[name].astype(float) for name in ("error_deg", "components", "sigma_deg")}
+        arrays = {name: kept[name].astype(float) for name in ARRAYS}
     return Errors(**about, **arrays)

@@ -1,11 +1,11 @@
 """The fit of σ's constants finds the constants of simulated errors, and samples of captures agree with their solves."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from acquisition import photometry
 from acquisition.normals.uncertainty import error_variance
 from tests.unseen import run, sigma_fit
 from tests.unseen.sigma_fit import Errors
@@ -22,10 +22,12 @@ def drawn(seed: int, *, added_deg: float = 0.0, unsound: bool = False) -> Errors
     excess = np.maximum(rng.chisquare(4, 3000) / 4 - 1, 0)
     detail = np.exp(rng.normal(1, 1.5, 3000))
     line = np.where(rng.random(3000) < 0.1, rng.uniform(0, 2025, 3000), 0)
-    parts = np.stack([base, base * 8 * excess, change, detail, line, rng.random(3000) < 0.1])
-    one = Errors("blob", seed, 8, unsound, np.zeros(3000), parts, np.ones(3000))
-    variance = photometry.bounded_variance(WEIGHTS @ one.regressors(CREASE_DEG) + added_deg**2)
-    return Errors("blob", seed, 8, unsound, np.sqrt(variance * rng.exponential(1.0, 3000)), parts, np.sqrt(variance))
+    own = (5 * rng.chisquare(5, 3000) / 5 + 1) / 6
+    by_field = np.where(rng.random(3000) < 0.1, 1 / 400, 0.0)
+    parts = np.stack([base, own * base * 8 * excess, own * change, own * detail, line, rng.random(3000) < 0.1])
+    one = Errors("blob", seed, 8, unsound, np.zeros(3000), parts, own, by_field, np.ones(3000))
+    variance = one.variance(WEIGHTS @ one.regressors(CREASE_DEG) + added_deg**2)
+    return replace(one, error_deg=np.sqrt(variance * rng.exponential(1.0, 3000)), sigma_deg=np.sqrt(variance))
 
 
 def test_fit_errors_of_known_weights_finds_their_ratios() -> None:
@@ -36,7 +38,7 @@ def test_fit_errors_of_known_weights_finds_their_ratios() -> None:
 def test_fit_any_errors_scales_sigma_to_the_stated_share() -> None:
     captures = [drawn(seed) for seed in range(3)]
     weights, _ = sigma_fit.fit(captures, CREASE_DEG)
-    variances = [photometry.bounded_variance(weights @ one.regressors(CREASE_DEG)) for one in captures]
+    variances = [one.variance(weights @ one.regressors(CREASE_DEG)) for one in captures]
     ratio = np.concatenate([one.error_deg / np.sqrt(v) for one, v in zip(captures, variances, strict=True)])
     assert np.mean(ratio < 1) == pytest.approx(sigma_fit.SHARE, abs=0.002)
 
@@ -63,6 +65,6 @@ def test_collect_one_scene_keeps_components_of_the_solve(tmp_path: Path) -> None
     sigma_fit.collect(plan, tmp_path, jobs=1)
     (one,) = sigma_fit.read(tmp_path)
     by_images = error_variance.weights() @ one.regressors(error_variance.SETTINGS.min_crease_deg)
-    variance = photometry.bounded_variance(by_images)
+    variance = one.variance(by_images)
     assert len(one.error_deg) == sigma_fit.PIXELS
     assert one.sigma_deg == pytest.approx(np.sqrt(variance), rel=1e-3)

@@ -5,18 +5,22 @@ surfaces, or a pixel that mixes two surfaces. Two observations show them: how ba
 much the normal changes from pixel to pixel:
 
     σ² = 1 / (1/v + 1/V²),
-    v = (1 + B m (ε + ε̄)) σ₀² + M² max(Δ² − Δ₀², 0) + M² max(λ² − 5/16 σ₀², 0) + ω (90° − ω)/2 + E² [unchecked]
+    v = σ₀² + χ² (B m (ε + ε̄) σ₀² + M² max(Δ² − Δ₀², 0) + M² max(λ² − 5/16 σ₀², 0)) + ω (90° − ω)/2 + E² [unchecked]
 
 V = 49° is 1 σ of a normal on which no image has information (`photometry.bounded_variance`). Without it, pixels in
 cavities that are hardly lit and fit badly have σ up to 480°, and 2–9 % of the pixels make up half of the mean σ.
 
-ε = max(χ² − s, 0) is the misfit beyond the stated noise. χ² is the sum of the squared whitened residuals over their
-degrees of freedom (lights − 3), both pooled over 5 × 5 pixels. s is the part of χ² that sensor and calibration explain:
-the mean share of the stated in the estimated noise, which has absorbed part of the model's errors. Images share the
-excess, so it does not average out: it is multiplied by the number m of lights, with which σ₀² falls. ε̄ is its trimmed
-mean over all pixels that face the camera, without the 8 % that fit worst (`min_pixel_share`). A model that is wrong
-elsewhere on the object is wrong here too, even if a few residuals happen to be small (decision 86); misfit at creases
-and shadow borders alone does not count for the whole object (decision 88).
+χ² = (q + 1) / (f + 1) is the misfit of the pixel's own images: q is the sum of the squared whitened residuals, f their
+degrees of freedom (lights − 3), and the ones are a prior of one degree of freedom. The other components say where the
+model may be wrong, and χ² whether it is at this pixel (decision 101).
+
+ε = max(χ₅² − s, 0) is the misfit beyond the stated noise, where χ₅² is q over f, both pooled over 5 × 5 pixels. s is
+the part of χ₅² that sensor and calibration explain: the mean share of the stated in the estimated noise, which has
+absorbed part of the model's errors. Images share the excess, so it does not average out: it is multiplied by the number
+m of lights, with which σ₀² falls. ε̄ is its trimmed mean over all pixels that face the camera, without the 8 % that fit
+worst (`min_pixel_share`). A model that is wrong elsewhere on the object is wrong here too, even if a few residuals
+happen to be small (decision 86); misfit at creases and shadow borders alone does not count for the whole object
+(decision 88).
 
 Δ is the crease at the pixel: half of the change of the normal from one neighbour to the opposite one, less the changes
 on either side of them, over both directions. Curvature continues beyond the neighbours and cancels. A Lambertian pixel
@@ -46,13 +50,14 @@ eight neighbours, of 24, or of a Gaussian surrounding, which is less informative
 differences along rows and columns, which is nearly as informative. A sandwich estimate, the albedo's local contrast,
 slant and gloss were tried only before M was found.
 
-The constants are rounded from those that make the errors of design captures likeliest under Rayleigh's law with a heavy
-tail (bivariate t, 20 degrees of freedom), with a factor of 1 for σ₀² itself. B and M are from 272 captures of seeds
-439–472 under eight lights, whose P(e < σ) is 0.71 and P(e < 2σ) 0.933 (decision 88). E, 8.9° for few lights, is from
-117 captures of seeds 65, 70, 71, 73 and 75 under 6–20 lights. `python -m tests.unseen fit-sigma` fits such captures,
-and prints how much less likely the errors are without each component. The constants depend on the assumed tail
-(`tests.unseen.sigma_fit`). `tests/unseen/reports.md` has results of captures that they were not fitted to. B and E
-belong to `photometry`, because forecasts of plans use them as well.
+The constants are near those that make the errors of design captures likeliest under Rayleigh's law with a heavy tail
+(bivariate t, 20 degrees of freedom), with a factor of 1 for σ₀² itself. B and M are from 66 captures of seeds 557–562
+under 6, 8 and 20 lights: a little larger than the likeliest, 0.07 and 0.3, so that P(e < 2σ) is 0.94 there and above
+0.9 in each family (decision 101). E, 8.9° for few lights, is from 117 captures of seeds 65, 70, 71, 73 and 75 under
+6–20 lights. `python -m tests.unseen fit-sigma` fits such captures, and prints how much less likely the errors are
+without each component. The constants depend on the assumed tail (`tests.unseen.sigma_fit`). `tests/unseen/reports.md`
+has results of captures that they were not fitted to. B and E belong to `photometry`, because forecasts of plans use
+them as well.
 """
 
 from dataclasses import dataclass
@@ -69,11 +74,12 @@ from acquisition.models.tuned import tuned
 class ErrorVarianceSettings:
     """Tuned numbers of σ's components."""
 
-    structure_share: float = tuned(0.45, "share")
+    structure_share: float = tuned(0.36, "share")
     """M: 1 σ of the normal as a share of Δ, half of the angle of a crease, and of λ, half of the angle to the mean of
-    the neighbours' normals. Measured by the mean log-likelihood of errors: on 272 captures of design seeds 439–472 it
-    is higher by 0.001 than with 0.4 (eight lights by two rings, decision 88). Of 0.4 and 0.5, 110 captures of seeds
-    205–215 and 225 favour 0.5 by 0.008, and 64 of seeds 216–219 0.4 by 0.022 (8 and 20 lights, decision 75)."""
+    the neighbours' normals, where the pixel's own images fit as the noise predicts. Measured on the captures of
+    `misfit_factor` (B = 0.1): the mean log-likelihood of errors is lower by 0.010 with 0.18, higher by 0.004 with 0.3
+    and lower by 0.076 with 0.72; P(e < 2σ) is 0.930, 0.938 and 0.951, and 0.941 with this value. Under 20 lights alone
+    0.19 is likeliest (decision 101)."""
     min_crease_deg: float = tuned(12.0, "deg")
     """Δ₀, degrees, above which Δ counts; smaller creases are noise, or too small to tell. It is from a fit to 190
     captures of design seeds 40–43 and 60–63 (two rings of 6, 8 and 20 lights, November 2026), which compares 8, 12, 16,
@@ -82,7 +88,7 @@ class ErrorVarianceSettings:
 
 SETTINGS = ErrorVarianceSettings()
 
-CREASE, DETAIL, LINE = 2, 3, 4
+POSTERIOR, MISFIT, CREASE, DETAIL, LINE = range(5)
 """Indices of some of the `components`."""
 
 NOISE_DETAIL = 5 / 16
@@ -106,17 +112,17 @@ POOLED_PX = 5
 @dataclass(frozen=True)
 class ErrorVariance:
     """σ (H, W) in degrees over both tangential directions, NaN where there is no normal, and figures of the pixels that
-    face the camera: mean ε, trimmed mean ε̄, and the mean part of σ by creases, detail and lines."""
+    face the camera.
+
+    These are the trimmed mean ε̄; `misfit`, 1 + the value of χ² (ε + ε̄) that would raise σ of all pixels as much as
+    theirs do in the mean; and `structure_deg`, the mean part of σ by creases, detail and lines. Forecasts of further
+    lights use the last two.
+    """
 
     sigma_deg: Float32Array
-    excess: float
     typical_excess: float
+    misfit: float
     structure_deg: float
-
-    @property
-    def misfit(self) -> float:
-        """1 + the mean of ε + ε̄, used by forecasts of further lights."""
-        return 1 + self.excess + self.typical_excess
 
 
 def evaluate(
@@ -133,7 +139,7 @@ def evaluate(
     of_facing = residual[facing], lights[facing], stated_share[facing]
     typical = typical_excess(*of_facing)
     out, weight = np.full_like(posterior_deg, np.nan), weights(sharpened=sharpened)
-    total = 0.0
+    structure, raised = 0.0, 0.0
     for start in range(0, len(out), STRIP_ROWS):
         stop = min(start + STRIP_ROWS, len(out))
         first, last = max(start - NEIGHBOUR_ROWS, 0), min(stop + NEIGHBOUR_ROWS, len(out))
@@ -143,9 +149,16 @@ def evaluate(
         by_images = np.asarray(np.tensordot(weight, parts, 1) + capture_deg**2, np.float64)
         variance = photometry.bounded_variance(by_images)
         out[start:stop] = np.where(known[start:stop], np.sqrt(variance), np.nan)
-        structure = np.sqrt(np.tensordot(weight[CREASE : LINE + 1], parts[CREASE : LINE + 1], 1))
-        total += float(np.sum(structure[facing[start:stop]], dtype=np.float64))
-    return ErrorVariance(out, excess(*of_facing), typical, total / max(np.count_nonzero(facing), 1))
+        counted = facing[start:stop]
+        by_structure = np.sqrt(np.tensordot(weight[CREASE : LINE + 1], parts[CREASE : LINE + 1], 1))
+        by_misfit = np.sqrt(1 + weight[MISFIT] * parts[MISFIT] / np.maximum(parts[POSTERIOR], np.float32(1e-12)))
+        structure += float(np.sum(by_structure[counted], dtype=np.float64))
+        raised += float(np.sum(by_misfit[counted], dtype=np.float64))
+    count = np.count_nonzero(facing)
+    if count == 0:
+        return ErrorVariance(out, typical, 1.0, 0.0)
+    by_lights = weight[MISFIT] * np.mean(lights[facing], dtype=np.float64)
+    return ErrorVariance(out, typical, 1 + float(((raised / count) ** 2 - 1) / by_lights), structure / count)
 
 
 def weights(*, sharpened: bool = False) -> Float32Array:
@@ -170,31 +183,33 @@ def components(
     squares, freedom = _squares(residual, np.where(known, lights, 0))
     unexplained = np.subtract(squares, stated_share * freedom, dtype=np.float32)
     local = np.maximum(_pooled(unexplained) / np.maximum(_pooled(freedom), 1), 0)
-    shared = local + np.float32(typical)
+    own = own_misfit(residual, np.where(known, lights, 0))
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
     detail = np.maximum(detail_deg2(normals, known) - NOISE_DETAIL * base, 0)
     line = line_deg(normals, known, base)
     few = lights < photometry.OVERDETERMINED
-    parts = [base, lights * shared * base, crease, detail, line * np.maximum(90 - line, 0), few]
+    misfit = lights * (local + np.float32(typical)) * base
+    parts = [base, own * misfit, own * crease, own * detail, line * np.maximum(90 - line, 0), few]
     return np.stack(parts).astype(np.float32)
 
 
-def excess(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
-    """Returns the mean ε of all pixels together, from maps as in `components`; 0 if no pixel has residuals."""
+def own_misfit(residual: Float32Array, lights: np.ndarray) -> Float32Array:
+    """Returns each pixel's own χ² (h, w), shrunk towards 1 by one degree of freedom, from maps as in `components`."""
     squares, freedom = _squares(residual, lights)
-    total = float(np.sum(freedom, dtype=np.float64))
-    return max(float(np.sum(squares - stated_share * freedom, dtype=np.float64)) / total, 0.0) if total > 0 else 0.0
+    return (squares + 1) / (freedom + 1)
 
 
 def typical_excess(residual: Float32Array, lights: np.ndarray, stated_share: Float32Array) -> float:
-    """Returns ε̄, the `excess` without the `min_pixel_share` of the pixels whose own ε is largest (trimmed mean)."""
+    """Returns ε̄ of pixels with values as in `components`: ε of all together without the `min_pixel_share` of them whose
+    own ε is largest (trimmed mean); 0 if no pixel has residuals."""
     squares, freedom = _squares(residual, lights)
     told = freedom > 0
     if not np.any(told):
         return 0.0
     each = squares[told] / freedom[told] - stated_share[told]
     kept = each <= np.quantile(each, 1 - photometry.SETTINGS.min_pixel_share)
-    return excess(residual[told][kept], lights[told][kept], stated_share[told][kept])
+    weight = freedom[told][kept]
+    return max(float(np.sum(weight * each[kept], dtype=np.float64) / np.sum(weight, dtype=np.float64)), 0.0)
 
 
 def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, Float32Array]:

@@ -17,6 +17,11 @@ def bounded(variance_deg2: float) -> float:
     return float(1 / np.sqrt(1 / variance_deg2 + 1 / photometry.RANDOM_NORMAL_SIGMA_DEG**2))
 
 
+def own_misfit(chi_squared: float, freedom: int = 5) -> float:
+    """A pixel's χ² over its degrees of freedom, shrunk towards 1 by one of them."""
+    return (chi_squared * freedom + 1) / (freedom + 1)
+
+
 def bent(angle_deg: float, row: int = STRIP_ROWS) -> np.ndarray:
     """Normals of two planes that meet between two rows, this angle apart."""
     angle = np.where(np.arange(SHAPE[0]) < row, 0.0, np.radians(angle_deg))
@@ -47,9 +52,11 @@ def test_sigma_of_model_that_holds_is_the_posterior() -> None:
 
 @pytest.mark.parametrize("lights", [6, 20])
 def test_sigma_excess_over_stated_noise_does_not_fall_with_lights(lights: int) -> None:
-    """χ² is twice the freedom, of which the stated noise explains half of one: 1.5 for each light."""
-    residual = float(np.sqrt(2 * (lights - 3) / lights))
-    expected = bounded(1.0 + 1.5 * MISFIT * 2 * lights)
+    """χ² is twice the freedom, of which the stated noise explains half of one: 1.5 for each light, and as much by the
+    other pixels."""
+    freedom = lights - 3
+    residual = float(np.sqrt(2 * freedom / lights))
+    expected = bounded(1.0 + own_misfit(2, freedom) * MISFIT * lights * 2 * 1.5)
     assert sigma(residual=residual, lights=lights, stated_share=0.5) == pytest.approx(expected, rel=1e-5)
 
 
@@ -61,14 +68,14 @@ def test_sigma_of_pixel_that_images_do_not_tell_of_is_a_random_normals() -> None
     assert sigma(1e4) == pytest.approx(random, rel=1e-3)
 
 
-def test_excess_weighs_pixels_by_degrees_of_freedom() -> None:
-    residual, stated = np.array([[1.0, 2.0, 9.0]], np.float32), np.array([[1.0, 0.5, 0.5]], np.float32)
-    excess = (5 - 2 * 1.0) + (4 * 8 - 5 * 0.5)
-    lights = np.array([[5, 8, 3]], np.uint8)
-    assert error_variance.excess(residual, lights, stated) == pytest.approx(excess / (2 + 5))
-    assert error_variance.excess(residual, np.full((1, 3), 3, np.uint8), stated) == 0.0
-    assert error_variance.excess(0 * residual, lights, stated) == 0.0
-    most = error_variance.excess(residual * 100, np.full((1, 3), 6, np.uint8), np.ones((1, 3), np.float32))
+def test_typical_excess_weighs_pixels_by_degrees_of_freedom() -> None:
+    residual, stated = np.array([1.0, 2.0, 9.0] * 8, np.float32), np.array([1.0, 0.5, 0.5] * 8, np.float32)
+    residual[1], lights = 4.0, np.array([5, 8, 3] * 8, np.uint8)  # the one that fits worst does not count
+    excess = 8 * (5 - 2 * 1.0) + 7 * (4 * 8 - 5 * 0.5)
+    assert error_variance.typical_excess(residual, lights, stated) == pytest.approx(excess / (8 * 2 + 7 * 5))
+    assert error_variance.typical_excess(residual, np.full(24, 3, np.uint8), stated) == 0.0
+    assert error_variance.typical_excess(0 * residual, lights, stated) == 0.0
+    most = error_variance.typical_excess(residual * 100, np.full(24, 6, np.uint8), np.ones(24, np.float32))
     assert most == pytest.approx(2 * photometry.SETTINGS.significant_deviations**2 - 1)
 
 
@@ -94,10 +101,11 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
         posterior, residual, lights, ones, bent(0), EVERYWHERE, capture_deg=0.0
     ).sigma_deg  # fmt: skip
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
-    excess = (25 * 8) / (22 * 5) - 1
-    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(1.0 + MISFIT * 8 * excess), rel=1e-4)
+    misfit = MISFIT * 8 * ((25 * 8) / (22 * 5) - 1)
+    assert result[STRIP_ROWS - 1, 10] == pytest.approx(bounded(1.0 + own_misfit(40) * misfit), rel=1e-4)
+    assert result[STRIP_ROWS - 2, 10] == pytest.approx(bounded(1.0 + own_misfit(0) * misfit), rel=1e-4)
     assert result[STRIP_ROWS - 4, 10] == pytest.approx(bounded(1.0), rel=1e-5)
-    assert np.count_nonzero(result > 1.01 * bounded(1.0)) == 22
+    assert np.count_nonzero(result > 1.001 * bounded(1.0)) == 22
 
 
 def test_misfit_of_facing_pixels_raises_all_others() -> None:
@@ -110,14 +118,27 @@ def test_misfit_of_facing_pixels_raises_all_others() -> None:
     facing[:50] = False
     found = error_variance.evaluate(ones, residual, lights, ones, bent(0), facing, capture_deg=0.0)
     rows = SHAPE[0] - 50
-    mean = (340 * 2 + 10 * 8) / rows
     # More than 8 % of the rows have a χ² of 3, so that it is theirs, not 1, up to which pixels count.
     typical = 340 * 2 / (rows - 10)
-    assert found.misfit == pytest.approx(1 + mean + typical)
     assert found.sigma_deg[-1] == pytest.approx(bounded(1 + MISFIT * 8 * typical), rel=1e-5)
-    assert found.sigma_deg[0] == pytest.approx(bounded(1 + MISFIT * 8 * (2 + typical)), rel=1e-5)
+    assert found.sigma_deg[0] == pytest.approx(bounded(1 + own_misfit(3) * MISFIT * 8 * (2 + typical)), rel=1e-5)
     rim = error_variance.evaluate(ones, residual, lights, ones, bent(0), ~EVERYWHERE, capture_deg=0.0)
-    assert rim.misfit == pytest.approx(1 + (390 * 2 + 10 * 8) / SHAPE[0] + 390 * 2 / (SHAPE[0] - 10))
+    typical = 390 * 2 / (SHAPE[0] - 10)
+    assert rim.sigma_deg[-1] == pytest.approx(bounded(1 + MISFIT * 8 * typical), rel=1e-5)
+
+
+def test_misfit_of_a_capture_raises_the_mean_sigma_of_pixels_that_face_the_camera_alike() -> None:
+    residual = np.full(SHAPE, np.sqrt(5 / 8), np.float32)
+    residual[:400] *= np.sqrt(3)
+    ones, lights = np.ones(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)
+    facing = EVERYWHERE.copy()
+    facing[:100] = facing[390:410] = False  # where pooling mixes both
+    found = error_variance.evaluate(ones, residual, lights, ones, bent(0), facing, capture_deg=0.0)
+    rows = SHAPE[0] - 120
+    typical = 2 * 290 / rows
+    raised = np.sqrt([1 + MISFIT * 8 * own_misfit(3) * (2 + typical), 1 + MISFIT * 8 * typical])
+    mean = (raised[0] * 290 + raised[1] * (rows - 290)) / rows
+    assert np.sqrt(1 + MISFIT * 8 * (found.misfit - 1)) == pytest.approx(mean, rel=1e-5)
 
 
 @pytest.mark.parametrize(("rows", "told"), [(20, False), (60, True)])
@@ -144,6 +165,22 @@ def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None
     assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(bounded(1.0), rel=1e-5)
 
 
+@pytest.mark.parametrize("chi_squared", [0.0, 9.0])
+def test_sigma_crease_counts_as_far_as_the_pixels_own_images_fit_badly(chi_squared: float) -> None:
+    """Only one pixel fits better or worse, so that the misfit of the others stays nearly the same."""
+    posterior, residual, lights, share = _plain_maps()
+    results: list[np.ndarray] = []
+    for angle_deg in (0.0, 90.0):
+        residual[STRIP_ROWS, 10] = np.sqrt(chi_squared * 5 / 8)
+        found = error_variance.evaluate(
+            posterior, residual, lights, share, bent(angle_deg), EVERYWHERE, capture_deg=0.0
+        )  # fmt: skip
+        variance = found.sigma_deg[STRIP_ROWS, [10, 5]].astype(float) ** -2 - photometry.RANDOM_NORMAL_SIGMA_DEG**-2
+        results.append(1 / variance)
+    own, other = results[1] - results[0]
+    assert own == pytest.approx(own_misfit(chi_squared) * other, rel=1e-3)
+
+
 @pytest.mark.parametrize("sharpened", [False, True])
 def test_sigma_follows_detail_where_there_is_no_crease(*, sharpened: bool) -> None:
     """A bend of 20° is less of a crease than what counts as one. All detail of sharpened images is extrapolated."""
@@ -154,7 +191,7 @@ def test_sigma_follows_detail_where_there_is_no_crease(*, sharpened: bool) -> No
     share = 1.0 if sharpened else error_variance.SETTINGS.structure_share
     raised = bounded(1.0 + share**2 * (detail**2 - error_variance.NOISE_DETAIL))
     assert result[STRIP_ROWS - 1 : STRIP_ROWS + 1, 1:-1] == pytest.approx(raised, rel=1e-4)
-    assert raised > 1.05 * bounded(1.0)
+    assert raised > 1.02 * bounded(1.0)
 
 
 @pytest.mark.parametrize("step_deg", [1.0, 10.0, 40.0])
@@ -179,8 +216,9 @@ def test_crease_beside_unknown_pixels_is_none() -> None:
 
 
 def _plain_maps() -> tuple[np.ndarray, ...]:
+    """Posterior, residuals with a χ² of 1, lights and stated share."""
     ones = np.ones(SHAPE, np.float32)
-    return ones, np.zeros(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8), ones
+    return ones, np.full(SHAPE, np.sqrt(5 / 8), np.float32), np.full(SHAPE, 8, np.uint8), ones
 
 
 def test_detail_of_one_tilted_normal_is_half_its_angle_and_a_part_of_it_beside() -> None:
