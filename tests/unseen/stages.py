@@ -143,7 +143,7 @@ def _no_alternative(*_: object) -> list[Alternative]:
 
 def _posterior_sigma(posterior_deg: Float32Array, *_: object, **__: object) -> ErrorVariance:
     """Replaces `error_variance.evaluate`."""
-    return ErrorVariance(posterior_deg, excess=0.0, typical_excess=0.0, structure_deg=0.0)
+    return ErrorVariance(posterior_deg, typical_excess=0.0, misfit=1.0, structure_deg=0.0)
 
 
 OPAQUE = tuple(one for one in model_selection.ALTERNATIVES if one is not term_alternatives.translucent_surface)

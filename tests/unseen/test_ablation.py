@@ -77,7 +77,7 @@ def test_switch_of_a_selected_model_leaves_it_out(name: str, scene: Callable[[],
 
 @pytest.mark.long
 def test_switch_of_shadows_leaves_weak_ambient_light_unnoticed() -> None:
-    sheet = scenes.scene("sheet", 203, "lambert")
+    sheet = scenes.scene("sheet", 204, "lambert")
     lit = capture(sheet, patterns.fixed("two-rings", sheet, LIGHTS, 0, 1), fault=faults.named("ambient:0.03"))
     kinds = [{one.kind for one in ablation.solve_without(stage, sheet, lit).findings} for stage in (None, SHADOWS)]
     assert ["ambient light" in found for found in kinds] == [True, False]
