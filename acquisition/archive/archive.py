@@ -1,5 +1,8 @@
 """An archive: push a session's folder to it, fetch it back, and check every file.
 
+An archive is begun only by a person, who creates it. Everything else refuses an address without one: a mistyped folder,
+or the empty mount point of a network disk that is away, would take files that nobody finds again.
+
 The order of writing makes a push safe to interrupt at any point: files first, each read back and hashed, then the entry
 that names them, then the catalogue's row. An archive never names a file that it does not have, and a repeated push
 writes only what is missing.
@@ -9,7 +12,7 @@ import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Self, TypeVar
 
 from pydantic import ValidationError
 
@@ -51,43 +54,100 @@ class Fault:
     needed_by: tuple[str, ...]
 
 
-class Archive:
-    """The files and the catalogue of one archive."""
+class ArchiveFiles:
+    """The files of one archive, to be read without its catalogue."""
 
-    def __init__(
-        self, address: str, catalogue: str | None = None, *, create: bool = False, patience_s: float = 0
-    ) -> None:
-        """Opens an archive; with `create` begins a new one if there is none.
-
-        `catalogue` is the address of its database (None: SQLite in the archive's folder), `patience_s` as of
-        `Catalogue`. Raises RigError archive.address_invalid, archive.unreachable, archive.catalogue_newer, and
-        folder.invalid for a new one within a session's folder.
-        """
+    def __init__(self, address: str) -> None:
+        """Opens the files of an archive. Raises RigError archive.address_invalid if there is none, and as `Archive`."""
         self.address = address
         self.contents = ContentStore(address)
+        self.require()
+
+    def require(self) -> None:
+        """Raises RigError archive.address_invalid unless the archive is there, archive.unreachable, …"""
         mark = self.contents.read_first(MARK)
         if mark is None:
-            if not create:
-                raise RigError(
-                    ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address} holds no archive: `lightpose archive push` makes one"
-                )
-            if self.contents.folder is not None:
-                refuse_in_session(self.contents.folder, "archive")
-            if self.contents.names(""):
+            raise RigError(ErrorCode.ARCHIVE_ADDRESS_INVALID, _no_archive(self.contents))
+        _refuse_newer(self.address, mark)
+
+    @staticmethod
+    def absent(address: str) -> bool:
+        """Returns whether an address holds no archive. Raises RigError archive.address_invalid, archive.unreachable."""
+        return ContentStore(address).read_first(MARK) is None
+
+    def session(self, key: str) -> SessionEntry:
+        """Returns the entry of a session. Raises RigError archive.not_found, archive.damaged."""
+        return self._entry(session_name(key), SessionEntry)
+
+    def result(self, name: str) -> ResultEntry:
+        """Returns the entry of a result by its name. Raises RigError archive.not_found, archive.damaged."""
+        return self._entry(name, ResultEntry)
+
+    def results(self, key: str) -> list[ResultEntry]:
+        """Returns the entries of all results of a session, oldest first."""
+        names = self.contents.names(f"{SESSIONS}/{key}/results")
+        return sorted((self.result(name) for name in names), key=lambda result: result.age)
+
+    def lacking(self, key: str) -> str | None:
+        """Returns what the archive lacks of a session that was pushed to it; None if it has all.
+
+        Every file of the session and of its results must have its size; nothing is hashed. Raises RigError
+        archive.unreachable.
+        """
+        try:
+            for entry in (self.session(key), *self.results(key)):
+                for name, file in entry.files.items():
+                    found = self.contents.object_size(file.sha256)
+                    if found != file.bytes:
+                        return f"{name} is missing" if found is None else f"{name} has {found} of {file.bytes} bytes"
+        except RigError as error:
+            if error.code not in (ErrorCode.ARCHIVE_NOT_FOUND, ErrorCode.ARCHIVE_DAMAGED):
+                raise
+            return error.detail
+        return None
+
+    def _entry(self, name: str, kind: type[EntryT]) -> EntryT:
+        content = self.contents.read(name)
+        if content is None:
+            raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"The archive has no entry {name}")
+        try:
+            return kind.model_validate_json(content)
+        except ValidationError as error:
+            raise RigError(
+                ErrorCode.ARCHIVE_DAMAGED, f"{name} is not readable: {error.error_count()} faults"
+            ) from error
+
+
+class Archive(ArchiveFiles):
+    """The files and the catalogue of one archive."""
+
+    def __init__(self, address: str, catalogue: str | None = None, *, patience_s: float = 0) -> None:
+        """Opens an archive.
+
+        `catalogue` is the address of its database (None: SQLite in the archive's folder), `patience_s` as of
+        `Catalogue`. Raises RigError archive.address_invalid, archive.unreachable, archive.catalogue_newer.
+        """
+        super().__init__(address)
+        self.catalogue_address = _catalogue_address(self.contents, catalogue)
+        self.catalogue = Catalogue(self.catalogue_address, patience_s)
+
+    @classmethod
+    def create(cls, address: str, catalogue: str | None = None, *, patience_s: float = 0) -> Self:
+        """Begins an archive in an empty or new folder, or below an unused prefix; one that is there is only opened.
+
+        Raises RigError as opening does, and folder.invalid within a session's folder.
+        """
+        contents = ContentStore(address)
+        if contents.read_first(MARK) is None:
+            _catalogue_address(contents, catalogue)
+            if contents.folder is not None:
+                refuse_in_session(contents.folder, "archive")
+            if contents.names(""):
                 raise RigError(
                     ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address} holds other files: name an empty folder or prefix"
                 )
-            self.contents.write(MARK, _Mark().model_dump_json().encode())
-        else:
-            _refuse_newer(address, mark)
-        folder = self.contents.folder
-        if catalogue is None and folder is None:
-            raise RigError(
-                ErrorCode.ARCHIVE_ADDRESS_INVALID,
-                f"{address} is not a folder, so its catalogue is elsewhere: name it with --catalogue",
-            )
-        self.catalogue_address = catalogue or catalogues.in_folder(folder or Path())
-        self.catalogue = Catalogue(self.catalogue_address, patience_s)
+            contents.write(MARK, _Mark().model_dump_json().encode())
+        return cls(address, catalogue, patience_s=patience_s)
 
     def close(self) -> None:
         """Closes the connections."""
@@ -109,6 +169,7 @@ class Archive:
         for result in results:
             new_files += self.put_files(folder, result.files)
             self.put_result(result)
+        self.require()  # a disk that went away meanwhile leaves an empty folder, which takes files too
         new = self.catalogue.add(entry, results)
         files = len(entry.files) + sum(len(result.files) for result in results)
         return Pushed(entry.key, new, files, new_files, entry.bytes)
@@ -133,19 +194,6 @@ class Archive:
                 ErrorCode.ARCHIVE_NOT_FOUND, several if keys else f"No session's key or id begins with {name!r}"
             )
         return keys[0]
-
-    def session(self, key: str) -> SessionEntry:
-        """Returns the entry of a session. Raises RigError archive.not_found, archive.damaged."""
-        return self._entry(session_name(key), SessionEntry)
-
-    def result(self, name: str) -> ResultEntry:
-        """Returns the entry of a result by its name. Raises RigError archive.not_found, archive.damaged."""
-        return self._entry(name, ResultEntry)
-
-    def results(self, key: str) -> list[ResultEntry]:
-        """Returns the entries of all results of a session, oldest first."""
-        names = self.contents.names(f"{SESSIONS}/{key}/results")
-        return sorted((self.result(name) for name in names), key=lambda result: result.age)
 
     def fetch(self, files: dict[str, FileEntry], folder: Path) -> None:
         """Writes files into a folder, each checked by its hash. Raises RigError archive.damaged naming the file."""
@@ -211,36 +259,31 @@ class Archive:
                 for name, entry in group
             ]
 
-    def _entry(self, name: str, kind: type[EntryT]) -> EntryT:
-        content = self.contents.read(name)
-        if content is None:
-            raise RigError(ErrorCode.ARCHIVE_NOT_FOUND, f"The archive has no entry {name}")
-        try:
-            return kind.model_validate_json(content)
-        except ValidationError as error:
-            raise RigError(
-                ErrorCode.ARCHIVE_DAMAGED, f"{name} is not readable: {error.error_count()} faults"
-            ) from error
-
 
 def refuse_missing_folder(address: str) -> None:
-    """Refuses a folder that does not exist, or that holds other files and no archive; an empty one may become one.
+    """Refuses a folder that holds no archive; other addresses, which may not answer now, are not looked at.
 
-    Other addresses are not looked at. Raises RigError archive.address_invalid, archive.unreachable.
+    Raises RigError archive.address_invalid, archive.unreachable.
     """
-    contents = ContentStore(address)
-    folder = contents.folder
-    if folder is None or contents.read(MARK) is not None:
-        return
-    if not folder.is_dir():
+    if ContentStore(address).folder is not None:
+        ArchiveFiles(address)
+
+
+def _no_archive(contents: ContentStore) -> str:
+    """States that an address holds no archive, and what to do."""
+    address, folder = contents.address, contents.folder
+    found = "holds no archive" if folder is None or folder.is_dir() else "there is no such folder"
+    return f"{address}: {found}: correct the address, mount its disk, or begin one with `lightpose archive create`"
+
+
+def _catalogue_address(contents: ContentStore, catalogue: str | None) -> str:
+    """Returns the catalogue's address. Raises RigError archive.address_invalid if none is known."""
+    if catalogue is None and contents.folder is None:
         raise RigError(
             ErrorCode.ARCHIVE_ADDRESS_INVALID,
-            f"{address}: there is no such folder: name the archive's; `lightpose archive push` makes a new one",
+            f"{contents.address} is not a folder, so its catalogue is elsewhere: name it with --catalogue",
         )
-    if any(path.is_file() for path in folder.rglob("[!.]*")):
-        raise RigError(
-            ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address} holds other files and no archive: name the archive's folder"
-        )
+    return catalogue or catalogues.in_folder(contents.folder or Path())
 
 
 def _refuse_newer(address: str, mark: bytes) -> None:

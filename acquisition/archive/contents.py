@@ -102,6 +102,10 @@ class ContentStore:
         found = self.hash_of(_object(digest))
         return "missing" if found is None else None if found == digest else "damaged"
 
+    def object_size(self, digest: str) -> int | None:
+        """Returns the size of the stored file of this SHA-256, bytes, or None if there is none."""
+        return self.size(_object(digest))
+
     # -------------------------------------------------------------------------------------------------- named files
 
     def read(self, name: str) -> bytes | None:

@@ -1,7 +1,8 @@
 """The sender: a process that pushes ended sessions to the archive, one after another, until the archive has them.
 
 It is a separate process of low priority, so that hashing and network traffic affect neither the service's event loop
-nor the arm's thread. An archive that does not answer for days only makes the outbox longer. The process ends when its
+nor the arm's thread. An archive that does not answer for days only makes the outbox longer. The sender begins no
+archive: an address without one is mistyped, or its disk is not mounted, and sessions wait. The process ends when its
 standard input does, and so with the service. No answer of the service depends on it.
 """
 
@@ -20,6 +21,8 @@ POLL_S = 2.0
 """Period, s, of checking for sessions that have ended."""
 FIRST_WAIT_S, LONGEST_WAIT_S = 10.0, 3600.0
 """Time, s, after which a failed push is tried again: doubled each time, up to an hour."""
+CHECK_S = 30.0
+"""Period, s, of checking that the archive can be used, whether a session waits or not."""
 NICENESS = 15
 
 _log = logging.getLogger(__name__)
@@ -30,6 +33,21 @@ def wait_s(tries: int) -> float:
     return min(FIRST_WAIT_S * 2.0**tries, LONGEST_WAIT_S)
 
 
+def check(journal: Journal, address: str, catalogue: str | None) -> None:
+    """Records whether the archive can be used, and why not."""
+    problem = None
+    try:
+        Archive(address, catalogue).close()
+    except RigError as error:
+        problem = str(error)
+    if not journal.set_archive_problem(problem):
+        return
+    if problem is None:
+        _log.info("the archive can be used again")
+    else:
+        _log.warning("the archive cannot be used, and sessions wait until it can: %s", problem)
+
+
 def send_next(journal: Journal, data: Path, address: str, catalogue: str | None) -> bool:
     """Pushes the session that has waited longest; returns False if none is due or the archive does not answer."""
     due = journal.due(time.time())
@@ -37,7 +55,7 @@ def send_next(journal: Journal, data: Path, address: str, catalogue: str | None)
         return False
     folder = data / "sessions" / due.session.id
     try:
-        archive = Archive(address, catalogue, create=True)
+        archive = Archive(address, catalogue)
         try:
             pushed = archive.push(folder, due.session.label, due.session.notes)
         finally:
@@ -68,8 +86,11 @@ def main(data: str, address: str, catalogue: str | None) -> None:
 
     threading.Thread(target=await_end, daemon=True).start()
     journal = Journal(Path(data) / "rig.db")
-    wait = POLL_S
+    wait, next_check = 0.0, 0.0
     while not ended.wait(wait):
+        if time.monotonic() >= next_check:
+            check(journal, address, catalogue)
+            next_check = time.monotonic() + CHECK_S
         wait = 0.0 if send_next(journal, Path(data), address, catalogue) else POLL_S
     journal.close()
 

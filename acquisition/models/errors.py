@@ -366,7 +366,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         "Restore what the detail names from a backup; a newer release's database needs that release.",
     ),
     ErrorCode.ARCHIVE_ADDRESS_INVALID: Problem(
-        422, "The archive's address cannot be used", "Give a folder, or an address such as s3://bucket/archive."
+        422,
+        "The archive's address cannot be used",
+        "Give the archive's folder, mounted, or an address such as s3://bucket/archive; `archive create` begins one.",
     ),
     ErrorCode.ARCHIVE_UNREACHABLE: Problem(
         503,

@@ -29,6 +29,7 @@ MIGRATIONS = (
     "schema_006.sql",
     "schema_007.sql",
     "schema_008.sql",
+    "schema_009.sql",
 )
 
 

@@ -120,10 +120,15 @@ class Journal(OutboxTable):
             self._event(connection, session_id, "session.state", body | ({"reason": reason} if reason else {}))
             return row.state, target
 
-    def delete_session(self, session_id: str) -> None:
-        """Removes a session that does not hold the rig. Raises RigError session.action_not_allowed."""
+    def delete_session(self, session_id: str, *, unless_awaiting_archive: bool = False) -> None:
+        """Removes a session that does not hold the rig, nor waits for the archive if `unless_awaiting_archive`.
+
+        Raises RigError session.action_not_allowed.
+        """
         with self._transaction() as connection:
             row = self.session(session_id)
+            if unless_awaiting_archive and self.not_yet_archived([session_id]):
+                raise RigError(ErrorCode.SESSION_ACTION_NOT_ALLOWED, "The archive does not have all of the session yet")
             if row.state in RIG_HOLDING:
                 raise RigError(
                     ErrorCode.SESSION_ACTION_NOT_ALLOWED,

@@ -29,13 +29,18 @@ class Due:
 
 @dataclass(frozen=True)
 class OutboxStatus:
-    """The archive's address (None: no archive), numbers of sessions, and the newest reason why one waits."""
+    """The archive's address (None: no archive), numbers of sessions, and the newest reason why one waits.
+
+    `problem` is why the archive cannot be used, as its sender found last; times are s since 1970.
+    """
 
     address: str | None
     archived: int
     waiting: int
     reason: str | None
     reason_at: float | None
+    problem: str | None
+    problem_at: float | None
 
 
 class OutboxTable(QueueTable):
@@ -50,7 +55,22 @@ class OutboxTable(QueueTable):
             connection.execute("DELETE FROM archive")
             connection.execute("DELETE FROM outbox")
             if address is not None:
-                connection.execute("INSERT INTO archive VALUES (1, ?)", (address,))
+                connection.execute("INSERT INTO archive (id, address) VALUES (1, ?)", (address,))
+
+    def set_archive_problem(self, problem: str | None) -> bool:
+        """Records why the archive cannot be used (None: it can); returns whether that is new.
+
+        When it can be used again, all that waits for it is due at once.
+        """
+        with self._transaction() as connection:
+            row = connection.execute("SELECT problem FROM archive").fetchone()
+            if row is None or row["problem"] == problem:
+                return False
+            problem_at = None if problem is None else time.time()
+            connection.execute("UPDATE archive SET problem = ?, problem_at = ?", (problem, problem_at))
+            if problem is None:
+                connection.execute("UPDATE outbox SET next_try_at = 0 WHERE state = 'waiting'")
+            return True
 
     def due(self, now: float) -> Due | None:
         """Returns the session that has waited longest of those that may be tried at `now`, s since 1970, or None."""
@@ -69,20 +89,34 @@ class OutboxTable(QueueTable):
         """Records why a session could not be pushed, and when to try again, s since 1970."""
         self._put(due, "waiting", None, due.tries + 1, next_try_at, reason)
 
+    def archived_as(self, session_id: str) -> tuple[str, str] | None:
+        """Returns address of the archive and key of a session that counts as archived; None if it does not."""
+        row = self._one(
+            "SELECT address, key FROM outbox, archive WHERE session_id = ? AND state = 'archived'", session_id
+        )
+        return None if row is None else (str(row["address"]), str(row["key"]))
+
+    def archive_again(self, session_id: str) -> None:
+        """Has a session pushed again that counts as archived."""
+        with self._transaction() as connection:
+            connection.execute("DELETE FROM outbox WHERE session_id = ?", (session_id,))
+
     def outbox_status(self) -> OutboxStatus:
         """Returns how many sessions are archived and how many wait, and why."""
-        address = self._one("SELECT address FROM archive")
+        archive = self._one("SELECT * FROM archive")
         waiting = self._one("SELECT count(*) AS count FROM awaiting_archive")
         archived = self._one("SELECT count(*) AS count FROM outbox WHERE state = 'archived'")
         reason = self._one(
             "SELECT reason, changed_at FROM outbox WHERE state = 'waiting' ORDER BY changed_at DESC LIMIT 1"
         )
         return OutboxStatus(
-            address=None if address is None else str(address["address"]),
+            address=None if archive is None else str(archive["address"]),
             archived=0 if archived is None else int(archived["count"]),
-            waiting=0 if waiting is None or address is None else int(waiting["count"]),
+            waiting=0 if waiting is None or archive is None else int(waiting["count"]),
             reason=None if reason is None else str(reason["reason"]),
             reason_at=None if reason is None else float(reason["changed_at"]),
+            problem=None if archive is None else archive["problem"],
+            problem_at=None if archive is None else archive["problem_at"],
         )
 
     def not_yet_archived(self, session_ids: Sequence[str]) -> set[str]:

@@ -3,12 +3,14 @@
 Ended sessions are deleted by age, but the newest of them are kept at any age. Sessions that were created and never
 started are deleted by age, unless they wait in the queue. A session that holds the rig is never deleted: its folder is
 the only copy of what was captured. If completed sessions are pushed to an archive, one that the archive does not have
-completely is never deleted either. The journal's entry is deleted first, in a transaction that checks the state again,
-so that the folder of a session in use is never removed.
+completely is never deleted either. Just before a deletion the archive itself is asked: that a session was pushed once
+does not say that the archive is still there. The journal's entry is deleted first, in a transaction that checks the
+state again, so that the folder of a session in use is never removed.
 """
 
 import shutil
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from acquisition.models.errors import ErrorCode, RigError
@@ -28,11 +30,33 @@ class PrunedSession:
     bytes: int
 
 
-def prune(data: Path, *, older_than_days: float, keep: int, now: float, dry_run: bool) -> list[PrunedSession]:
+@dataclass
+class Pruning:
+    """What was, or would be, removed, and what stays.
+
+    `kept` are sessions that count as archived and that the archive does not have after all, each with what it lacks;
+    `unconfirmed` those for which it could not be asked, because of `archive_problem`; `waiting` is the number of those
+    that have not been pushed yet.
+    """
+
+    removed: list[PrunedSession] = field(default_factory=list[PrunedSession])
+    kept: dict[str, str] = field(default_factory=dict[str, str])
+    unconfirmed: list[str] = field(default_factory=list[str])
+    archive_problem: RigError | None = None
+    waiting: int = 0
+
+
+def prune(
+    data: Path, *, older_than_days: float, keep: int, now: float, dry_run: bool,
+    lacking: Callable[[str, str], str | None],
+) -> Pruning:  # fmt: skip
     """Removes ended sessions older than `older_than_days` at `now` (s since 1970), except the newest `keep`.
 
     Also removes sessions of that age that were never started and are not queued. With `dry_run` nothing is removed. May
-    run beside the service. Raises RigError request.not_found when the folder holds no journal.
+    run beside the service. `lacking` asks the archive at an address what it lacks of a session of a key (None: nothing)
+    and raises RigError if it cannot be asked. A session of which it lacks something stays, and is pushed again.
+
+    Raises RigError request.not_found when the folder holds no journal.
     """
     database = data / "rig.db"
     if not database.is_file():
@@ -44,23 +68,55 @@ def prune(data: Path, *, older_than_days: float, keep: int, now: float, dry_run:
         queued = {entry.session_id for entry in journal.queue_entries(0)}
         unused = [row for row in rows if row.state is State.CREATED and row.id not in queued]
         needed = journal.not_yet_archived([row.id for row in rows])
-        pruned: list[PrunedSession] = []
+        pruned = Pruning()
         for row in [*ended[keep:], *unused]:
             last_used_at = row.ended_at or row.created_at
-            if row.id in needed or now - last_used_at < older_than_days * SECONDS_PER_DAY:
+            if now - last_used_at < older_than_days * SECONDS_PER_DAY:
+                continue
+            if row.id in needed:
+                pruned.waiting += 1
+                continue
+            if _is_missed(journal, row.id, lacking, pruned, dry_run=dry_run):
                 continue
             folder = data / "sessions" / row.id
             size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
             if not dry_run:
                 try:
-                    journal.delete_session(row.id)
+                    journal.delete_session(row.id, unless_awaiting_archive=True)
                 except RigError as error:
-                    if error.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED:  # somebody has just started it
-                        continue
+                    if error.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED:
+                        continue  # somebody has just started it, or added something that the archive does not have
                     raise
                 if folder.exists():
                     shutil.rmtree(folder)
-            pruned.append(PrunedSession(row.id, row.started_at is not None, last_used_at, size))
+            pruned.removed.append(PrunedSession(row.id, row.started_at is not None, last_used_at, size))
         return pruned
     finally:
         journal.close()
+
+
+def _is_missed(
+    journal: Journal, session_id: str, lacking: Callable[[str, str], str | None], pruned: Pruning, *, dry_run: bool
+) -> bool:
+    """Asks the archive for a session that counts as archived; returns True if it stays, and enters why.
+
+    An archive that could not be asked once is not asked again.
+    """
+    archived = journal.archived_as(session_id)
+    if archived is None:
+        return False
+    lacked = None
+    if pruned.archive_problem is None:
+        try:
+            lacked = lacking(*archived)
+        except RigError as error:
+            pruned.archive_problem = error
+    if pruned.archive_problem is not None:
+        pruned.unconfirmed.append(session_id)
+        return True
+    if lacked is None:
+        return False
+    pruned.kept[session_id] = lacked
+    if not dry_run:
+        journal.archive_again(session_id)
+    return True

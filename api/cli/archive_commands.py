@@ -63,6 +63,12 @@ def _print(outcome: dict[str, Any], as_json: bool) -> None:
 
 
 @app.command()
+def create(address: Address, catalogue: CatalogueAddress = None, as_json: AsJson = False) -> None:
+    """Begins an archive in an empty or new folder, or at an unused address; nothing else begins one."""
+    _print(explain_errors(lambda: _archiving(address, catalogue).create(address, catalogue)), as_json)
+
+
+@app.command()
 def push(
     address: Address,
     folders: Annotated[list[Path], typer.Argument(help="Folders of completed sessions, or a service's data folder")],

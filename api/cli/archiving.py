@@ -57,7 +57,7 @@ def push(address: str, catalogue: str | None, folders: list[Path]) -> dict[str, 
     pushed: list[dict[str, Any]] = []
     refused: dict[str, str] = {}
     console = _console()
-    with _opened(address, catalogue, create=True) as archive, _bar(console) as bar:
+    with _opened(address, catalogue) as archive, _bar(console) as bar:
         for folder in bar.track(_sessions(folders), description="pushing"):
             try:
                 _require_session(folder)
@@ -72,6 +72,14 @@ def push(address: str, catalogue: str | None, folders: list[Path]) -> dict[str, 
     new = sum(bool(item["new"]) for item in pushed)
     console.print(f"{new} new sessions, {len(pushed) - new} already archived, {len(refused)} refused")
     return {"pushed": pushed, "new": new, "refused": refused}
+
+
+def create(address: str, catalogue: str | None) -> dict[str, Any]:
+    """Begins an archive; one that is there stays as it is."""
+    new = Archive.absent(address)
+    Archive.create(address, catalogue).close()
+    _console().print(f"{address} is {'a new archive' if new else 'an archive already: nothing was changed'}")
+    return {"address": address, "new": new}
 
 
 def list_sessions(address: str, catalogue: str | None, condition: str | None, limit: int) -> dict[str, Any]:
@@ -171,8 +179,8 @@ def export(
 
 
 @contextmanager
-def _opened(address: str, catalogue: str | None, *, create: bool = False) -> Generator[Archive]:
-    archive = Archive(address, catalogue, create=create)
+def _opened(address: str, catalogue: str | None) -> Generator[Archive]:
+    archive = Archive(address, catalogue)
     try:
         yield archive
     finally:

@@ -301,20 +301,10 @@ def prune(
     data: DataFolder = Path("data"),
 ) -> None:
     """Removes old sessions with their files: ended ones and those that were never started; queued ones stay."""
-    import time
-    from datetime import UTC, datetime
+    from api.cli import pruning
 
-    from acquisition.store import retention
-
-    removed = explain_errors(
-        lambda: retention.prune(data, older_than_days=older_than, keep=keep, now=time.time(), dry_run=dry_run)
-    )
-    for item in removed:
-        since = f"{datetime.fromtimestamp(item.last_used_at, UTC):%Y-%m-%d}"
-        what = "ended" if item.started else "never started, since"
-        print(f"{item.session_id}\t{what} {since}\t{item.bytes / 1e6:.1f} MB")
-    megabytes = sum(item.bytes for item in removed) / 1e6
-    print(f"{'would remove' if dry_run else 'removed'} {len(removed)} sessions, {megabytes:.1f} MB")
+    if not explain_errors(lambda: pruning.prune(data, older_than, keep, dry_run=dry_run)):
+        raise typer.Exit(1)
 
 
 app.add_typer(folder_commands.app)

@@ -32,6 +32,8 @@ QUEUE_VALUES: tuple[BaseModel, ...] = (
         waiting=1,
         reason="archive.unreachable: s3://objects/archive: Could not connect to the endpoint URL",
         reason_at=_CREATED_AT,
+        problem="archive.unreachable: s3://objects/archive: Could not connect to the endpoint URL",
+        problem_at=_CREATED_AT,
     ),
     QueueEntryRequest(object_name="denarius 12", recipe=Recipe(planned_lights=8)),
     _ENTRY,

@@ -19,6 +19,10 @@ class ArchiveResource(Resource):
     waiting: int = Field(ge=0, description="Number of ended sessions that it does not have yet, or not completely")
     reason: str | None = Field(description="The newest reason why one of these waits; null: no attempt has failed")
     reason_at: datetime | None = Field(description="When the attempt failed, UTC")
+    problem: str | None = Field(
+        None, description="Why the archive cannot be used, such as a disk that is not mounted; null: none is known"
+    )
+    problem_at: datetime | None = Field(None, description="Since when, UTC")
 
 
 @router.get("/v1/archive")
@@ -31,4 +35,6 @@ def archive_status(service: ServiceOf) -> ArchiveResource:
         waiting=status.waiting,
         reason=status.reason,
         reason_at=None if status.reason_at is None else as_datetime(status.reason_at),
+        problem=status.problem,
+        problem_at=None if status.problem_at is None else as_datetime(status.problem_at),
     )

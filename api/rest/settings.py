@@ -60,6 +60,14 @@ class Settings(ServerSettings):
     )
     archive_catalogue: str | None = Field(None, min_length=1, description="Its catalogue; none: SQLite in the folder")
 
+    @field_validator("archive")
+    @classmethod
+    def _absolute(cls, value: str | None) -> str | None:
+        """`lightpose prune`, which asks the archive for what it has, runs in another folder than the service."""
+        if value is None or ":" in value or value.startswith("~"):
+            return value
+        return str(Path(value).absolute())
+
 
 SettingsT = TypeVar("SettingsT", bound=ServerSettings)
 

@@ -15,7 +15,7 @@ from tests.acquisition.archive import session_copies
 @pytest.fixture
 def archive(tmp_path: Path) -> Iterator[Archive]:
     """An empty archive in a folder; its catalogue is SQLite's, or a new database of the server of the environment."""
-    opened = Archive(str(tmp_path / "archive"), new_database(), create=True)
+    opened = Archive.create(str(tmp_path / "archive"), new_database())
     yield opened
     opened.close()
 

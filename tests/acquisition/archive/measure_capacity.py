@@ -43,7 +43,7 @@ def facts(number: int) -> SessionFacts:
 
 def caller(folder: Path, rows: int) -> int:
     """Peak, bytes, of the process that solves an archive with so many sessions, all of them done by another call."""
-    archive = Archive(str(folder / f"rows{rows}"), create=True)
+    archive = Archive.create(str(folder / f"rows{rows}"))
     identity = SolveIdentity()
     keys = [hashlib.sha256(str(number).encode()).hexdigest() for number in range(rows)]
     told = [facts(number).model_dump() | {"key": key, "bytes": 1, "pushed_at": 0.0} for number, key in enumerate(keys)]
@@ -65,7 +65,7 @@ def caller(folder: Path, rows: int) -> int:
 
 def verifier(folder: Path, sessions: int) -> int:
     """Peak, bytes, of the process that verifies an archive of so many sessions of `FILES` files each."""
-    archive = Archive(str(folder / f"files{sessions}"), create=True)
+    archive = Archive.create(str(folder / f"files{sessions}"))
     for number in range(sessions):
         files: dict[str, FileEntry] = {}
         for shot in range(FILES):

@@ -53,7 +53,7 @@ def main() -> None:
     factor: int = parser.parse_args().factor
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        archive = Archive(str(folder / "archive"), create=True)
+        archive = Archive.create(str(folder / "archive"))
         made = session_copies.enlarge(session_copies.make(folder / "20261121-190041-000001", 1, results=False), factor)
         begun = time.monotonic()
         key = archive.push(made).key

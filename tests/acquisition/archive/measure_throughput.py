@@ -119,7 +119,7 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name, machines.postgres() as database:
         folder = Path(name)
-        archive = Archive(str(folder / "archive"), database.address, create=True)
+        archive = Archive.create(str(folder / "archive"), database.address)
         sessions: list[str] = []
         for seed in range(options.sessions):
             made = session_copies.make(folder / f"20261121-190041-{seed:06x}", seed, results=False)

@@ -185,8 +185,10 @@ def test_find_ambiguous_or_unknown_name_is_refused(archive: Archive, session_fol
 def test_open_folder_of_other_files_is_refused(tmp_path: Path):
     (tmp_path / "thesis.tex").write_text("")
     with pytest.raises(RigError, match="holds other files"):
-        Archive(str(tmp_path), create=True)
+        Archive.create(str(tmp_path))
     with pytest.raises(RigError, match="holds no archive"):
+        Archive(str(tmp_path))
+    with pytest.raises(RigError, match="there is no such folder"):
         Archive(str(tmp_path / "nowhere"))
     assert not (tmp_path / "nowhere").exists()
 

@@ -36,21 +36,44 @@ def filled(tmp_path: Path, session_folder: MakeSession) -> Path:
     one = session_folder("20261121-190041-aaaaaa", 1)
     two = session_folder("20261121-190041-bbbbbb", 2, label="amphora")
     address = tmp_path / "objects"
+    assert figures("create", address)["new"]
     assert figures("push", address, one, two)["new"] == 2
     return address
 
 
-def test_push_data_folder_takes_its_completed_sessions(tmp_path: Path, session_folder: MakeSession):
+@pytest.fixture
+def empty(tmp_path: Path) -> Path:
+    """A new archive."""
+    Archive.create(str(tmp_path / "objects")).close()
+    return tmp_path / "objects"
+
+
+def test_create_keeps_an_archive_that_is_there(filled: Path):
+    assert not figures("create", filled)["new"]
+    assert len(figures("list", filled)["sessions"]) == 2
+
+
+@pytest.mark.parametrize("name", ["mistyped", "mount_point"])
+def test_push_begins_no_archive(tmp_path: Path, session_folder: MakeSession, name: str):
+    (tmp_path / "mount_point").mkdir()
+    said = " ".join(call("push", tmp_path / name, session_folder(), status=2).split())
+    assert "archive.address_invalid" in said
+    assert "`lightpose archive create`" in said
+    assert not list((tmp_path / "mount_point").iterdir())
+    assert not (tmp_path / "mistyped").exists()
+
+
+def test_push_data_folder_takes_its_completed_sessions(tmp_path: Path, empty: Path, session_folder: MakeSession):
     (tmp_path / "rig.db").touch()
     session_folder("sessions/20261121-190041-aaaaaa")
     (tmp_path / "sessions" / "20261121-190041-running").mkdir()
-    assert figures("push", tmp_path / "objects", tmp_path)["new"] == 1
+    assert figures("push", empty, tmp_path)["new"] == 1
 
 
-def test_push_of_a_folder_that_is_no_session_says_what_it_lacks(tmp_path: Path):
-    assert "there is no such folder" in call("push", tmp_path / "objects", tmp_path / "nowhere", status=1)
+def test_push_of_a_folder_that_is_no_session_says_what_it_lacks(tmp_path: Path, empty: Path):
+    assert "there is no such folder" in call("push", empty, tmp_path / "nowhere", status=1)
     (tmp_path / "stopped").mkdir()
-    said = call("push", tmp_path / "objects", tmp_path / "stopped", status=1)
+    said = call("push", empty, tmp_path / "stopped", status=1)
     assert "holds neither a completed session" in " ".join(said.split())
 
 
@@ -68,10 +91,10 @@ def test_solve_settings_names_the_wrong_field(filled: Path, tmp_path: Path):
     assert "settings.json: colour_of_lamp: " in call("solve", filled, "--settings", wrong, status=2)
 
 
-def test_push_goes_on_after_a_damaged_session(tmp_path: Path, session_folder: MakeSession):
+def test_push_goes_on_after_a_damaged_session(empty: Path, session_folder: MakeSession):
     damaged, sound = session_folder("20261121-190041-aaaaaa", 1), session_folder("20261121-190041-bbbbbb", 2)
     (damaged / "passes/0/shots/1.tiff").write_bytes(b"")
-    pushed = figures("push", tmp_path / "objects", damaged, sound, status=1)
+    pushed = figures("push", empty, damaged, sound, status=1)
     assert pushed["new"] == 1
     assert list(pushed["refused"]) == [str(damaged)]
 
@@ -107,7 +130,7 @@ def silent_address() -> Iterator[str]:
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["push", "/sys/archive", "SESSION"], "archive.unreachable"),  # where not even root may write
+        (["create", "/sys/archive"], "archive.unreachable"),  # where not even root may write
         (["list", "NEWER"], "archive.catalogue_newer"),
         (["list", "ARCHIVE", "--where", "solver < '0.2'; drop table session"], "archive.query_invalid"),
         (["list", "ARCHIVE", "--where", "colour = 'red'"], "archive.query_invalid"),
@@ -118,7 +141,8 @@ def silent_address() -> Iterator[str]:
         (["list", "NOWHERE"], "archive.address_invalid"),
         (["show", "ARCHIVE", "zzz"], "archive.not_found"),
         (["serve", "NOWHERE"], "archive.address_invalid: NOWHERE: there is no such folder"),
-        (["serve", "IMAGES"], "archive.address_invalid: IMAGES holds other files and no archive"),
+        (["serve", "IMAGES"], "archive.address_invalid: IMAGES: holds no archive"),
+        (["create", "IMAGES"], "archive.address_invalid: IMAGES holds other files"),
         (["list", "ARCHIVE", "--catalogue", "postgresql://127.0.0.1:9/x"], "archive.unreachable"),
         (["list", "s3//bucket"], "archive.address_invalid"),
         (["solve", "ARCHIVE", "--settings", "NOWHERE", "--local", "1"], "request.invalid"),
@@ -152,7 +176,7 @@ def test_bad_input_is_named_in_a_sentence(
 
 def newer_archive(folder: Path) -> Path:
     """An archive whose catalogue a later release has written."""
-    Archive(str(folder), create=True).close()
+    Archive.create(str(folder)).close()
     newer = Catalogue(in_folder(folder))
     newer.repeatedly(lambda connection: connection.execute(meta.insert().values(format=99)).close())
     newer.close()

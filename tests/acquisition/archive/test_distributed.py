@@ -39,7 +39,7 @@ def test_killed_workers_and_restarts_solve_each_session_once(tmp_path: Path):
     settings = tmp_path / "settings.json"
     settings.write_text(SETTINGS.model_dump_json())
     with machines.postgres() as database, machines.cluster(tmp_path / "dask", 3) as cluster:
-        archive = Archive(str(tmp_path / "archive"), database.address, create=True, patience_s=120)
+        archive = Archive.create(str(tmp_path / "archive"), database.address, patience_s=120)
         keys = {
             archive.push(
                 session_copies.make(tmp_path / "sessions" / f"20261121-190041-{seed:06x}", seed, results=False)

@@ -1,9 +1,11 @@
 """The outbox: completed sessions are pushed by themselves, again when something was added; nothing goes before that."""
 
+import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import numpy as np
 import pytest
 
 from acquisition.archive import sender
-from acquisition.archive.archive import Archive
+from acquisition.archive.archive import Archive, ArchiveFiles
 from acquisition.archive.contents import ContentStore
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
@@ -26,6 +28,7 @@ CELL = (session_copies.ORIGINAL / "cell.json").read_text()
 @pytest.fixture
 def journal(tmp_path: Path) -> Iterator[Journal]:
     """The journal of a data folder whose archive is the folder `archive` beside it."""
+    Archive.create(str(tmp_path / "archive")).close()
     (tmp_path / "data").mkdir()
     opened = Journal(tmp_path / "data" / "rig.db")
     opened.set_archive(str(tmp_path / "archive"))
@@ -51,6 +54,22 @@ def send_all(tmp_path: Path, journal: Journal) -> int:
     while sender.send_next(journal, tmp_path / "data", str(tmp_path / "archive"), None):
         count += 1
     return count
+
+
+def pruned(tmp_path: Path, *, dry_run: bool = False, **more: Any) -> retention.Pruning:
+    """Removes all ended sessions that the archive has."""
+    options: dict[str, Any] = {"lacking": lambda address, key: ArchiveFiles(address).lacking(key)} | more
+    return retention.prune(tmp_path / "data", older_than_days=0, keep=0, now=time.time(), dry_run=dry_run, **options)
+
+
+@contextmanager
+def unmounted(archive: Path) -> Generator[None]:
+    """Takes the archive's disk away, which leaves an empty mount point."""
+    archive.rename(archive.with_name("disk"))
+    archive.mkdir()
+    yield
+    shutil.rmtree(archive)
+    archive.with_name("disk").rename(archive)
 
 
 def archive_rows(tmp_path: Path) -> list[tuple[str, str]]:
@@ -80,6 +99,7 @@ def test_session_with_a_new_label_is_pushed_again(tmp_path: Path, journal: Journ
 
 def test_archive_that_is_away_leaves_the_session_waiting(tmp_path: Path, journal: Journal):
     session_id = completed(tmp_path, journal)
+    shutil.rmtree(tmp_path / "archive")
     (tmp_path / "archive").write_text("a file: no folder can be made here")
     assert send_all(tmp_path, journal) == 0
     status = journal.outbox_status()
@@ -109,9 +129,9 @@ def test_prune_keeps_what_the_archive_does_not_have(tmp_path: Path, journal: Jou
     first, second = completed(tmp_path, journal, "first"), completed(tmp_path, journal, "second")
 
     def prune() -> list[str]:
-        removed = retention.prune(tmp_path / "data", older_than_days=1, keep=0, now=time.time(), dry_run=False)
-        return [item.session_id for item in removed]
+        return [item.session_id for item in pruned(tmp_path).removed]
 
+    assert pruned(tmp_path).waiting == 2
     assert prune() == []
     assert sender.send_next(journal, tmp_path / "data", str(tmp_path / "archive"), None)
     assert prune() == [first]
@@ -126,10 +146,105 @@ def test_prune_keeps_what_the_archive_does_not_have(tmp_path: Path, journal: Jou
 def test_another_archive_gets_all_sessions(tmp_path: Path, journal: Journal):
     completed(tmp_path, journal)
     send_all(tmp_path, journal)
+    assert journal.set_archive_problem("the disk is away")
     journal.set_archive(str(tmp_path / "archive"))
     assert journal.outbox_status().waiting == 0
     journal.set_archive(str(tmp_path / "other"))
     assert journal.outbox_status().waiting == 1
+    assert journal.outbox_status().problem is None
+
+
+def test_sender_writes_nothing_into_a_mount_point(tmp_path: Path, journal: Journal):
+    session_id = completed(tmp_path, journal)
+    with unmounted(tmp_path / "archive"):
+        sender.check(journal, str(tmp_path / "archive"), None)
+        assert send_all(tmp_path, journal) == 0
+        assert not list((tmp_path / "archive").iterdir())
+        status = journal.outbox_status()
+        assert (status.archived, status.waiting) == (0, 1)
+        assert "holds no archive" in str(status.problem)
+        assert status.problem_at is not None
+        assert pruned(tmp_path).removed == []
+    assert send_all(tmp_path, journal) == 0  # not due yet
+    sender.check(journal, str(tmp_path / "archive"), None)
+    status = journal.outbox_status()
+    assert (status.problem, status.problem_at) == (None, None)
+    assert send_all(tmp_path, journal) == 1
+    assert archive_rows(tmp_path) == [(session_id, "vase")]
+
+
+def test_sender_begins_no_archive_at_a_mistyped_folder(tmp_path: Path, journal: Journal):
+    completed(tmp_path, journal)
+    assert not sender.send_next(journal, tmp_path / "data", str(tmp_path / "archvie"), None)
+    assert "there is no such folder" in str(journal.outbox_status().reason)
+    assert not (tmp_path / "archvie").exists()
+
+
+def test_disk_that_goes_away_during_a_push_leaves_it_waiting(
+    tmp_path: Path, journal: Journal, monkeypatch: pytest.MonkeyPatch
+):
+    completed(tmp_path, journal)
+    put = ContentStore.put
+
+    def going(store: ContentStore, file: Path, digest: str) -> bool:
+        if not (tmp_path / "disk").exists():
+            (tmp_path / "archive").rename(tmp_path / "disk")
+        return put(store, file, digest)
+
+    monkeypatch.setattr(ContentStore, "put", going)
+    assert send_all(tmp_path, journal) == 0
+    assert journal.outbox_status().waiting == 1
+
+
+def test_prune_keeps_all_archived_while_the_archive_is_away(tmp_path: Path, journal: Journal):
+    one, two = completed(tmp_path, journal), completed(tmp_path, journal)
+    stopped = completed(tmp_path, journal, state=State.STOPPED)
+    send_all(tmp_path, journal)
+    with unmounted(tmp_path / "archive"):
+        found = pruned(tmp_path)
+    assert sorted(found.unconfirmed) == sorted([one, two])
+    assert found.archive_problem is not None
+    assert found.archive_problem.code is ErrorCode.ARCHIVE_ADDRESS_INVALID
+    assert [item.session_id for item in found.removed] == [stopped]  # it was never to be archived
+    assert len(pruned(tmp_path).removed) == 2
+
+
+@pytest.mark.parametrize("loss", ["all", "entry", "file", "truncated"])
+def test_prune_keeps_what_the_archive_has_lost_and_sends_it_again(tmp_path: Path, journal: Journal, loss: str):
+    session_id = completed(tmp_path, journal)
+    send_all(tmp_path, journal)
+    archive = tmp_path / "archive"
+    file = max(
+        (path for path in (archive / "objects").rglob("*") if path.is_file()), key=lambda path: path.stat().st_size
+    )
+    match loss:
+        case "all":
+            shutil.rmtree(archive)
+            Archive.create(str(archive)).close()
+        case "entry":
+            next(archive.rglob("session.json")).unlink()
+        case "file":
+            file.unlink()
+        case _:
+            file.write_bytes(b"rot")
+    assert list(pruned(tmp_path, dry_run=True).kept) == [session_id]
+    assert journal.outbox_status().waiting == 0
+    assert list(pruned(tmp_path).kept) == [session_id]
+    assert journal.outbox_status().waiting == 1
+    assert send_all(tmp_path, journal) == 1
+    assert [item.session_id for item in pruned(tmp_path).removed] == [session_id]
+    assert archive_rows(tmp_path) == [(session_id, "vase")]
+
+
+def test_prune_keeps_what_is_added_while_the_archive_is_asked(tmp_path: Path, journal: Journal):
+    session_id = completed(tmp_path, journal)
+    send_all(tmp_path, journal)
+
+    def lacking(address: str, key: str) -> None:
+        journal.describe_session(session_id, "renamed", None, "a person")
+
+    assert pruned(tmp_path, lacking=lacking).removed == []
+    assert (tmp_path / "data" / "sessions" / session_id).is_dir()
 
 
 @pytest.mark.long
@@ -190,7 +305,7 @@ def test_store_that_dies_200_times_loses_nothing(tmp_path: Path, journal: Journa
         store.draw()
         sender.send_next(journal, tmp_path / "data", str(tmp_path / "archive"), None)
         waiting = journal.outbox_status().waiting
-        removable = retention.prune(tmp_path / "data", older_than_days=0, keep=0, now=time.time(), dry_run=True)
+        removable = pruned(tmp_path, dry_run=True).removed
         assert (sessions[-1] in [item.session_id for item in removable]) == (waiting == 0)
         if (tmp_path / "archive" / "archive.json").is_file():
             archive = archive or Archive(str(tmp_path / "archive"))

@@ -23,7 +23,7 @@ OBJECTS = {"20261121-190041-aaaaaa": "Vase, Seite A", "20261121-190041-bbbbbb": 
 def address(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The archive; the second session has been captured an hour before the first and has no result."""
     folder = tmp_path_factory.mktemp("archive")
-    archive = Archive(str(folder / "archive"), create=True)
+    archive = Archive.create(str(folder / "archive"))
     for seed, (name, label) in enumerate(OBJECTS.items()):
         made = session_copies.make(folder / name, seed, label=label, results=seed == 0)
         stated = json.loads((made / "manifest.json").read_text())

@@ -100,7 +100,7 @@ def test_command_bad_input_exits_2_and_names_remedy(
         ("solve", "SESSION", "--out", "SESSION/normals"),
         ("solve", "IMAGES", "--out", "SESSION/results/2"),
         ("plan", "SESSION", "--count", "1", "--out", "SESSION/plan.json"),
-        ("archive", "push", "SESSION/archive", "SESSION"),
+        ("archive", "create", "SESSION/archive"),
         ("archive", "export", "ARCHIVE", "2026", "--out", "SESSION/out"),
         ("archive", "solve", "ARCHIVE", "--report", "SESSION/report.html"),
         ("calibrate", "board", "--out", "SESSION/board.pdf"),
@@ -114,6 +114,7 @@ def test_output_within_a_sessions_folder_is_refused(arguments: tuple[str, ...], 
     """Another file there would be archived as part of the session, under another key, and `sim` replaces its files."""
     session, archive = tmp_path / "20261121-190041-de2be6", tmp_path / "archive"
     shutil.copytree(ROOT / "tests/data/release_0.1/sessions/20261121-190041-de2be6", session)
+    CliRunner().invoke(app, ["archive", "create", str(archive)])
     CliRunner().invoke(app, ["archive", "push", str(archive), str(session)])
     places = {"IMAGES": small.lp(tmp_path / "images"), "ARCHIVE": archive}
     before = {path: path.read_bytes() for path in session.rglob("*") if path.is_file()}

@@ -16,6 +16,7 @@ from acquisition.store import Journal, retention
 from acquisition.store.queue_table import EntryState
 from api.cli.commands import app
 from api.client.responses import ProblemError
+from api.rest import settings
 
 DAY_S = 86_400.0
 
@@ -81,6 +82,11 @@ def _ended(journal: Journal, data: Path) -> str:
     return row.id
 
 
+def no_archive(address: str, key: str) -> str | None:
+    """What an archive lacks, where there is none."""
+    raise AssertionError
+
+
 def test_prune_removes_only_old_ended_sessions(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "rig.db")
     old, newer = _ended(journal, tmp_path), _ended(journal, tmp_path)
@@ -92,7 +98,8 @@ def test_prune_removes_only_old_ended_sessions(tmp_path: Path) -> None:
     now = (journal.session(old).ended_at or 0.0) + 31 * DAY_S
 
     def prune(days: float, keep: int, pretend: bool = False) -> list[str]:
-        removed = retention.prune(tmp_path, older_than_days=days, keep=keep, now=now, dry_run=pretend)
+        found = retention.prune(tmp_path, older_than_days=days, keep=keep, now=now, dry_run=pretend, lacking=no_archive)
+        removed = found.removed
         assert all(item.bytes == 1000 for item in removed)
         return [item.session_id for item in removed]
 
@@ -115,7 +122,9 @@ def test_prune_removes_sessions_that_were_never_started(tmp_path: Path) -> None:
 
     def prune(days: float) -> list[retention.PrunedSession]:
         now = created.created_at + days * DAY_S
-        return retention.prune(tmp_path, older_than_days=30, keep=10, now=now, dry_run=False)
+        return retention.prune(
+            tmp_path, older_than_days=30, keep=10, now=now, dry_run=False, lacking=no_archive
+        ).removed
 
     assert prune(29) == []
     assert prune(31) == [retention.PrunedSession(created.id, False, created.created_at, 0)]
@@ -134,9 +143,30 @@ def test_prune_command_removes_old_sessions(tmp_path: Path) -> None:
     assert CliRunner().invoke(app, ["prune", "--data", str(tmp_path / "nowhere")]).exit_code == 2
 
 
+def test_prune_command_names_an_archive_that_is_away(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "rig.db")
+    journal.set_archive(str(tmp_path / "mount_point"))
+    old = _ended(journal, tmp_path)
+    with journal._transaction() as connection:
+        connection.execute("UPDATE session SET state = 'completed' WHERE id = ?", (old,))
+    due = journal.due(0.0)
+    assert due is not None
+    arguments = ["prune", "--data", str(tmp_path), "--older-than", "0", "--keep", "0"]
+    said = CliRunner().invoke(app, arguments)
+    assert (said.exit_code, "kept 1 sessions that the archive does not have yet" in said.stderr) == (0, True)
+    journal.archived(due, "0" * 64)
+    journal.close()
+    (tmp_path / "mount_point").mkdir()
+    said = CliRunner().invoke(app, arguments)
+    assert said.exit_code == 1
+    assert "kept 1 archived sessions" in said.stderr
+    assert f"archive.address_invalid: {tmp_path}/mount_point: holds no archive" in said.stderr
+    assert (tmp_path / "sessions" / old).is_dir()
+
+
 def test_prune_folder_without_journal_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RigError, match="not a data folder"):
-        retention.prune(tmp_path, older_than_days=0, keep=0, now=0, dry_run=False)
+        retention.prune(tmp_path, older_than_days=0, keep=0, now=0, dry_run=False, lacking=no_archive)
     assert not (tmp_path / "rig.db").exists()
 
 
@@ -158,6 +188,13 @@ def test_archive_status_without_an_archive_is_empty(own: Any) -> None:
     assert (answer["address"], answer["archived"], answer["waiting"], answer["reason"]) == (None, 0, 0, None)
 
 
+def test_relative_archive_folder_is_made_absolute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`lightpose prune` asks the archive at the journal's address from another folder."""
+    monkeypatch.chdir(tmp_path)
+    assert settings.read(cell=tmp_path, archive="archive").archive == str(tmp_path / "archive")
+    assert settings.read(cell=tmp_path, archive="s3://objects/archive").archive == "s3://objects/archive"
+
+
 def test_archive_status_counts_what_waits_and_why(own: Any) -> None:
     journal = own.service.store.journal
     journal.set_archive("/nowhere/archive")
@@ -172,3 +209,6 @@ def test_archive_status_counts_what_waits_and_why(own: Any) -> None:
 
     assert (answer["address"], answer["archived"], answer["waiting"]) == ("/nowhere/archive", 0, 1)
     assert answer["reason"] == "the disk is away"
+    assert (answer["problem"], answer["problem_at"]) == (None, None)
+    journal.set_archive_problem("the disk is not mounted")
+    assert own.http.get("/v1/archive").json()["problem"] == "the disk is not mounted"
