@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from datetime import datetime
+from datetime import datetime, timedelta
 from itertools import pairwise
 from typing import Annotated
 
@@ -163,6 +163,11 @@ class Calibration(Value):
             if np.abs(correlation - correlation.T).max() > 1e-6 or np.linalg.eigvalsh(correlation)[0] < -1e-6:
                 raise ValueError(f"{name} must be symmetric without a negative variance in any direction")
         return self
+
+    @property
+    def valid_until(self) -> datetime:
+        """The moment, with time zone, after which no session starts with this calibration."""
+        return datetime.fromisoformat(self.made_at) + timedelta(days=self.valid_days)
 
     @property
     def fingerprint(self) -> str:

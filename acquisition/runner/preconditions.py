@@ -1,11 +1,12 @@
-"""Preconditions of a start or resume: the same rig, the arm near its last path, space on the disk.
+"""Preconditions of a start, a resume or a recovery: the same rig, a calibration that is in date, the arm near its last
+path, space on the disk, a person who has looked.
 
-Safety and the readiness of devices are checked elsewhere; these checks concern the session's own past. Each move is
-written to the journal before it is made (write-ahead), so an arm that was interrupted is near that path unless somebody
-has moved it since.
+The monitor checks safety, and `readiness` the devices. Each move is written to the journal before it is made
+(write-ahead), so an arm that was interrupted is near that path unless somebody has moved it since.
 """
 
 from collections.abc import Sequence
+from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,13 +22,17 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.runner.rig_choices import RigChoices
-from acquisition.session import max_passes
+from acquisition.runner.safety_monitor import SafetyMonitor
+from acquisition.session import State, max_passes
 from acquisition.store import SessionRow, Store
 from acquisition.store.folder import require_space, write_bytes
 
 MAX_PATH_DISTANCE_RAD = 0.1
 """Largest accepted distance, rad, of a joint from the last path. A stop brakes along the path, and blends cut its
 corners; a person who moves the arm moves it further."""
+
+RECOVERY_WITHIN_S = 60.0
+"""Time, s, after an operator's acknowledgement within which the same operator may recover the arm over HTTP."""
 
 DARKS_PER_PASS = 6
 """Lamp-off frames assumed for one pass: one for each exposure time."""
@@ -43,6 +48,13 @@ def require_same_rig(row: SessionRow, cell: CellConfig, choices: RigChoices, fol
         raise RigError(ErrorCode.RIG_CHANGED, "The cell file is not the one that the session was created with")
     if cell_config.load_calibration(folder / "calibration.json") != choices.calibration:
         raise RigError(ErrorCode.RIG_CHANGED, "The calibration is not the one that the session was created with")
+
+
+def require_in_date(calibration: Calibration) -> None:
+    """Raises RigError rig.not_ready if the calibration has expired."""
+    if datetime.now().astimezone() > calibration.valid_until:
+        since = f"The calibration has been out of date since {calibration.valid_until}: calibrate again"
+        raise RigError(ErrorCode.RIG_NOT_READY, since)
 
 
 def require_stated(recipe: AnyRecipe, cell: CellConfig, choices: RigChoices) -> None:
@@ -71,6 +83,20 @@ def require_near_path(path: Sequence[Sequence[float]], joints: Sequence[float]) 
             f"A joint is {distance:.2f} rad away from the last path of this session",
             distance_rad=round(distance, 4),
         )
+
+
+def require_recovery(cell: CellConfig, monitor: SafetyMonitor, holder: SessionRow | None, actor: str) -> None:
+    """Raises RigError safety.recovery_forbidden unless the cell file allows recovery over HTTP, safety.not_acknowledged
+    unless the same actor has acknowledged within RECOVERY_WITHIN_S, safety.recovery_refused while a session runs."""
+    if not cell.arm.remote_recovery:
+        raise RigError(ErrorCode.SAFETY_RECOVERY_FORBIDDEN, "The cell file does not allow recovery over HTTP")
+    if not monitor.acknowledged_within(actor, RECOVERY_WITHIN_S):
+        raise RigError(
+            ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
+            f"{actor} has not acknowledged within the last {RECOVERY_WITHIN_S:.0f} s that the cell is clear",
+        )
+    if holder is not None and holder.state not in (State.PAUSED, State.INTERRUPTED):
+        raise RigError(ErrorCode.SAFETY_RECOVERY_REFUSED, f"Session {holder.id} is {holder.state}: stop it first")
 
 
 def require_exposures(recipe: AnyRecipe, cell: CellConfig) -> None:

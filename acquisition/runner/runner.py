@@ -13,7 +13,6 @@ from collections.abc import Callable
 from concurrent import futures
 from concurrent.futures import Future
 from contextlib import suppress
-from datetime import datetime, timedelta
 from typing import Any, TypeVar
 
 from acquisition import session
@@ -49,9 +48,6 @@ CONNECT_EVERY_S = 5.0
 
 CLOSING_POLL_S = 0.1
 """Period, s, at which a request that waits for devices checks whether the service is ending."""
-
-RECOVERY_WITHIN_S = 60.0
-"""Time, s, after an operator's acknowledgement within which the same operator may recover the arm over HTTP."""
 
 T = TypeVar("T")
 
@@ -178,19 +174,9 @@ class Runner:
     def recover(self, step: RecoveryStep, actor: str) -> None:
         """Carries out one recovery step at the request of a person who has just acknowledged; never automatic.
 
-        Raises RigError safety.recovery_forbidden unless the cell file allows it, safety.not_acknowledged unless the
-        same actor has acknowledged within RECOVERY_WITHIN_S, safety.recovery_refused, arm.unreachable.
+        Raises RigError as `preconditions.require_recovery`, safety.recovery_refused, arm.unreachable.
         """
-        if not self._rig.cell.arm.remote_recovery:
-            raise RigError(ErrorCode.SAFETY_RECOVERY_FORBIDDEN, "The cell file does not allow recovery over HTTP")
-        if not self._monitor.acknowledged_within(actor, RECOVERY_WITHIN_S):
-            raise RigError(
-                ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
-                f"{actor} has not acknowledged within the last {RECOVERY_WITHIN_S:.0f} s that the cell is clear",
-            )
-        holder = self._store.journal.holder()
-        if holder is not None and holder.state not in (State.PAUSED, State.INTERRUPTED):
-            raise RigError(ErrorCode.SAFETY_RECOVERY_REFUSED, f"Session {holder.id} is {holder.state}: stop it first")
+        preconditions.require_recovery(self._rig.cell, self._monitor, self._store.journal.holder(), actor)
         self._store.journal.record_action(None, f"recover: {step}", actor, "asked")
         self._in_thread(lambda: self._rig.arm.recover(step))
 
@@ -223,7 +209,7 @@ class Runner:
             may_start=not reasons,
             reasons=reasons,
             calibration_made_at=self.choices.calibration.made_at,
-            calibration_valid_until=self._valid_until().isoformat(),
+            calibration_valid_until=self.choices.calibration.valid_until.isoformat(),
             calibration_check=calibration_checks.state(self._store, self.choices.calibration.fingerprint),
             latched=self._monitor.latch,
         )
@@ -264,16 +250,12 @@ class Runner:
             before, state = journal.trigger(session_id, action, actor, expected=row.state)
             # A session that has come to rest meanwhile is resumed only after all checks below.
             return state if before is row.state else self._start(session_id, action, actor, from_here)
-        holder = journal.holder()
-        if holder is not None and holder.id != session_id:
-            raise RigError(ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig", holder=holder.id)
+        self._refuse_held(by_other_than=session_id)
         self.moves.refuse_jogged()
         folder = self._store.folder(session_id)
         preconditions.require_same_rig(row, self._rig.cell, self.choices, folder)
         preconditions.require_stated(row.recipe, self._rig.cell, self.choices)
-        if datetime.now().astimezone() > self._valid_until():
-            since = f"The calibration has been out of date since {self._valid_until()}: calibrate again"
-            raise RigError(ErrorCode.RIG_NOT_READY, since)
+        preconditions.require_in_date(self.choices.calibration)
         preconditions.require_space_for_session(
             self._store, row.recipe if action is Trigger.START else None, self.choices.calibration
         )
@@ -383,9 +365,9 @@ class Runner:
         )
         raise RigError(ErrorCode.RIG_NOT_READY, why)
 
-    def _refuse_held(self) -> None:
+    def _refuse_held(self, by_other_than: str | None = None) -> None:
         holder = self._store.journal.holder()
-        if holder is not None:
+        if holder is not None and holder.id != by_other_than:
             raise RigError(ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig", holder=holder.id)
 
     def _refuse_used(self) -> None:
@@ -398,14 +380,9 @@ class Runner:
 
     def _not_ready_reasons(self) -> list[dict[str, Any]]:
         reasons = list(self._readiness.problems)
-        try:
-            self._monitor.require_clear()
-        except RigError as error:
-            reasons.append(problem(error.code, error.detail, **error.context))
-        if datetime.now().astimezone() > self._valid_until():
-            reasons.append(problem(ErrorCode.RIG_NOT_READY, "The calibration is out of date: calibrate again"))
+        for require in (self._monitor.require_clear, lambda: preconditions.require_in_date(self.choices.calibration)):
+            try:
+                require()
+            except RigError as error:
+                reasons.append(problem(error.code, error.detail, **error.context))
         return reasons
-
-    def _valid_until(self) -> datetime:
-        known = self.choices.calibration
-        return datetime.fromisoformat(known.made_at) + timedelta(days=known.valid_days)

@@ -6,7 +6,7 @@ reports that.
 """
 
 from collections.abc import Callable
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -81,10 +81,9 @@ def _offline(console: Console, cell: CellConfig, cell_file: Path) -> bool:
     """Checks what needs no device: the calibration, its age, and the reach of the arm."""
     calibration = cell_config.load_calibration(cell_file.parent / cell.calibration)
     console.print(f"ok    calibration of {calibration.made_at}: {calibration.width} × {calibration.height} pixels")
-    valid_until = datetime.fromisoformat(calibration.made_at) + timedelta(days=calibration.valid_days)
-    good = datetime.now().astimezone() < valid_until
+    good = datetime.now().astimezone() < calibration.valid_until
     if not good:
-        console.print(f"WRONG {ErrorCode.RIG_NOT_READY}: the calibration expired on {valid_until:%Y-%m-%d}")
+        console.print(f"WRONG {ErrorCode.RIG_NOT_READY}: the calibration expired on {calibration.valid_until:%Y-%m-%d}")
         console.print("        what to do: calibrate again; until then no session starts.")
     _motions(console, cell, calibration)
     return good

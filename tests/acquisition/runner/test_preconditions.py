@@ -1,5 +1,6 @@
 """Preconditions of a session: arm near its path, same arm, enough disk space."""
 
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,17 @@ def test_require_near_path_accepts_the_path_and_rejects_beyond(
 
 def test_require_near_path_without_path_accepts_any_joints() -> None:
     preconditions.require_near_path([], [1.0] * 6)
+
+
+def test_require_in_date_expired_calibration_is_refused() -> None:
+    now = datetime.now(UTC)
+    in_date = calibration(made_at=(now - timedelta(days=1)).isoformat(), valid_days=2.0)
+    assert in_date.valid_until == now + timedelta(days=1)
+    preconditions.require_in_date(in_date)
+    expired = in_date.model_copy(update={"valid_days": 0.5})
+    with pytest.raises(RigError, match="out of date since") as refused:
+        preconditions.require_in_date(expired)
+    assert refused.value.code is ErrorCode.RIG_NOT_READY
 
 
 def test_require_same_arm_other_serial_is_refused(tmp_path: Path) -> None:
