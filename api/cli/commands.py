@@ -272,7 +272,8 @@ def check(
     ] = None,
     offline: Annotated[bool, typer.Option("--offline", help="Do not connect to arm and camera")] = False,
     data: Annotated[
-        Path | None, typer.Option(help="The service's data folder, to check its keys and free space too")
+        Path | None,
+        typer.Option(envvar="LIGHTPOSE_DATA", help="The service's data folder, to check its keys and free space too"),
     ] = None,
 ) -> None:
     """Checks cell file, calibration, reach, pilot, route and devices, and names each problem; moves nothing."""
@@ -294,7 +295,13 @@ app.add_typer(key_commands.app, name="keys")
 @app.command()
 def prune(
     older_than: Annotated[
-        float, typer.Option(min=0, help="Days since a session ended or, if never started, was created")
+        float,
+        typer.Option(
+            "--older-than-days",
+            "--older-than",
+            min=0,
+            help="Days since a session ended or, if never started, was created",
+        ),
     ] = 30,
     keep: Annotated[int, typer.Option(min=0, help="Number of newest ended sessions that are always kept")] = 10,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be removed")] = False,

@@ -5,9 +5,11 @@ import re
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from acquisition.models import cell_config
 from api.cli import checking
+from api.cli.commands import app
 from api.rest import keys
 from api.rest.keys import Role
 from hardware_sim import nominal, real_time_controller
@@ -118,3 +120,13 @@ def test_check_other_arm_reports_each_difference(tmp_path: Path, capsys: pytest.
     assert "the cell file says 12345." in said
     assert "put the arm's own under [arm]:\nkinematics = [\n" in said
     assert "camera.unreachable" in said
+
+
+def test_check_takes_the_data_folder_from_the_environment(tmp_path: Path) -> None:
+    """As the service does: its keys may be broken, which nobody sees if another folder is checked, or none."""
+    nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
+    keys.path_in(tmp_path).write_text("{")
+    arguments = ["check", "--offline", "--cell", str(tmp_path / "cell.toml")]
+    done = CliRunner().invoke(app, arguments, env={"LIGHTPOSE_DATA": str(tmp_path)})
+    assert done.exit_code == 1
+    assert str(keys.path_in(tmp_path)) in done.output

@@ -137,7 +137,7 @@ def test_prune_command_removes_old_sessions(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "rig.db")
     old = _ended(journal, tmp_path)
     journal.close()
-    arguments = ["prune", "--data", str(tmp_path), "--older-than", "0", "--keep", "0"]
+    arguments = ["prune", "--data", str(tmp_path), "--older-than-days", "0", "--keep", "0"]
     assert "would remove 1 sessions" in CliRunner().invoke(app, [*arguments, "--dry-run"]).stdout
     assert old in CliRunner().invoke(app, arguments).stdout
     assert CliRunner().invoke(app, ["prune", "--data", str(tmp_path / "nowhere")]).exit_code == 2
