@@ -135,6 +135,6 @@ def _require_scale(found: Adjusted) -> None:
     if abs(told) > MAX_SCALE:
         raise RigError(
             ErrorCode.CALIBRATION_BOARD_WRONG,
-            f"By the arm's motions the squares are {percent(abs(told))} % {'larger' if told > 0 else 'smaller'} than "
+            f"By the arm's motions the squares are {percent(abs(told))} {'larger' if told > 0 else 'smaller'} than "
             "stated: measure their side",
         )

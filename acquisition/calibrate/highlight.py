@@ -114,7 +114,7 @@ def why_another(spot: Spot, expected: Spot, pixels_per_metre: float) -> str:
         return f"{NO_HIGHLIGHT} (the brightest spot is {spot.side_px:.0f} pixels wide, too wide for the lamp)"
     if spot.light < LEAST_LIGHT * expected.light:
         share = percent(spot.light / expected.light)
-        return f"{NO_HIGHLIGHT} (the brightest spot has {share}% of the lamp's expected light)"
+        return f"{NO_HIGHLIGHT} (the brightest spot has {share} of the lamp's expected light)"
     away_m = float(np.linalg.norm(spot.pixel - expected.pixel)) / pixels_per_metre
     if away_m > PLACE_M + expected.side_px / pixels_per_metre:
         return f"the brightest spot is {1e3 * away_m:.0f} mm from the sphere's place: lay the sphere in the middle"

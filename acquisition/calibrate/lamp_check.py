@@ -87,9 +87,9 @@ def sentence(test: GroupTest) -> str:
     if test.group.name == INTENSITY:
         change = float(np.expm1(test.change[0]))
         by, than = percent(abs(change)), "brighter" if change > 0 else "dimmer"
-        return f"the lamp is {by} % {than} (or the aperture has changed)"
+        return f"the lamp is {by} {than} (or the aperture has changed)"
     if test.group.name == LOBE:
-        return f"the lamp's lobe differs by up to {percent(float(np.abs(np.expm1(test.change)).max()))} %"
+        return f"the lamp's lobe differs by up to {percent(float(np.abs(np.expm1(test.change)).max()))}"
     return f"the lamp's place in the tool's frame, by {1e3 * float(np.linalg.norm(test.change)):.2f} mm"
 
 

@@ -276,7 +276,7 @@ def _solve(
     if patch_sigma > MAX_PATCH_SIGMA:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"Patches differ by {percent(patch_sigma, 0)}% from what a matt plane would show: check the plane's "
+            f"Patches differ by {percent(patch_sigma, 0)} from what a matt plane would show: check the plane's "
             "albedo and evenness, shadows on it, and whether lamp and camera were calibrated first",
         )
     stated = np.r_[0, 1 : 1 + count, tilt_at.start : tilt_at.stop]

@@ -60,11 +60,11 @@ def advice(found: ResponseResult) -> list[str]:
     said: list[str] = []
     if found.room_over_lamp > MAX_ROOM_OVER_LAMP:
         said.append(
-            f"With the lamp off the room gives {percent(found.room_over_lamp)}% of the lamp's light: darken the room."
+            f"With the lamp off the room gives {percent(found.room_over_lamp)} of the lamp's light: darken the room."
         )
     if abs(found.nonlinearity) > MAX_BEND:
         said.append(
-            f"The response bends by {percent(found.nonlinearity, signed=True)}% at full scale: switch off the camera's "
+            f"The response bends by {percent(found.nonlinearity, signed=True)} at full scale: switch off the camera's "
             "gamma, noise reduction and automatic functions."
         )
     if found.full_by == "not reached":
@@ -73,7 +73,7 @@ def advice(found: ResponseResult) -> list[str]:
         )
     if abs(found.lamp_drift_per_h) > DRIFT_SIGMAS * found.lamp_drift_sigma_per_h:
         said.append(
-            f"The lamp's brightness changes by {percent(found.lamp_drift_per_h, signed=True)}% an hour: let it warm "
+            f"The lamp's brightness changes by {percent(found.lamp_drift_per_h, signed=True)} an hour: let it warm "
             "up before captures."
         )
     if found.defects:

@@ -4,6 +4,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.camera import CameraCapabilities
 from acquisition.models.camera_config import CameraConfig
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.rounding import percent
 
 FEW_BITS = 8
 """Bits per value up to which the quantisation of shaded pixels is coarser than any sensor's noise."""
@@ -49,6 +50,7 @@ def warnings(camera: CameraCapabilities) -> list[str]:
         return []
     step = 1 / (2**camera.bits - 1)
     return [
-        f"{camera.name} has only {camera.bits} bits: with steps of {step:.2%} of full scale, a pixel at {SHADED:.0%}"
-        f" of it is uncertain by {step / 12**0.5 / SHADED:.1%} (1 σ) from rounding alone, whatever the exposure"
+        f"{camera.name} has only {camera.bits} bits: with steps of {percent(step, 2)} of full scale, a pixel at "
+        f"{percent(SHADED, 0)} of it is uncertain by {percent(step / 12**0.5 / SHADED)} (1 σ) from rounding "
+        "alone, whatever the exposure"
     ]

@@ -62,12 +62,12 @@ def lit_frame(
     level, saturated = quality.bright_level, quality.saturated
     if level < MIN_LEVEL_OVER_NOISE * _read_noise(sensor) and exposure_s >= camera.min_exposure_s:
         longer = exposure.in_range(exposure_s * 8, camera) if wanted.seconds is None else exposure_s
-        reason = f"no light: the brightest pixels are at {percent(level)}% of full scale; is the lamp on and in view?"
+        reason = f"no light: the brightest pixels are at {percent(level)} of full scale; is the lamp on and in view?"
         dark = quality.model_copy(update={"accepted": False, "reason": reason})
         return Verdict(dark, longer if longer > exposure_s else None, usable=False)
     usable = saturated < UNUSABLE_SATURATED_SHARE
     burnt = quality.model_copy(
-        update={"accepted": False, "reason": f"{percent(saturated)}% of the pixels are saturated"}
+        update={"accepted": False, "reason": f"{percent(saturated)} of the pixels are saturated"}
     )
     if wanted.seconds is not None:
         return Verdict(quality if usable else burnt, None, usable)
@@ -79,7 +79,7 @@ def lit_frame(
     elif level < MIN_SHARE_OF_TARGET * wanted.target:
         longer = exposure.series_value(exposure_s * wanted.target / level, camera)
         if longer > exposure_s * 1.01:
-            reason = f"too dark: the brightest pixels are at {percent(level)}% of full scale"
+            reason = f"too dark: the brightest pixels are at {percent(level)} of full scale"
             return Verdict(quality.model_copy(update={"accepted": False, "reason": reason}), longer)
     return Verdict(quality, None)
 
@@ -103,9 +103,7 @@ def further_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: Sen
     accepted, because they do not count when frames are merged."""
     quality = _measure(pixels, region, sensor)
     if quality.bright_level < MIN_LEVEL_OVER_NOISE * _read_noise(sensor):
-        reason = (
-            f"no light: the brightest pixels are at {percent(quality.bright_level)}% of full scale; is the lamp on?"
-        )
+        reason = f"no light: the brightest pixels are at {percent(quality.bright_level)} of full scale; is the lamp on?"
         return quality.model_copy(update={"accepted": False, "reason": reason})
     return quality
 
@@ -133,7 +131,7 @@ def compare_with_earlier(
     measured = quality.model_copy(update={"sharpness": sharp, "shift_px": shift_px})
     usual = float(np.median(earlier)) if earlier else 0.0
     if sharp is not None and sharp < MIN_SHARPNESS_RATIO * usual:
-        reason = f"blurred: its sharpness is {percent(sharp / usual, 0)}% of that of earlier frames"
+        reason = f"blurred: its sharpness is {percent(sharp / usual, 0)} of that of earlier frames"
         return Verdict(measured.model_copy(update={"accepted": False, "reason": reason}), exposure_s, usable=False)
     if shift is not None and shift.moved:
         reason = f"the object seems to have shifted by {shift.shift_px:.1f} pixels since it was first seen"
@@ -181,7 +179,7 @@ def dark_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: Sensor
     quality = _measure(pixels, region, sensor)
     if quality.bright_level > 0.5:
         level = percent(quality.bright_level, 0)
-        reason = f"with the lamp off, the brightest pixels are at {level}% of full scale: darken the room"
+        reason = f"with the lamp off, the brightest pixels are at {level} of full scale: darken the room"
         return quality.model_copy(update={"accepted": False, "reason": reason})
     return quality
 

@@ -58,8 +58,8 @@ def same_scene(
     changed = float(np.mean(differs))
     differences = [
         f"has shifted by {shift_px:.2f} pixels" if has_shifted(shift_px, first.shape[1]) else "",
-        f"differs in {percent(changed)}% of its pixels" if changed > MAX_CHANGED_SHARE else "",
-        f"has {percent(brightness, 0)}% of its earlier brightness"
+        f"differs in {percent(changed)} of its pixels" if changed > MAX_CHANGED_SHARE else "",
+        f"has {percent(brightness, 0)} of its earlier brightness"
         if abs(brightness - 1) > MAX_BRIGHTNESS_CHANGE
         else "",
     ]

@@ -7,8 +7,8 @@ LEAST = 0.001
 
 
 def percent(share: float, decimals: int = 1, *, signed: bool = False) -> str:
-    """Returns a share in percent, without the sign %, as `figure` does."""
-    return figure(100 * share, decimals, signed=signed)
+    """Returns a share in percent as `figure` does, with the sign % after a space."""
+    return f"{figure(100 * share, decimals, signed=signed)} %"
 
 
 def figure(value: float, decimals: int, *, signed: bool = False) -> str:

@@ -46,13 +46,13 @@ def choose(
     undetermined = float(np.mean(problem.search_sample.light_count < criterion.MIN_LIGHTS))
     if len(problem.captured) and undetermined > 0.5:
         notes.append(
-            f"{percent(undetermined, 0)}% of the pixels were lit by fewer than {criterion.MIN_LIGHTS} lights so far: "
+            f"{percent(undetermined, 0)} of the pixels were lit by fewer than {criterion.MIN_LIGHTS} lights so far: "
             "the shape behind this plan is unreliable there; check that all lamps were on and nothing blocked their "
             "light"
         )
     unlit = float(np.mean(~np.any(planned.lights.visible, axis=0)))
     if unlit > 0.02:
-        notes.append(f"{percent(unlit, 0)}% of the pixels are expected to see none of the new lights")
+        notes.append(f"{percent(unlit, 0)} of the pixels are expected to see none of the new lights")
     if exposures is not None:
         notes.append(exposure_plan.sentence(exposures))
     plan = LightPlan(
@@ -120,5 +120,5 @@ def _reason(unit: FloatArray, with_all_deg: FloatArray, without_deg: FloatArray)
     effect = "lowers σ of all pixels a little"
     if np.any(improved):
         change = f"from {np.median(without_deg[improved]):.2f}° to {np.median(with_all_deg[improved]):.2f}°"
-        effect = f"lowers the median σ of {percent(float(np.mean(improved)), 0)}% of the pixels {change}"
+        effect = f"lowers the median σ of {percent(float(np.mean(improved)), 0)} of the pixels {change}"
     return f"{baselines.describe_direction(unit)}: {effect}"

@@ -110,7 +110,7 @@ class LampShots(BoardShots):
         )
         side = "clipped" if level > SPHERE_MOST else "too dark"
         quality = quality.model_copy(
-            update={"reason": f"the brightest pixel is at {percent(level, 0)}% of full scale: {side}"}
+            update={"reason": f"the brightest pixel is at {percent(level, 0)} of full scale: {side}"}
         )
         too_long = level > SPHERE_MOST and better >= exposure_s
         too_short = level < SPHERE_LEAST and better <= exposure_s

@@ -156,7 +156,7 @@ def _next_view(
         return None
     name, loss = list(offered)[best[0]], best[1]
     gain = 1 - (loss / view_planning.loss(found.covariance)) ** 0.5
-    console.print(f"take next: {name}, which lowers the pose's uncertainty by {percent(gain, 0)}%")
+    console.print(f"take next: {name}, which lowers the pose's uncertainty by {percent(gain, 0)}")
     return name
 
 

@@ -102,7 +102,7 @@ def print_trial(trial: Trial) -> None:
         console.print(f"intervals: median {trial.interval_median_s:.3f} s, longest {trial.interval_max_s:.3f} s")
     noise = "" if trial.noise_dn is None else f", noise {trial.noise_dn:.2f} DN (1 σ, from frame to frame)"
     console.print(
-        f"level {trial.level_dn:.1f} DN above black, drift {percent(trial.level_drift, 2, signed=True)}%{noise}"
+        f"level {trial.level_dn:.1f} DN above black, drift {percent(trial.level_drift, 2, signed=True)}{noise}"
     )
 
 

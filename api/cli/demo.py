@@ -243,7 +243,7 @@ def _show(
             f"{row.mean_deg:.2f}",
             f"{row.median_deg:.2f}",
             f"{row.p95_deg:.2f}",
-            f"{percent(row.coverage)} %",
+            f"{percent(row.coverage)}",
         )
     console.print(table)
     means = {name: graded["mean_deg"] for name, graded in outcome["gradings"].items()}

@@ -133,9 +133,9 @@ def _placing(
 def _show(result: LobeResult) -> None:
     console = Console(stderr=True, markup=False)
     console.print(
-        f"intensity {result.lamp_intensity:.3f} full scales per second, known to {percent(result.intensity_sigma, 2)}%"
+        f"intensity {result.lamp_intensity:.3f} full scales per second, known to {percent(result.intensity_sigma, 2)}"
         f"; {len(result.lobe.knots_rad)} knots to {np.degrees(result.lobe.knots_rad[-1]):.0f}°; images differ by "
-        f"{percent(result.image_sigma, 2)}%, patches by {percent(result.patch_sigma, 2)}%"
+        f"{percent(result.image_sigma, 2)}, patches by {percent(result.patch_sigma, 2)}"
     )
     if result.verified_deg is None:
         console.print("not verified: lay the plane down a second time, tilted, and take images of it there too")

@@ -214,7 +214,7 @@ def _solver_and_reason(normal_map: NormalMap, requested: str) -> tuple[str, str]
     light = "distant" if "solver" in notes else "near"
     share = percent(indirect.get("share", 0))
     gloss = figure(lobe.get("strength", 0), 2)
-    why = f"{light} light; share of indirect light {share}%, gloss {gloss}"
+    why = f"{light} light; share of indirect light {share}, gloss {gloss}"
     return (light if requested == "auto" else requested), why
 
 

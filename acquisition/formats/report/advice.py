@@ -163,4 +163,4 @@ def _told(sentence: str, where: BoolArray, area: BoolArray, least: float = MIN_R
 
 
 def _percent(share: float) -> str:
-    return f"{percent(share, 0 if share >= 0.095 else 1)} %"
+    return percent(share, 0 if share >= 0.095 else 1)

@@ -213,8 +213,8 @@ def _lobe(stated: dict[str, Any]) -> _Part:
     values += [(f"factor at {knot} off the axis", value, value * one, "") for knot, value, one in factors]
     values += [("brighter towards x", lobe["tilt"][0], sigma[-2], ""), ("towards y", lobe["tilt"][1], sigma[-1], "")]
     facts = [
-        ("images differ in brightness by", f"{percent(stated['image_sigma'], 2)}% (1 σ)"),
-        ("scatter of patches about the fit", f"{percent(stated['patch_sigma'], 2)}% (1 σ)"),
+        ("images differ in brightness by", f"{percent(stated['image_sigma'], 2)} (1 σ)"),
+        ("scatter of patches about the fit", f"{percent(stated['patch_sigma'], 2)} (1 σ)"),
     ]
     if stated["verified_deg"] is not None:
         facts.append(
@@ -240,9 +240,9 @@ def _response(stated: dict[str, Any]) -> _Part:
     facts = [
         ("saturation limited by", stated["full_by"]),
         ("defective pixels", str(len(stated["defects"]))),
-        ("room light / lamp light", f"{percent(stated['room_over_lamp'], 2)}%"),
-        ("brightness scatter between images", f"{percent(stated['lamp_sigma'], 2)}% (1 σ)"),
-        ("drift of the lamp", f"{percent(drift, 2, signed=True)}% ± {percent(drift_sigma, 2)}% an hour"),
+        ("room light / lamp light", percent(stated["room_over_lamp"], 2)),
+        ("brightness scatter between images", f"{percent(stated['lamp_sigma'], 2)} (1 σ)"),
+        ("drift of the lamp", f"{percent(drift, 2, signed=True)} ± {percent(drift_sigma, 2)} an hour"),
     ]
     steps = [(f"{1e3 * one['exposure_s']:.4g} ms", 100 * one["nonlinear"], "") for one in stated["exposures"]]
     return _Part("Camera's response", values, names, stated["covariance"], steps, "%", facts)

@@ -100,7 +100,7 @@ def _maps(small: ReducedMaps) -> list[_MapPicture]:
                 "Light from other surfaces",
                 "share of the measured light; subtracted",
                 picture,
-                ("0", f"{percent(top, 0)}%"),
+                ("0", percent(top, 0)),
             )
         )
     return maps
@@ -116,13 +116,13 @@ def _figures(normal_map: NormalMap, context: ReportContext) -> str:
         stated = f"mean {mean:.2f}°, median {median:.2f}°"
         expected = f"mean {MEAN_ERROR_PER_SIGMA * mean:.2f}°, median {MEDIAN_ERROR_PER_SIGMA * median:.2f}°"
     fitted = "" if fit is None else (
-        f"residuals are {fit.misfit:.2f} times the stated noise; {percent(fit.probability, 0)}% of sound captures "
+        f"residuals are {fit.misfit:.2f} times the stated noise; {percent(fit.probability, 0)} of sound captures "
         "fit as badly"
     )  # fmt: skip
     predicted = context.predicted_sigma_deg
     rows = [
         ("images", f"{len(normal_map.flags)}"),
-        ("normals", f"{pixels:,}".replace(",", " ") + f" ({percent(pixels / object_pixels)}% of the object)"),
+        ("normals", f"{pixels:,}".replace(",", " ") + f" ({percent(pixels / object_pixels)} of the object)"),
         ("σ of all solved pixels", stated),
         ("expected error", expected),
         ("fit of the images", fitted),
@@ -187,7 +187,7 @@ def _lights(normal_map: NormalMap, context: ReportContext) -> str:
     left_out = advice.images_left_out(normal_map)
     return "".join(
         f"<tr><td>{number}<td>{html.escape(name)}<td>{slant:.0f}°<td>{azimuth:.0f}°<td>{factor:.3f}"
-        + ("<td>left out<td>–" if number in left_out else f"<td>{percent(used, 0)}%<td>{percent(clipped)}%")
+        + ("<td>left out<td>–" if number in left_out else f"<td>{percent(used, 0)}<td>{percent(clipped)}")
         for number, (name, slant, azimuth, factor, (used, clipped, _)) in enumerate(figures)
     )
 

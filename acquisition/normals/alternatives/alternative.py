@@ -162,7 +162,7 @@ class Alternative:
                 message += f" and {figure(terms.strength, 1)} times the strength of a dielectric's"
         elif self.term in ("ambient", "offset"):
             value = getattr(terms, self.term)
-            message += f" ({percent(value)}% of white)"
+            message += f" ({percent(value)} of white)"
         message += "" if convincing else "; this explains the images only in part: do not trust the normals"
         return ModelFinding(kind=self.kind, message=message, corrected=convincing, value=value)
 

@@ -136,7 +136,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
     factors = np.where(far, np.exp(_log_intensity(present)), 1.0)
     images = present.hypothesis.masked.images
     names = ", ".join(
-        f"image {images.label(int(n))} by {percent(factors[n] - 1, 0, signed=True)}%" for n in np.flatnonzero(far)
+        f"image {images.label(int(n))} by {percent(factors[n] - 1, 0, signed=True)}" for n in np.flatnonzero(far)
     )
     scaled = present.hypothesis.reread(changed_images.scaled(images, factors))
     scaled = replace(scaled, factors=factors)

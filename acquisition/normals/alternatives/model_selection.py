@@ -108,7 +108,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
             ModelFinding(
                 kind="lamps",
                 message="lamp positions, lamp intensities or the object's distance differ from the stated values "
-                f"(intensities by {percent(noise.intensity)}%, object by "
+                f"(intensities by {percent(noise.intensity)}, object by "
                 f"{figure(1000 * abs(solution.moved_m), 0)} mm): do not trust the normals",
                 corrected=False,
             )
@@ -136,7 +136,7 @@ def remaining(solution: Solution) -> list[ModelFinding]:
             ModelFinding(
                 kind="misfit",
                 message=f"the images fit the model badly: residuals are {fit.misfit:.1f} times the stated noise; only "
-                f"{percent(fit.probability)}% of sound captures fit as badly (metal, strong gloss, moving shadows?): "
+                f"{percent(fit.probability)} of sound captures fit as badly (metal, strong gloss, moving shadows?): "
                 "do not trust the normals",
                 corrected=False,
                 value=fit.probability,

@@ -130,7 +130,11 @@ def _errors(surface: str, curves: Sequence[Curve]) -> list[str]:
 def _far_off(result: StudyResult) -> list[str]:
     shares = [error_curves.over_10(result.samples, method, 8) for method in error_curves.RIVALS]
     rows = [
-        [shape, f"{share:.2%}", *(f"{value:.3%}" for of in shares if shape in of for value in of[shape])]
+        [
+            shape,
+            f"{100 * share:.2f} %",
+            *(f"{100 * value:.3f} %" for of in shares if shape in of for value in of[shape]),
+        ]
         for shape, share in error_curves.mixed_share(result.samples).items()
     ]
     far_off = [f"{method}{whose}" for method in error_curves.RIVALS for whose in (", graded pixels", ", all pixels")]
@@ -220,9 +224,12 @@ def _three(rows: Sequence[three_images.Row]) -> list[str]:
             for name, (mean, median) in three_images.REPORTED.items()]  # fmt: skip
     for name in names:
         of_condition = [by_place[name, shape] for shape in objects]
-        share = "" if all(row.share > 0.999 for row in of_condition) else " ({:.0%} of the pixels)"
+        share = "" if all(row.share > 0.999 for row in of_condition) else " ({:.0f} % of the pixels)"
         body.append(
-            [name, *(f"{row.mean_deg:.2f} / {row.median_deg:.2f}{share.format(row.share)}" for row in of_condition)]
+            [
+                name,
+                *(f"{row.mean_deg:.2f} / {row.median_deg:.2f}{share.format(100 * row.share)}" for row in of_condition),
+            ]
         )
     return [
         _table(["condition: mean / median error", *objects], body),

@@ -155,7 +155,7 @@ def test_camera_fit_warns_of_eight_bits_with_the_loss(camera: AccountedCamera) -
     assert known is not None
     coarse = CALIBRATION.model_copy(update={"sensor": CALIBRATION.sensor.model_copy(update={"bits": 8})})
     (warning,) = camera_fit.require_fit(known.model_copy(update={"bits": 8}), coarse, CONFIG)
-    assert "2.3% (1 σ)" in warning
+    assert "2.3 % (1 σ)" in warning
 
 
 @contextmanager

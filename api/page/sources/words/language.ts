@@ -62,11 +62,7 @@ export function degrees(value: number | null | undefined, digits = 2): string {
 }
 
 export function percent(share: number, digits = 0): string {
-  return share.toLocaleString(REGION[chosen], {
-    style: "percent",
-    minimumFractionDigits: digits,
-    maximumFractionDigits: digits,
-  });
+  return `${number(100 * share, digits)}\u00a0%`;
 }
 
 export function when(time: string | null | undefined): string {

@@ -83,7 +83,7 @@ def test_page_of_known_samples_is_offline_and_holds_figures(tmp_path: Path) -> N
     assert summary["straddling"] == dict.fromkeys(error_curves.OBJECTS, pytest.approx(0.05))
     assert summary["over_10"]["optimal"][8] == 0
     assert summary["over_10_of_all"]["optimal"][8] == pytest.approx(0.02)
-    assert "5.00%" in text
-    assert "2.000%" in text
+    assert "5.00 %" in text
+    assert "2.000 %" in text
     assert set(summary["ratios"][0]) == {"rival", "lights", "glossy", "ratio", "half_width"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["study.html"]
