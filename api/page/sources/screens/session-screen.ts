@@ -3,7 +3,8 @@ import { html, nothing, type PropertyValues } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { act, edit } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
-import type { Session } from "../connection/schemas";
+import { get } from "../connection/requests";
+import type { Action as Taken, Session } from "../connection/schemas";
 import { PageElement } from "../parts/element";
 import { reasonShown, whyNoMove } from "../parts/move-reason";
 import { duration, percent, t, type Word, when } from "../words/language";
@@ -29,6 +30,7 @@ export class SessionScreen extends PageElement {
   @state() private fromHere = false;
   @state() private editing = false;
   protected readonly watching = new LiveController(this);
+  @state() private stopped: Taken | null = null;
   private asking = "";
 
   /** A question is about one session in one state. What was ticked for it does not apply to another. */
@@ -39,6 +41,20 @@ export class SessionScreen extends PageElement {
     if (asking === this.asking) return;
     this.asking = asking;
     this.ask(null);
+    this.stopped = null;
+    if (session?.state === "stopped") void this.readStop(session.id);
+  }
+
+  /** Reads who stopped a session. Without an answer the screen states only that it is stopped. */
+  private async readStop(id: string): Promise<void> {
+    const { items } = await get<{ items: Taken[] }>(`/v1/sessions/${id}/actions?limit=200`).catch(() => ({
+      items: [],
+    }));
+    if (this.identity !== id) return;
+    const done = items.filter(({ outcome }) => outcome !== "refused");
+    // A halt of the cell stops the session too; it says more.
+    const stops = ["halt", "stop"].map((name) => done.filter(({ action }) => action === name).at(-1));
+    this.stopped = stops[0] ?? stops[1] ?? null;
   }
 
   private ask(action: Action | null): void {
@@ -118,6 +134,12 @@ export class SessionScreen extends PageElement {
 
   private reason(session: Session) {
     const reason = session.reason;
+    if (!reason && this.stopped) {
+      const { action, actor, at } = this.stopped;
+      return html`<p id="session-stopped">
+        ${t(action === "halt" ? "session.by_halt" : "session.by_stop", { name: actor, when: when(at) })}
+      </p>`;
+    }
     if (!reason) return nothing;
     const toReview = reason.code === "plan.to_review";
     return html`<div class=${`notice ${toReview ? "" : "warning"}`} id="session-reason">

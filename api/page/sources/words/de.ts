@@ -135,6 +135,8 @@ export const de: Record<keyof typeof en, string> = {
   "ask.from_here": "Der Arm darf von hier aus weitermachen, obwohl die Sitzung ihn woanders verlassen hat.",
 
   "session.none": "Zurzeit benutzt keine Sitzung die Anlage.",
+  "session.by_halt": "{name} hat die Zelle gestoppt und damit die Sitzung beendet, {when}.",
+  "session.by_stop": "{name} hat die Sitzung beendet, {when}.",
   "session.missing": "Diese Sitzung gibt es nicht.",
   "session.parts": "Teile der Sitzung",
   "session.progress": "Fortschritt",

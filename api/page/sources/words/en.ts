@@ -140,6 +140,8 @@ export const en = {
 
   // Session
   "session.none": "No session uses the rig now.",
+  "session.by_halt": "{name} stopped the cell, and with it the session, {when}.",
+  "session.by_stop": "{name} stopped the session, {when}.",
   "session.missing": "There is no such session.",
   "session.parts": "Parts of the session",
   "session.progress": "Progress",
