@@ -14,7 +14,7 @@ from typing import BinaryIO, TypeVar, TypeVarTuple
 
 from anyio import CapacityLimiter
 
-from acquisition.archive.archive import MARK, Archive
+from acquisition.archive.archive import Archive
 from acquisition.archive.catalogue import ResultRow, SessionRow
 from acquisition.archive.entries import FileEntry, ResultEntry, SessionEntry, result_name, session_name
 from acquisition.archive.where import COLUMNS
@@ -67,9 +67,9 @@ class ReadArchive:
             return self._opened
 
     def probe(self) -> None:
-        """Checks that files and catalogue answer. Raises RigError as `archive`, archive.unreachable."""
+        """Checks that files and catalogue answer, and that the archive is still there. Raises RigError as `archive`."""
         archive = self.archive()
-        archive.contents.size(MARK)
+        archive.require()
         archive.catalogue.session_keys("", limit=1)
 
     def row(self, key: str) -> SessionRow:

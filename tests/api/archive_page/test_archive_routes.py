@@ -162,6 +162,9 @@ def test_archive_that_is_away_is_told_and_found_again(address: str, tmp_path: Pa
         moved.symlink_to(address)
         assert client.get("/health/ready").json() == {"status": "ok"}
         assert len(client.get(LIST).json()["items"]) == 2
+        moved.unlink()
+        moved.mkdir()  # the mount point of a disk that went away
+        assert client.get("/health/ready").json()["code"] == "archive.address_invalid"
 
 
 def test_keys_are_asked_for_and_a_viewer_s_is_enough(address: str, tmp_path: Path):
