@@ -183,7 +183,7 @@ def components(
     squares, freedom = _squares(residual, np.where(known, lights, 0))
     unexplained = np.subtract(squares, stated_share * freedom, dtype=np.float32)
     local = np.maximum(_pooled(unexplained) / np.maximum(_pooled(freedom), 1), 0)
-    own = own_misfit(residual, np.where(known, lights, 0))
+    own = _shrunk(squares, freedom)
     crease = np.maximum(crease_deg2(normals, known) - SETTINGS.min_crease_deg**2, 0)
     detail = np.maximum(detail_deg2(normals, known) - NOISE_DETAIL * base, 0)
     line = line_deg(normals, known, base)
@@ -195,7 +195,11 @@ def components(
 
 def own_misfit(residual: Float32Array, lights: np.ndarray) -> Float32Array:
     """Returns each pixel's own χ² (h, w), shrunk towards 1 by one degree of freedom, from maps as in `components`."""
-    squares, freedom = _squares(residual, lights)
+    return _shrunk(*_squares(residual, lights))
+
+
+def _shrunk(squares: Float32Array, freedom: Float32Array) -> Float32Array:
+    """Returns χ² of a sum of squares with its degrees of freedom, with a prior of 1 and one degree of freedom."""
     return (squares + 1) / (freedom + 1)
 
 

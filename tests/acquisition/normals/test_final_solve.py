@@ -220,15 +220,13 @@ def test_solve_integrability_lowers_median_error(cushion: scenes.Scene, monkeypa
 
 
 def test_solve_noise_beyond_what_is_stated_is_a_misfit(cushion: scenes.Scene) -> None:
-    """Estimated noise whitens residuals of a wrong model to 1; against the stated one they stand out, and raise σ.
-
-    The estimate is far above the residuals here, so that misfit counts little (χ² ≥ 1/6)."""
+    """Estimated noise whitens residuals of a wrong model to 1; against the stated one they stand out, and raise σ."""
     stack = images(cushion)
     all_pixels = slice(0, SIZE)
     masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
     gathered = masked.level(FACTOR, pixel_solution.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     scene = model(cushion.calibration, stack)
-    estimated = replace(scene, noise=replace(scene.noise, intensity=0.1, direction=0.05))
+    estimated = replace(scene, noise=replace(scene.noise, intensity=0.02, direction=0.01))
     state = refined(gathered, estimated.noise, 0.0)
 
     def solved(stated: image_values.Noise) -> NormalMap:
@@ -238,4 +236,4 @@ def test_solve_noise_beyond_what_is_stated_is_a_misfit(cushion: scenes.Scene) ->
     as_estimated, less = solved(estimated.noise), solved(scene.noise)
     np.testing.assert_array_equal(less.normals, as_estimated.normals)
     assert less.noise["misfit"] > as_estimated.noise["misfit"]
-    assert np.nanmean(less.sigma_deg) > 1.005 * np.nanmean(as_estimated.sigma_deg)
+    assert np.nanmean(less.sigma_deg) > 1.02 * np.nanmean(as_estimated.sigma_deg)
