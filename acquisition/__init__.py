@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from acquisition.normals.distant import solve as solve_distant
     from acquisition.normals.images.image_set import ImageSet
     from acquisition.normals.near_light import solve as solve_near
-    from acquisition.session import State
+    from acquisition.session_state import State
 
 __all__ = [
     "Calibration", "ErrorCode", "ImageSet", "Light", "LightPlan", "NormalMap", "Recipe", "ResultSummary", "RigError",
@@ -53,7 +53,7 @@ _SOURCES: dict[str, tuple[str, str]] = {
     "ResultSummary": ("models.result", "ResultSummary"),
     "RigError": ("models.errors", "RigError"),
     "SolveSettings": ("models.result", "SolveSettings"),
-    "State": ("session", "State"),
+    "State": ("session_state", "State"),
     "read_folder": ("formats.folders", "read"),
     "read_result": ("formats.export", "read"),
     "read_session": ("formats.folders.session_folder", "read"),

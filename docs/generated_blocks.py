@@ -102,7 +102,7 @@ def routes() -> str:
 
 def problems() -> str:
     """Every problem code with its HTTP status, from the one table of codes."""
-    from acquisition.models.errors import PROBLEMS
+    from acquisition.models.problem_table import PROBLEMS
 
     rows = ["| code | status | |", "|---|---|---|"]
     rows += [f"| `{code}` | {entry.status} | {entry.title} |" for code, entry in PROBLEMS.items()]
@@ -111,7 +111,7 @@ def problems() -> str:
 
 def transitions() -> str:
     """The state diagram of a session in mermaid's language, from the table of transitions."""
-    from acquisition.session import ENDED, TRANSITIONS, State
+    from acquisition.session_state import ENDED, TRANSITIONS, State
 
     lines = ["```mermaid", "stateDiagram-v2", f"    [*] --> {State.CREATED}"]
     lines += [f"    {state} --> {target}: {trigger}" for (state, trigger), target in TRANSITIONS.items()]

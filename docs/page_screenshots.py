@@ -15,7 +15,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from acquisition.models.calibration_recipe import BoardRecipe
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from hardware_sim.cell import Cell, CellOptions
 from tests.api.page import chromium

@@ -14,13 +14,15 @@ from typing import Any
 
 from structlog.contextvars import bound_contextvars
 
-from acquisition import session
+from acquisition import session, session_state
 from acquisition.devices import Rig, StopToken
-from acquisition.models.errors import NOT_WRITTEN, ErrorCode, Halted, RigError, problem
+from acquisition.models.errors import NOT_WRITTEN, ErrorCode, Halted, RigError
+from acquisition.models.problem_table import problem
 from acquisition.runner.progress import ProgressEstimator
 from acquisition.runner.safety_monitor import SafetyMonitor
 from acquisition.runner.step_executor import StepExecutor
-from acquisition.session import Actor, SessionRecord, Stage, State, Trigger
+from acquisition.session import SessionRecord, Stage
+from acquisition.session_state import Actor, State, Trigger
 from acquisition.store import Store
 
 _log = logging.getLogger(__name__)
@@ -168,7 +170,7 @@ class SessionLoop:
         state = self._store.journal.session(session_id).state
         if state is State.STOPPING:
             self.trigger(session_id, Trigger.AT_REST)
-        elif self._closing.is_set() and state in session.RIG_HOLDING:
+        elif self._closing.is_set() and state in session_state.RIG_HOLDING:
             reason = problem(ErrorCode.SERVICE_RESTARTED, "The service was shut down")
             self.trigger(session_id, Trigger.INTERRUPT, reason=reason)
         # Else the halt is not journalled yet: a queued request will make its entry.

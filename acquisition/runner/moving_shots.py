@@ -23,7 +23,8 @@ from acquisition.models.step import TakeScan, TakeShot
 from acquisition.runner.compute import Compute
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.shots import ShotCapture
-from acquisition.session import SessionRecord, State
+from acquisition.session import SessionRecord
+from acquisition.session_state import State
 from acquisition.store import Store
 
 POLL_S = 0.002

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from acquisition import session
+from acquisition import session, session_state
 from acquisition.capture import exposure
 from acquisition.devices import Rig
 from acquisition.formats.frames import FolderFrames
@@ -30,7 +30,7 @@ from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.memo import Memo
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.step_executor import StepExecutor
-from acquisition.session import State
+from acquisition.session_state import State
 from acquisition.store import Store
 from acquisition.store.folder import write_value
 from acquisition.waypoints import mounted_tool
@@ -252,7 +252,7 @@ class PlanningService:
                 ErrorCode.SESSION_ACTION_NOT_ALLOWED,
                 f"Session {session_id} is {row.state} and is not waiting for the review of pass {number}",
                 state=row.state,
-                allowed=[str(action) for action in session.allowed_actions(row.state)],
+                allowed=[str(action) for action in session_state.allowed_actions(row.state)],
             )
 
     def _next_step(self, session_id: str) -> Step | None:

@@ -23,7 +23,8 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.safety_monitor import SafetyMonitor
-from acquisition.session import State, max_passes
+from acquisition.session import max_passes
+from acquisition.session_state import State
 from acquisition.store import SessionRow, Store
 from acquisition.store.folder import require_space, write_bytes
 

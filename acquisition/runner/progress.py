@@ -10,12 +10,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from acquisition import session
+from acquisition import session, session_state
 from acquisition.models.calibration_recipe import CalibrationRecipe, require_capture
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.recipe import Recipe
 from acquisition.models.time_left import Basis, TimeLeft, TimePart
-from acquisition.session import PassRecord, SessionRecord, Stage, State
+from acquisition.session import PassRecord, SessionRecord, Stage
+from acquisition.session_state import State
 from acquisition.store import Event, SessionFilter, SessionRow, Store
 
 EARLIER_SESSIONS = 5
@@ -80,7 +81,7 @@ class ProgressEstimator:
 
     def estimate(self, record: SessionRecord, stage: Stage) -> SessionProgress:
         """Estimates the progress of a session from its record and the stage that it has reached."""
-        holds = record.state in session.RIG_HOLDING
+        holds = record.state in session_state.RIG_HOLDING
         return SessionProgress(stage, session.progress(record), self._time_left(record) if holds else None)
 
     def told(self, row: SessionRow) -> SessionProgress:

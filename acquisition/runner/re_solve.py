@@ -19,19 +19,21 @@ from typing import Literal
 
 from structlog.contextvars import bound_contextvars
 
-from acquisition import session
+from acquisition import session_state
 from acquisition.formats.atomic_write import written_by_job
 from acquisition.formats.frames import FolderFrames
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import require_capture
 from acquisition.models.cell_config import CellConfig
-from acquisition.models.errors import NOT_WRITTEN, ErrorCode, Halted, RigError, problem
+from acquisition.models.errors import NOT_WRITTEN, ErrorCode, Halted, RigError
+from acquisition.models.problem_table import problem
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.runner import calibration_checks, solve_calibration, solve_requests
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.solve_requests import ACCEPTED, FAILED, READY, SolveRequest
-from acquisition.session import ENDED, SessionRecord, State
+from acquisition.session import SessionRecord
+from acquisition.session_state import ENDED, State
 from acquisition.store import Store
 from acquisition.store.folder import write_manifest
 
@@ -168,7 +170,7 @@ class ReSolveService:
                     ErrorCode.SESSION_ACTION_NOT_ALLOWED,
                     f"A session that is {row.state} may still take images: solve it again when it has ended",
                     state=row.state,
-                    allowed=[str(action) for action in session.allowed_actions(row.state)],
+                    allowed=[str(action) for action in session_state.allowed_actions(row.state)],
                 )
             if calibration is not None:
                 solve_calibration.require_fits(self._store, session_id, calibration)

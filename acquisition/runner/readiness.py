@@ -12,7 +12,8 @@ from typing import Any
 from acquisition.capture import camera_fit
 from acquisition.devices import ArmIdentity, Rig
 from acquisition.models.base import Vector3
-from acquisition.models.errors import ErrorCode, RigError, problem
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.problem_table import problem
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.waypoints import mounted_tool
 

@@ -15,12 +15,13 @@ from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from acquisition import session
+from acquisition import session, session_state
 from acquisition.devices import RecoveryStep, Rig, StopToken
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.cell_config import Tool
-from acquisition.models.errors import ErrorCode, RigError, problem
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.problem_table import problem
 from acquisition.runner import calibration_checks, new_session, preconditions
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.loop import SessionLoop
@@ -34,7 +35,7 @@ from acquisition.runner.safety_monitor import Latch, SafetyMonitor
 from acquisition.runner.status import RigStatus
 from acquisition.runner.step_executor import StepExecutor
 from acquisition.runner.stop_record import StopRecord
-from acquisition.session import Actor, State, Trigger
+from acquisition.session_state import Actor, State, Trigger
 from acquisition.store import SessionRow, Store
 
 _log = logging.getLogger(__name__)
@@ -245,7 +246,7 @@ class Runner:
     def _start(self, session_id: str, action: Trigger, actor: str, from_here: bool) -> State:
         journal = self._store.journal
         row = journal.session(session_id)
-        target = session.next_state(row.state, action, Actor.OPERATOR)
+        target = session_state.next_state(row.state, action, Actor.OPERATOR)
         if target is None or target is row.state or row.state is State.PAUSING:
             before, state = journal.trigger(session_id, action, actor, expected=row.state)
             # A session that has come to rest meanwhile is resumed only after all checks below.

@@ -12,11 +12,12 @@ import threading
 from contextlib import suppress
 from typing import Any
 
-from acquisition import session
-from acquisition.models.errors import ErrorCode, RigError, problem
+from acquisition import session_state
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.problem_table import problem
 from acquisition.models.recipe import Recipe
 from acquisition.runner.runner import Runner
-from acquisition.session import Actor, State, Trigger
+from acquisition.session_state import Actor, State, Trigger
 from acquisition.store import SessionRow, Store
 from acquisition.store.queue_table import EntryState, QueueEntry, QueueState
 
@@ -77,7 +78,7 @@ class SessionQueue:
                 raise _to_place(entry)
             row = self._session(entry)
             trouble = None if row is None else _trouble(row)
-            if row is not None and row.state in session.RIG_HOLDING and trouble is not None:
+            if row is not None and row.state in session_state.RIG_HOLDING and trouble is not None:
                 raise RigError(
                     ErrorCode.RIG_BUSY,
                     f"Session {row.id} ({entry.object_name}) is {row.state}: resume or stop it first",

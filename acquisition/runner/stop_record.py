@@ -12,9 +12,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
-from acquisition.models.errors import ErrorCode, RigError, problem
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.problem_table import problem
 from acquisition.runner.safety_monitor import Latch, SafetyMonitor
-from acquisition.session import Actor, State, Trigger
+from acquisition.session_state import Actor, State, Trigger
 from acquisition.store import Store
 
 _log = logging.getLogger(__name__)

@@ -17,7 +17,7 @@ from typing import Any
 
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.event_type import EventType
-from acquisition.session import State
+from acquisition.session_state import State
 from acquisition.store.rows import Counts, Event
 
 MIGRATIONS = (

@@ -17,17 +17,8 @@ from acquisition.models.event_type import EventType
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.route import Route
 from acquisition.models.shot import Shot, ShotKey
-from acquisition.session import (
-    ENDED,
-    RIG_HOLDING,
-    Actor,
-    PassRecord,
-    SessionRecord,
-    State,
-    Trigger,
-    allowed_actions,
-    next_state,
-)
+from acquisition.session import PassRecord, SessionRecord
+from acquisition.session_state import ENDED, RIG_HOLDING, Actor, State, Trigger, allowed_actions, next_state
 from acquisition.store.folder import read_value
 from acquisition.store.outbox_table import OutboxTable
 from acquisition.store.rows import Action, Artifact, SessionRow
@@ -73,8 +64,8 @@ class Journal(OutboxTable):
     ) -> tuple[State, State]:  # fmt: skip
         """Changes a session's state by the transition table and returns (before, after), all in one transaction.
 
-        `actor` is a person's name, or that of `session.Actor.RUNNER` or `SERVICE`. If the state is not the `expected`
-        one, nothing changes. Raises RigError session.action_not_allowed, rig.busy (naming the holder),
+        `actor` is a person's name, or that of `session_state.Actor.RUNNER` or `SERVICE`. If the state is not the
+        `expected` one, nothing changes. Raises RigError session.action_not_allowed, rig.busy (naming the holder),
         session.not_found.
         """
         with self._transaction() as connection:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.session import ENDED, State
+from acquisition.session_state import ENDED, State
 from acquisition.store.journal import Journal
 
 SECONDS_PER_DAY = 86_400.0

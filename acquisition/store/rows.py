@@ -7,7 +7,7 @@ from typing import Any
 
 from acquisition.models import calibration_recipe
 from acquisition.models.calibration_recipe import AnyRecipe
-from acquisition.session import State
+from acquisition.session_state import State
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.session import RIG_HOLDING
+from acquisition.session_state import RIG_HOLDING
 from acquisition.store.database import Database, placeholders
 from acquisition.store.rows import SessionFilter, SessionRow, session_from_row
 

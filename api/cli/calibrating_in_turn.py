@@ -15,7 +15,7 @@ from rich.console import Console
 
 from acquisition.models.calibration_recipe import AnyRecipe, BoardRecipe, tool_of
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from api.cli import session_calibrating
 from api.rest.schemas import SessionResource

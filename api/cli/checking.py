@@ -17,7 +17,8 @@ from acquisition.devices.ur import primary
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
-from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.problem_table import PROBLEMS
 from acquisition.models.recipe import Recipe
 from acquisition.runner import jobs
 from acquisition.store.folder import require_space

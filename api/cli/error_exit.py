@@ -6,7 +6,8 @@ from typing import NoReturn, TypeVar
 
 import typer
 
-from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.problem_table import PROBLEMS
 from api.cli.named_paths import is_named
 
 T = TypeVar("T")

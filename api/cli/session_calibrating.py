@@ -10,7 +10,7 @@ from rich.console import Console
 from acquisition.models.calibration_recipe import AnyRecipe, CheckRecipe, tool_of
 from acquisition.models.calibration_result import USE_IT, CalibrationSummary
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from api.rest.schemas import SessionResource
 

@@ -29,7 +29,7 @@ from acquisition.models.errors import ErrorCode
 from acquisition.models.light_forecast import LightForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
-from acquisition.session import State
+from acquisition.session_state import State
 from api.client.event_following import (
     RECONNECT_TIMEOUT_S,
     EventCursor,

@@ -9,7 +9,7 @@ import time
 import httpx
 from httpx_sse import EventSource, ServerSentEvent
 
-from acquisition.session import ENDED, State
+from acquisition.session_state import ENDED, State
 from api.rest.events import STREAM_RESET
 from api.rest.schemas import EventResource, SessionResource
 

@@ -7,7 +7,7 @@ import httpx
 from pydantic import BaseModel, ValidationError
 
 from acquisition.models.errors import ErrorCode
-from acquisition.session import State
+from acquisition.session_state import State
 from api.rest.schemas import Problem, SessionResource
 
 ModelT = TypeVar("ModelT", bound=BaseModel)

@@ -18,7 +18,7 @@ from prometheus_client.registry import Collector
 
 from acquisition.devices.frame_accounting import AccountedCamera
 from acquisition.devices.ur.arm import UrArm
-from acquisition.session import State
+from acquisition.session_state import State
 from api.rest import stored_files
 from api.rest.camera_preview import CameraPreview
 from api.rest.dependencies import ServiceOf

@@ -13,15 +13,17 @@ from acquisition.models import calibration_check
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.calibration_check import CheckRecord
 from acquisition.models.calibration_result import CalibrationSummary
-from acquisition.models.errors import PROBLEMS, ErrorCode
+from acquisition.models.errors import ErrorCode
 from acquisition.models.light_forecast import LightForecast, PlacedLight
 from acquisition.models.light_plan import ForecastPoint, Light, LightPlan, PriorForecast
+from acquisition.models.problem_table import PROBLEMS
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.models.time_left import TimeLeft, TimePart
-from acquisition.session import ARM_STATE, Stage, State
+from acquisition.session import Stage
+from acquisition.session_state import ARM_STATE, State
 from api.rest import images
 from api.rest.calibration import (
     CalibrationChoice,

@@ -17,7 +17,8 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException
 
 from acquisition.models.calibration_recipe import TAGS
-from acquisition.models.errors import PROBLEMS, ErrorCode, Halted, RigError, in_words
+from acquisition.models.errors import ErrorCode, Halted, RigError, in_words
+from acquisition.models.problem_table import PROBLEMS
 from api.rest.schemas import FieldError, Problem, ProblemPage
 
 MEDIA_TYPE = "application/problem+json"

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Body, Header, Request, Response
 from fastapi import Path as InPath
 from fastapi.responses import FileResponse
 
-from acquisition import session
+from acquisition import session, session_state
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ResultSummary
 from acquisition.runner.re_solve import EXPORTS
@@ -207,11 +207,11 @@ def _ready(service: Service, session_id: str, number: int) -> Artifact:
     if entry is not None:
         return entry
     service.resolving.raise_outcome(session_id, number)
-    if row.state not in session.ENDED and number < session.max_passes(row.recipe):
+    if row.state not in session_state.ENDED and number < session.max_passes(row.recipe):
         raise RigError(
             ErrorCode.RESULT_NOT_READY,
             f"Session {session_id} is {row.state} and has no result {number} yet",
             state=row.state,
-            allowed=[str(action) for action in session.allowed_actions(row.state)],
+            allowed=[str(action) for action in session_state.allowed_actions(row.state)],
         )
     raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Session {session_id} is {row.state} and has no result {number}")

@@ -17,7 +17,8 @@ from fastapi.responses import Response
 
 from acquisition.models.base import as_joints, as_matrix4
 from acquisition.models.cell_config import Tool
-from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.problem_table import PROBLEMS
 from acquisition.runner.safety_monitor import Latch
 from acquisition.runner.status import RigStatus
 from api.rest import problems

@@ -13,13 +13,15 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from acquisition.models.base import Vector3
 from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.calibration_result import CalibrationSummary
-from acquisition.models.errors import PROBLEMS, ErrorCode
+from acquisition.models.errors import ErrorCode
 from acquisition.models.light_plan import LightPlan, PriorForecast
+from acquisition.models.problem_table import PROBLEMS
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route
 from acquisition.models.shot import Shot
 from acquisition.models.time_left import TimeLeft
-from acquisition.session import Stage, State
+from acquisition.session import Stage
+from acquisition.session_state import State
 
 ItemT = TypeVar("ItemT")
 SessionAction = Literal["start", "pause", "resume", "stop"]

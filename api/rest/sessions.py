@@ -14,14 +14,14 @@ from urllib.parse import urlencode
 import anyio.to_thread
 from fastapi import APIRouter, Body, Depends, Header, Query, Request, Response
 
-from acquisition import session
+from acquisition import session_state
 from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
 from acquisition.runner import estimates
-from acquisition.session import State, Trigger
+from acquisition.session_state import State, Trigger
 from acquisition.store import Action, SessionFilter, SessionRow
 from acquisition.store.folder import read_value
 from api.rest import images, problems, results, stored_files
@@ -56,9 +56,9 @@ from api.rest.wiring import Service
 router = APIRouter(tags=["sessions"])
 
 _ACTOR_OF_ROLE = {
-    Role.VIEWER: session.Actor.VIEWER,
-    Role.OPERATOR: session.Actor.OPERATOR,
-    Role.ADMIN: session.Actor.OPERATOR,
+    Role.VIEWER: session_state.Actor.VIEWER,
+    Role.OPERATOR: session_state.Actor.OPERATOR,
+    Role.ADMIN: session_state.Actor.OPERATOR,
 }
 
 
@@ -310,7 +310,7 @@ def _resource(service: Service, row: SessionRow, caller: Caller, damage: RigErro
         id=row.id,
         number=row.number,
         state=row.state,
-        arm=session.ARM_STATE[row.state],
+        arm=session_state.ARM_STATE[row.state],
         stage=progress.stage,
         progress=progress.progress,
         seconds_left=progress.time_left.seconds if progress.time_left and row.state is State.RUNNING else None,
@@ -319,7 +319,7 @@ def _resource(service: Service, row: SessionRow, caller: Caller, damage: RigErro
         conclusion=plans[-1].body.get("conclusion") if plans else None,
         allowed_actions=cast(
             list[SessionAction],
-            [str(action) for action in session.allowed_actions(row.state, _ACTOR_OF_ROLE[caller.role])],
+            [str(action) for action in session_state.allowed_actions(row.state, _ACTOR_OF_ROLE[caller.role])],
         ),
         recipe=row.recipe,
         label=row.label,

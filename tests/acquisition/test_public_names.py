@@ -21,7 +21,7 @@ NAMES = {
     "ResultSummary": "models.result.ResultSummary",
     "RigError": "models.errors.RigError",
     "SolveSettings": "models.result.SolveSettings",
-    "State": "session.State",
+    "State": "session_state.State",
     "read_folder": "formats.folders.read",
     "read_result": "formats.export.read",
     "read_session": "formats.folders.session_folder.read",

@@ -14,7 +14,7 @@ import pytest
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from api.rest import keys, server, settings
 from api.rest.server import Server

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from acquisition.session import State
+from acquisition.session_state import State
 from api.rest.schemas import OwnLights
 from tests.model.quick_rig import quick_service
 

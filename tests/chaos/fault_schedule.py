@@ -24,9 +24,10 @@ from typing import Any
 
 import httpx
 
-from acquisition.models.errors import PROBLEMS, ErrorCode
+from acquisition.models.errors import ErrorCode
+from acquisition.models.problem_table import PROBLEMS
 from acquisition.runner.loop import INTERRUPTING_CODES, PAUSING_CODES
-from acquisition.session import State
+from acquisition.session_state import State
 from acquisition.store import Journal
 from api import Client, ProblemError
 from api.rest.schemas import SessionResource

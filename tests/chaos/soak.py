@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.session import State
+from acquisition.session_state import State
 from acquisition.store import Journal
 from api import ProblemError
 from tests.chaos.fault_schedule import FAULTS, Scene, check, explained, until_it_waits

@@ -25,7 +25,7 @@ import httpx
 import pytest
 
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from api.rest import keys
 from api.rest.app import description

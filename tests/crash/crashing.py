@@ -18,7 +18,8 @@ import tifffile
 
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
-from acquisition.session import FIRST_FURTHER_NUMBER, FIRST_REFERENCE_NUMBER, State
+from acquisition.session import FIRST_FURTHER_NUMBER, FIRST_REFERENCE_NUMBER
+from acquisition.session_state import State
 from acquisition.store import Journal
 from api import Client, ProblemError
 from api.rest.schemas import EventResource, SessionResource

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from acquisition.session import State
+from acquisition.session_state import State
 from tests.crash.crashing import (
     Bench,
     announced,

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 import pytest
 
 from acquisition.models.errors import ErrorCode
-from acquisition.session import State
+from acquisition.session_state import State
 from acquisition.store.folder import RESERVED_BYTES
 from api import Client, ProblemError
 from api.rest.schemas import SessionResource

@@ -10,7 +10,7 @@ from collections.abc import Generator
 import pytest
 
 from acquisition.models.recipe import Exposure
-from acquisition.session import State
+from acquisition.session_state import State
 from tests.crash.crashing import (
     RECIPE,
     Bench,

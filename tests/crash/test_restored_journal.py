@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from acquisition.models.errors import ErrorCode
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client, ProblemError
 from tests.crash.crashing import Bench, assert_rests, bench
 

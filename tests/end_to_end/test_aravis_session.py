@@ -6,7 +6,7 @@ import pytest
 
 from acquisition.models import cell_config
 from acquisition.models.recipe import Recipe
-from acquisition.session import ENDED, State
+from acquisition.session_state import ENDED, State
 from api.rest import settings, wiring
 from hardware_sim import grade
 from hardware_sim import truth as truth_file

@@ -10,7 +10,7 @@ import pytest
 
 from acquisition.models.calibration_recipe import BoardRecipe, LampRecipe
 from acquisition.models.errors import ErrorCode
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from api.rest.schemas import SessionResource
 from hardware_sim import placing

@@ -12,7 +12,7 @@ import pytest
 from acquisition.models import cell_config
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client, ProblemError
 from hardware_sim import grade, truth
 from hardware_sim.cell import Cell, CellOptions

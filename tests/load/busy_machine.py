@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from hardware_sim.controller.control import ControlClient
 from tests.load.loaded_cell import (
     AT_REST_RAD_S,

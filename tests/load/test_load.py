@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient

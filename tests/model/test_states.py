@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, rule, run_state_machine_as_test
 
 from acquisition.runner import safety_monitor
-from acquisition.session import ACTIONS, RIG_HOLDING, TRANSITIONS, Actor, State, Trigger, next_state
+from acquisition.session_state import ACTIONS, RIG_HOLDING, TRANSITIONS, Actor, State, Trigger, next_state
 from api.rest.keys import Role
 from tests.model.quick_rig import quick_service
 

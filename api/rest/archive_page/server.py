@@ -16,7 +16,8 @@ from fastapi.responses import RedirectResponse
 from pydantic import Field
 
 from acquisition.archive.archive import refuse_missing_folder
-from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.problem_table import PROBLEMS
 from api.rest import capacity, keys, logs, middleware, problems, settings, tickets, tls
 from api.rest.archive_page import routes
 from api.rest.archive_page.reading import ReadArchive

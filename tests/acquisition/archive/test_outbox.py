@@ -17,7 +17,7 @@ from acquisition.archive.archive import Archive, ArchiveFiles
 from acquisition.archive.contents import ContentStore
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from acquisition.store import retention
 from acquisition.store.journal import Journal
 from tests.acquisition.archive import session_copies

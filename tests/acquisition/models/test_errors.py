@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from acquisition.models import cell_config
-from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.problem_table import PROBLEMS
 from api.rest import settings, tls
 
 ROOT = Path(__file__).parents[3]

@@ -13,7 +13,8 @@ from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.runner.runner import Runner
-from acquisition.session import ENDED, State, Trigger, same_joints
+from acquisition.session import same_joints
+from acquisition.session_state import ENDED, State, Trigger
 from acquisition.store import Store
 from api.rest import settings, wiring
 from hardware_sim.cell import Cell, CellOptions

@@ -16,7 +16,7 @@ from acquisition.models.calibration_set import CELL_FILE, CalibrationSet
 from acquisition.models.errors import ErrorCode
 from acquisition.runner.board_shots import START_EXPOSURE_S
 from acquisition.runner.rig_choices import camera_name
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session_state import ENDED, State, Trigger
 from hardware_sim import nominal, placing
 from tests.acquisition.runner.simulated_rig import (
     Rig,

@@ -10,7 +10,7 @@ import pytest
 
 from acquisition.devices.ur.arm import UrArm
 from acquisition.models.recipe import Recipe
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session_state import ENDED, State, Trigger
 from api.rest import wiring
 from hardware_sim.controller.modes import RuntimeState
 from tests.acquisition.runner.simulated_rig import CELL_FILE, Rig, acknowledge, new, simulated_rig, wait_for

@@ -12,7 +12,7 @@ from acquisition.capture import moving
 from acquisition.devices.ur.arm import UrArm
 from acquisition.models.recipe import Capture, Recipe
 from acquisition.models.shot import Shot
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session_state import ENDED, State, Trigger
 from acquisition.store import Journal
 from api.rest import wiring
 from hardware_sim import nominal

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.models.cell_config import Tool
-from acquisition.session import State, Trigger
+from acquisition.session_state import State, Trigger
 from tests.acquisition.runner.simulated_rig import CELL_FILE, Rig, new, simulated_rig, wait_for
 
 BOARD, LAMP = [0.9, 0.0, 0.01, 0.08], [0.6, 0.01, 0.0, 0.07]

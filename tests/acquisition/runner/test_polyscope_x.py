@@ -8,7 +8,7 @@ import pytest
 
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session_state import ENDED, State, Trigger
 from tests.acquisition.runner.simulated_rig import (
     Rig,
     acknowledge,

@@ -13,7 +13,8 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.runner.progress import ASSUMED_S, EARLIER_SESSIONS, ProgressEstimator, measured, work_left
-from acquisition.session import PassRecord, SessionRecord, Stage, State, Trigger
+from acquisition.session import PassRecord, SessionRecord, Stage
+from acquisition.session_state import State, Trigger
 from acquisition.store import Event, Store
 from hardware_sim import nominal
 

@@ -7,7 +7,8 @@ from acquisition.models import cell_config
 from acquisition.models.recipe import Recipe
 from acquisition.models.shot import Shot
 from acquisition.runner import re_solve
-from acquisition.session import PassRecord, SessionRecord, State
+from acquisition.session import PassRecord, SessionRecord
+from acquisition.session_state import State
 from hardware_sim import nominal
 
 

@@ -13,7 +13,7 @@ from acquisition.formats.folders import session_folder
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.models.shot import Shot
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session_state import ENDED, State, Trigger
 from acquisition.store.folder import sha256_of
 from tests.acquisition.runner.simulated_rig import (
     LONG,

@@ -9,7 +9,7 @@ from acquisition.models.calibration_recipe import ResponseRecipe
 from acquisition.models.calibration_result import ResponseResult
 from acquisition.models.errors import ErrorCode
 from acquisition.runner import estimates
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session_state import ENDED, State, Trigger
 from tests.acquisition.runner.simulated_rig import (
     Rig,
     acknowledge,

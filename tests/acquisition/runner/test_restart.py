@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session_state import ENDED, State, Trigger
 from api.rest import settings, wiring
 from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient

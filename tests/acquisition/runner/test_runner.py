@@ -11,7 +11,8 @@ import pytest
 from acquisition.models import cell_config
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
-from acquisition.session import ENDED, State, Trigger, same_joints
+from acquisition.session import same_joints
+from acquisition.session_state import ENDED, State, Trigger
 from tests.acquisition.runner.simulated_rig import (
     CELL_FILE,
     LONG,

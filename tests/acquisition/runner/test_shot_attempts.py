@@ -14,7 +14,8 @@ from acquisition.models.route import Waypoint
 from acquisition.models.shot import FrameQuality, ShotKey
 from acquisition.models.step import TakeFurther, TakeShot
 from acquisition.runner.shots import ShotCapture
-from acquisition.session import SessionRecord, State
+from acquisition.session import SessionRecord
+from acquisition.session_state import State
 from tests.acquisition import scenes
 
 RECIPE = Recipe(retakes=2)

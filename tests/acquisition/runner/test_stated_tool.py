@@ -11,7 +11,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.jog import JogMotion
 from acquisition.models.recipe import Recipe
 from acquisition.runner.runner import Runner
-from acquisition.session import State, Trigger
+from acquisition.session_state import State, Trigger
 from tests.acquisition.runner.test_stop_while_planning import wait_for
 from tests.model.quick_rig import CELL_FILE, quick_service
 

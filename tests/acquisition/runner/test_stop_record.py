@@ -10,7 +10,7 @@ import pytest
 
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
-from acquisition.session import ENDED, State, Trigger
+from acquisition.session_state import ENDED, State, Trigger
 from acquisition.store import Store
 from tests.model.quick_rig import quick_service
 

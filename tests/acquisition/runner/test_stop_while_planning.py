@@ -15,7 +15,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.jog import JogMotion
 from acquisition.models.recipe import Recipe
 from acquisition.runner.runner import Runner
-from acquisition.session import State, Trigger
+from acquisition.session_state import State, Trigger
 from acquisition.store import Store
 from tests.model.quick_rig import QuickArm, quick_service
 

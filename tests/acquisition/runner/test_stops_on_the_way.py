@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.models.recipe import Capture, Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from tests.model.quick_rig import QuickArm, quick_service
 

@@ -15,7 +15,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.runner.re_solve import observations
-from acquisition.session import State, Trigger
+from acquisition.session_state import State, Trigger
 from acquisition.store import Store
 
 RELEASES = sorted((Path(__file__).parents[2] / "data").glob("release_*"))

@@ -16,7 +16,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
-from acquisition.session import State, Trigger
+from acquisition.session_state import State, Trigger
 from acquisition.store import FolderFrames, Store
 from acquisition.store.folder import sha256_of, write_bytes, write_frame, write_manifest
 

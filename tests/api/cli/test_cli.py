@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import Trigger
+from acquisition.session_state import Trigger
 from acquisition.store import Store
 from api.cli.commands import app
 from tests.acquisition.formats.folders import small

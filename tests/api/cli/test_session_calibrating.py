@@ -9,7 +9,7 @@ import pytest
 from acquisition.models.calibration_recipe import ResponseRecipe
 from acquisition.models.calibration_result import USE_IT, CalibrationSummary
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.session import State
+from acquisition.session_state import State
 from api.cli import calibrating_in_turn, session_calibrating
 from api.cli.session_calibrating import completed, sentences
 from api.rest.schemas import Problem, SessionResource

@@ -18,7 +18,7 @@ import pytest
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api import AsyncClient, Client, ProblemError
 from api.client.transport import TIMEOUT_S
 

@@ -15,7 +15,8 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import SAME_JOINTS_RAD, State
+from acquisition.session import SAME_JOINTS_RAD
+from acquisition.session_state import State
 from api import Client
 from api.client.responses import ProblemError
 from api.rest import keys

@@ -14,7 +14,7 @@ from pathlib import Path
 from playwright.sync_api import Browser, sync_playwright
 
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from api.client.responses import ProblemError
 from api.rest import page as bundle_files

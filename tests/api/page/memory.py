@@ -23,7 +23,7 @@ import numpy.typing as npt
 from playwright.sync_api import Browser, Page
 
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from tests.api.page.chromium import Console, open_page
 from tests.end_to_end.processes import Service

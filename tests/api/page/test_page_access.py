@@ -7,7 +7,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import BrowserContext, Page, expect
 
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api.rest.keys import Role
 from tests.api.page.chromium import Console, until
 from tests.api.page.conftest import COMPUTED_WITHIN_MS, HANGING_S, Lab

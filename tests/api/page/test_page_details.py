@@ -9,7 +9,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from acquisition.models.recipe import Exposure, Recipe
-from acquisition.session import SAME_JOINTS_RAD, State
+from acquisition.session import SAME_JOINTS_RAD
+from acquisition.session_state import State
 from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient
 from tests.api.page.conftest import COMPUTED_WITHIN_MS, HANGING_S, Lab

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api.client.responses import ProblemError
 from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient

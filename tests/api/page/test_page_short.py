@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient
 from tests.api.page import chromium

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from acquisition.models.errors import RigError
 from acquisition.models.recipe import Recipe
-from acquisition.session import Actor, Trigger
+from acquisition.session_state import Actor, Trigger
 from acquisition.store import Journal, retention
 from acquisition.store.queue_table import EntryState
 from api.cli.commands import app

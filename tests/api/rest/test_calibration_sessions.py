@@ -16,7 +16,7 @@ from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.shot import FrameQuality, Observations, Shot, ShotKey
 from acquisition.runner import calibration_checks
 from acquisition.runner.board_jobs import board_poses
-from acquisition.session import Trigger
+from acquisition.session_state import Trigger
 from acquisition.store.folder import write_frame, write_manifest, write_value
 from acquisition.waypoints import mounted_tool
 from tests.api.conftest import Running

@@ -17,7 +17,7 @@ import pytest
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
-from acquisition.session import Trigger
+from acquisition.session_state import Trigger
 from acquisition.store.folder import write_frame
 from api.rest import camera_preview, keys, preview_figures
 from api.rest.image_encoding import jpeg

@@ -16,7 +16,8 @@ import tifffile
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import Stage, State
+from acquisition.session import Stage
+from acquisition.session_state import State
 from acquisition.store import Store
 from api import ProblemError
 from hardware_sim.controller.control import ControlClient

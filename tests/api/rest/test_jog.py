@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from acquisition.store.queue_table import QueueState
 from api import Client
 from api.rest.keys import Role

@@ -9,7 +9,8 @@ import httpx
 import jsonschema_rs
 import pytest
 
-from acquisition.models.errors import PROBLEMS, ErrorCode
+from acquisition.models.errors import ErrorCode
+from acquisition.models.problem_table import PROBLEMS
 from api.rest.app import description
 from api.rest.openapi import text
 

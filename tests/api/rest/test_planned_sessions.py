@@ -14,7 +14,7 @@ import pytest
 
 from acquisition.models.recipe import Method, Recipe
 from acquisition.plan import stopping_rule
-from acquisition.session import State
+from acquisition.session_state import State
 from api import Client
 from api.rest import settings
 from api.rest.schemas import SessionResource

@@ -8,8 +8,9 @@ from typing import Any
 import httpx
 import pytest
 
-from acquisition.models.errors import PROBLEMS, ErrorCode
-from acquisition.session import Trigger
+from acquisition.models.errors import ErrorCode
+from acquisition.models.problem_table import PROBLEMS
+from acquisition.session_state import Trigger
 
 JSON = {"Content-Type": "application/json"}
 

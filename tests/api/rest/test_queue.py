@@ -14,7 +14,7 @@ import pytest
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import State, Trigger
+from acquisition.session_state import State, Trigger
 from acquisition.store import folder
 from acquisition.store.queue_table import EntryState, QueueState
 from api import Client, ProblemError

@@ -26,7 +26,7 @@ from acquisition.models.result import SolveSettings
 from acquisition.models.shot import Observations, Shot
 from acquisition.runner.re_solve import EXPORTS
 from acquisition.runner.solve_requests import ACCEPTED, FAILED, READY
-from acquisition.session import State
+from acquisition.session_state import State
 from acquisition.store.folder import write_frame, write_value
 from api import ProblemError
 from api.rest import keys, settings

@@ -10,7 +10,7 @@ import pytest
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import Trigger
+from acquisition.session_state import Trigger
 from api import ProblemError
 
 SIZE = 1024  # of the simulated cell's calibration

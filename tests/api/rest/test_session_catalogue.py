@@ -8,7 +8,7 @@ import pytest
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
+from acquisition.session_state import State
 from api import ProblemError
 from api.rest import sessions
 from api.rest.keys import Caller, Role

@@ -14,7 +14,7 @@ import pytest
 from acquisition.devices.ur import tcp
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import State, Trigger
+from acquisition.session_state import State, Trigger
 from acquisition.store import folder as stored_folder
 from api import ProblemError
 

@@ -17,7 +17,7 @@ import pytest
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import ENDED, State
+from acquisition.session_state import ENDED, State
 from api import ProblemError
 from api.rest.joint_readings import EVENT_TYPE, JointReadingResource
 from hardware_sim.controller.control import ControlClient
