@@ -1,17 +1,18 @@
 """σ expected of a result after planned lights: the variance components of a result, estimated from the images so far.
 
-    σ² = 1 / (1/w + 1/V²),   w = (1 + B m (κ − 1)) (v + 2 L²) + S² + E²
+    σ = √(1 / (1/w + 1/V²)) + S,   w = (1 + B m (κ − 1)) (v + 2 L²) + E²
 
 - v is the posterior's variance, of both tangential directions; m is the number of lights that will reach the pixel.
 - κ − 1 is the value of χ² (ε + ε̄) (`photometry.SETTINGS.misfit_factor`) that would raise σ of all pixels that face the
   camera as much as their own do in the mean. It replaces each pixel's own value, because few images have few residuals.
-  Causes of misfit are shared by images, so that this part does not fall with their number.
+  Causes of misfit are shared by images, so that this part does not fall with their number. Of a pilot √κ counts,
+  because further images can put right what fits its few images badly: under 8 lights κ is 1–140 where that of the pilot
+  is 1–1,700 (decision 103).
 - L is 1 σ, per axis, of the lamp directions by errors of the calibration that all lamps share.
 - E is 1 σ of normals that nothing checks: those of fewer than four lights, or of a capture in which something is wrong
   (`photometry.capture_sigma_deg`).
-- S is the part of σ by creases, detail and lines in the images so far, mean over the pixels. Without it the forecast
-  mean error is 0.61 of the error found, with it 0.83, lines left out (geometric means of 16 plans of eight lights,
-  design seeds 46 and 47; scratch evaluation, November 2026).
+- S is the part of σ by creases, detail and lines in the images so far, mean over the pixels. Few pixels have nearly
+  all of it, and hardly any other error, so that it adds to the mean σ of the others (decision 103).
 - V is 1 σ of a normal of which nothing is known (`photometry.bounded_variance`), as in a result.
 """
 
@@ -40,13 +41,14 @@ class ExpectedSigma:
     def of(cls, normal_map: NormalMap, calibration_rad: float = 0.0) -> "ExpectedSigma":
         """Takes misfit and findings of the images so far. If no misfit is stated, it is 1, that of a model that holds.
 
-        Uncorrected findings of fewer than `photometry.REDUNDANT` images do not count: most other models are not tried
-        with so few images, and further images can correct what was found.
+        Of fewer than `photometry.REDUNDANT` images the misfit counts by its root, and uncorrected findings do not
+        count: most other models are not tried with so few images, and further images can correct what was found.
         """
         told = len(normal_map.flags) >= photometry.REDUNDANT
         findings = [finding for finding in normal_map.findings if told or finding.corrected]
+        misfit = max(normal_map.noise.get("misfit", 1.0), 1.0)
         return cls(
-            misfit=max(normal_map.noise.get("misfit", 1.0), 1.0),
+            misfit=misfit if told else float(np.sqrt(misfit)),
             structure_deg=normal_map.noise.get("structure_deg", 0.0),
             capture_deg=photometry.capture_sigma_deg(findings),
             calibration_rad=calibration_rad,
@@ -59,9 +61,8 @@ class ExpectedSigma:
         few = np.where(posterior.light_count <= photometry.PIXEL_UNKNOWNS, settings.unchecked_sigma_deg**2, 0.0)
         # Both tangential directions of a normal, as in the posterior's variance.
         shared = 2 * self.calibration_rad**2
-        of_model = few + self.capture_deg**2 + self.structure_deg**2
-        variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + of_model
-        return np.asarray(np.sqrt(photometry.bounded_variance(variance)))
+        variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + few + self.capture_deg**2
+        return np.asarray(np.sqrt(photometry.bounded_variance(variance)) + self.structure_deg)
 
 
 @dataclass(frozen=True)

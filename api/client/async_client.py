@@ -7,16 +7,14 @@ resumes from the last event (`Last-Event-ID`). Every refusal of the service is a
         session = await client.capture(Recipe(planned_lights=8))
         await client.download(session.id, session.answer.number, "normals.png", Path("normals.png"))
 
-There are two clients with the same methods, one awaited and one not. `async_client.py` is the source, `client.py` is
+There are two clients with the same methods, one awaited and one not. The awaited one is the source, the other one is
 generated from it by `python -m api.client.generate`, and a test compares them.
 """
 
 import asyncio
-import hashlib
 import time
 from collections.abc import AsyncGenerator, Callable, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Literal
 
 import httpx
@@ -30,6 +28,7 @@ from acquisition.models.light_forecast import LightForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.session_state import State
+from api.client.async_connection import AsyncConnection
 from api.client.event_following import (
     RECONNECT_TIMEOUT_S,
     EventCursor,
@@ -38,15 +37,8 @@ from api.client.event_following import (
     parse_events,
 )  # fmt: skip
 from api.client.progress_bar import SessionProgressBar
-from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed, unreachable
-from api.client.transport import (
-    CLOSED_MEANWHILE,
-    LEAST_TIMEOUT_S,
-    TIMEOUT_S,
-    authorization_headers,
-    connection,
-    may_repeat,
-)  # fmt: skip
+from api.client.responses import ProblemError, parsed, raise_problem, require_completed, unreachable
+from api.client.transport import LEAST_TIMEOUT_S, TIMEOUT_S
 from api.rest.calibration import RigCalibration, ToolResource
 from api.rest.calibration_schemas import EstimateResource
 from api.rest.key_schemas import CallerResource, KeyResource
@@ -71,27 +63,12 @@ from api.rest.schemas import (
 )  # fmt: skip
 
 
-class AsyncClient:
+class AsyncClient(AsyncConnection):
     """Client of one service; use it as an async context manager or `close` it.
 
     Methods raise ProblemError when the service refuses, httpx.TransportError when it cannot be reached. `key` is the
     caller's API key; its default is the environment variable LIGHTPOSE_KEY, or none.
     """
-
-    def __init__(self, url: str, key: str | None = None) -> None:
-        self._http = httpx.AsyncClient(base_url=url, headers=authorization_headers(key), **connection())
-
-    async def __aenter__(self) -> "AsyncClient":
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.close()
-
-    async def close(self) -> None:
-        """Closes the connections."""
-        await self._http.aclose()
 
     async def rig(self) -> RigResource:
         """Returns the status of arm, camera and calibration, and whether a session may start."""
@@ -381,47 +358,3 @@ class AsyncClient:
             return require_completed(await self.wait(created.id))
         with SessionProgressBar() as bar:
             return require_completed(await self.wait(created.id, on_session=bar.update))
-
-    async def _get(self, address: str, model: type[ModelT]) -> ModelT:
-        return parsed(await self._send("GET", address), model)
-
-    async def _all(self, address: str, model: type[ModelT]) -> list[ModelT]:
-        """Returns all items of a paged list."""
-        items: list[ModelT] = []
-        next_address: str | None = address
-        while next_address is not None:
-            page = await self._get(next_address, Page[model])
-            items += page.items
-            next_address = page.next
-        return items
-
-    async def _fetch(self, address: str, path: Path, sha256: str | None) -> Path:
-        """Downloads to a hidden file beside `path`, and renames it once its digest is checked."""
-        partial = path.with_name(f".{path.name}.part")
-        digest = hashlib.sha256()
-        try:
-            async with self._http.stream("GET", address) as response:
-                if response.is_error:
-                    await response.aread()
-                    raise_problem(response)
-                with await asyncio.to_thread(partial.open, "wb") as file:
-                    async for block in response.aiter_bytes():
-                        digest.update(block)
-                        await asyncio.to_thread(file.write, block)
-            if sha256 is not None and digest.hexdigest() != sha256:
-                raise ProblemError(Problem.of(ErrorCode.STORE_CORRUPT, f"{address} differs from the manifest's digest"))
-            await asyncio.to_thread(partial.rename, path)
-        finally:
-            await asyncio.to_thread(partial.unlink, missing_ok=True)
-        return path
-
-    async def _send(self, method: str, address: str, **arguments: Any) -> httpx.Response:
-        try:
-            response = await self._http.request(method, address, **arguments)
-        except CLOSED_MEANWHILE:
-            if not may_repeat(method, address):
-                raise
-            response = await self._http.request(method, address, **arguments)
-        if response.is_error:
-            raise_problem(response)
-        return response

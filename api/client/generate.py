@@ -1,17 +1,17 @@
-"""Generates `client.py` from `async_client.py`: `python -m api.client.generate` after a change of the latter.
+"""Generates the synchronous client from the asynchronous one: `python -m api.client.generate` after a change of that.
 
 The two clients differ only in `async` and `await`, so one is derived from the other by replacing tokens, as httpcore
 does with `unasync`. A fix of one fixes both, and the synchronous client needs no event loop. A test fails if the
-committed `client.py` is not what this module generates.
+committed modules are not what this module generates.
 """
 
 import re
 from pathlib import Path
 
-SOURCE = Path(__file__).with_name("async_client.py")
-TARGET = Path(__file__).with_name("client.py")
-
-HEADER = "# Generated from async_client.py by `python -m api.client.generate`: change that one.\n"
+TARGETS = {
+    source: source.with_name(source.name.removeprefix("async_")) for source in Path(__file__).parent.glob("async_*.py")
+}
+"""The synchronous module of each asynchronous one."""
 
 REPLACEMENTS = (
     (r"^import asyncio\n", ""),
@@ -19,7 +19,8 @@ REPLACEMENTS = (
     (r"\bawait asyncio\.to_thread\(([\w.]+)(?:, )?", r"\1("),
     (r"\basync (def|with|for)\b", r"\1"),
     (r"\bawait ", ""),
-    (r"\bAsyncClient\b", "Client"),
+    (r"\bAsync(Client|Connection)\b", r"\1"),
+    (r"\basync_connection\b", "connection"),
     (r"\bAsyncGenerator\[(\w+), None\]", r"Generator[\1, None, None]"),
     (r"\bAsyncGenerator, Callable\b", "Callable, Generator"),
     (r"\b__a(enter|exit)__\b", r"__\1__"),
@@ -30,15 +31,22 @@ REPLACEMENTS = (
 
 
 def synchronous(source: str) -> str:
-    """Translates the source of the asynchronous client into that of the synchronous one."""
+    """Translates the source of an asynchronous module into that of the synchronous one."""
     for pattern, replacement in REPLACEMENTS:
         source = re.sub(pattern, replacement, source, flags=re.MULTILINE)
-    return HEADER + source
+    return source
+
+
+def generated(source: Path) -> str:
+    """Returns the text of the synchronous module of an asynchronous one."""
+    header = f"# Generated from {source.name} by `python -m api.client.generate`: change that one.\n"
+    return header + synchronous(source.read_text(encoding="utf-8"))
 
 
 def main() -> None:
-    """Writes `client.py`."""
-    TARGET.write_text(synchronous(SOURCE.read_text(encoding="utf-8")), encoding="utf-8")
+    """Writes the synchronous modules."""
+    for source, target in TARGETS.items():
+        target.write_text(generated(source), encoding="utf-8")
 
 
 if __name__ == "__main__":

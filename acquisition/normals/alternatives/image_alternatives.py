@@ -56,9 +56,11 @@ def bad_image(present: Solution) -> list[Alternative]:
     because a bad image makes others seem too dark or too bright.
 
     The loss has to fall, and further where only the poor fit or the intensities call for it. Lower limits lose flashes
-    on rough surfaces, which then err by 7–10° (decision 98).
+    on rough surfaces, which then err by 7–10° (decision 98). Relative residuals have to fall, too: without any image of
+    a sharp highlight the loss falls, but the others fit as before (decision 102).
     """
     hypothesis, unscaled, better = present.hypothesis, _unscaled(present.hypothesis), model_trial.SETTINGS.better
+    share = model_trial.SETTINGS.slightly_better
     images = hypothesis.masked.images
     scaled = np.broadcast_to(hypothesis.factors, len(present.scene.lamps)) != 1
     doubted = {one: one.outlying or bool(scaled[one.number]) for one in _worst_images(present)}
@@ -66,7 +68,7 @@ def bad_image(present: Solution) -> list[Alternative]:
         Alternative(
             "bad image", f"image {images.label(worst.number)} does not fit the others: it is left out",
             unscaled.reread(changed_images.without(unscaled.masked.images, worst.number)),
-            (Limits(better if sure else better**2),), worst.number, leaves_out=True,
+            (Limits(better if sure else better**2, share),), worst.number, leaves_out=True,
             decisive=worst.outlying,
         )
         for worst, sure in sorted(doubted.items(), key=lambda one: not one[0].outlying)

@@ -34,9 +34,11 @@ def other_axes(present: Solution) -> list[Alternative]:
     What a score demands competes with them (gloss where it gains most), and in a poor fit also other images, metal and
     coded values. A wrong reflectance can leave normals of any circulation, and coded values of a dome fit a bowl under
     opposite lamps better. Metal that fits is tried under other axes only where the circulation is significant, because
-    highlights alone fit a surface under other axes as well.
+    highlights alone fit a surface under other axes as well. Near light that redundant images judge does not fit worse
+    under axes that are right, however sure the circulation is of them (decision 102).
     """
     hypothesis, coarse, normals = present.hypothesis, present.hypothesis.level.coarse, present.state.normals
+    judged = _near(present) and len(present.scene.lamps) >= photometry.REDUNDANT
     found, scored = light_tests.integrable_axes(coarse, normals), _scored_axes(present)
     if photometry.METAL in hypothesis.corrected and not (present.badly_fitting or found.sure):
         return []
@@ -53,10 +55,13 @@ def other_axes(present: Solution) -> list[Alternative]:
         return [_relit(hypothesis, f"{REFINED} {again}", axes, 1.0, independently_tested=True, unreported=True)]
     turned = replace(hypothesis, corrected=(*hypothesis.corrected, TURNED))
     alternatives = [
-        _relit(turned, AXES, sign * axes, 1.0 if sure else model_trial.SETTINGS.better, independently_tested=sure)
+        _relit(
+            turned, AXES, sign * axes, 1.0 if sure else model_trial.SETTINGS.better,
+            independently_tested=sure and not judged,
+        )
         for axes, sure in ((one, found.sure and one is found.best) for one in found.turned)
         for sign in _signs(present, axes)
-    ]
+    ]  # fmt: skip
     if scored is not None:
         alternatives.append(_relit(replace(turned, corrected=(*turned.corrected, SCORED)), AXES, scored, 1.0))
     sure = found.sure or scored is not None
@@ -183,13 +188,14 @@ def _relit(
     independently_tested: bool = False,
     unreported: bool = False,
 ) -> Alternative:
-    """Returns the alternative with the lamps' axes multiplied by a matrix (2, 2)."""
+    """Returns the alternative with the lamps' axes multiplied by a matrix (2, 2). `most` is the largest loss that may
+    be left; relative residuals must not rise."""
     relit = hypothesis.with_axes(axes)
     return Alternative(
         kind,
         _axes_sentence(axes),
         relit,
-        (Limits(most),),
+        (Limits(most, 1.0),),
         independently_tested=independently_tested,
         demanded=most > model_trial.SETTINGS.better_at_least,
         unreported=unreported,

@@ -17,6 +17,7 @@ from acquisition.normals.alternatives.alternative import (
     AS_GOOD,
     Alternative,
     Limits,
+    clearly_better,
     decisive,
     explains_more,
     far_better,
@@ -111,8 +112,9 @@ def scored_terms(present: Solution) -> list[Alternative]:
 
     Ambient and stray light need a gain of `min_gain`, because light between surfaces that is not predicted resembles
     them. Beside roughness strong evidence is enough, because the step separates them by itself: it is 0.010 of ambient
-    light and 0.003 of an offset at most in 44 sound rough captures (design seeds 401–437). Where shadows show which of
-    the two it is, the other one is not tried, and no ambient light is tried where it may be indirect light.
+    light and 0.003 of an offset at most in 44 sound rough captures (design seeds 401–437). Where an exponent gains
+    more, the fit has to confirm them (decision 102). Where shadows show which of the two it is, the other one is not
+    tried, and no ambient light is tried where it may be indirect light.
     """
     hypothesis, scores = present.hypothesis, present.scores
     known = hypothesis.nominal.terms
@@ -127,10 +129,11 @@ def scored_terms(present: Solution) -> list[Alternative]:
     demanded: list[Alternative] = []
     for name in names:
         score: TermScore = getattr(scores, name)
-        limits = explains_more() if name == "roughness" else AS_GOOD
-        least = self_calibration.STRONG_EVIDENCE if rough else model_trial.SETTINGS.min_gain
         if name == "roughness":
-            least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
+            least, limits = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE, explains_more()
+        else:
+            least = self_calibration.STRONG_EVIDENCE if rough else model_trial.SETTINGS.min_gain
+            limits = clearly_better() if scores.exponent.gain > score.gain else AS_GOOD
         if tried_gain(scores, name) > least and not (_outdone(name, present) or _may_be_indirect(name, present)):
             demanded.append(_with_term(hypothesis, name, known or LAMBERTIAN, limits, score.step))
         elif name == "roughness" and known is None and _fits_as_rough(present):

@@ -49,7 +49,6 @@ def test_sigma_rises_with_misfit_of_images_so_far() -> None:
     [
         (ExpectedSigma(), 3.0, photometry.SETTINGS.unchecked_sigma_deg),
         (ExpectedSigma(capture_deg=7.0), 4.0, 7.0),
-        (ExpectedSigma(structure_deg=3.0), 4.0, 3.0),
     ],
 )
 def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float, added_deg: float) -> None:
@@ -57,18 +56,24 @@ def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float,
     assert expected.sigma_deg(posterior(1.0, lit)) == pytest.approx(bounded(plain + added_deg**2))
 
 
+def test_sigma_of_structure_adds_to_the_mean() -> None:
+    """A few pixels on creases have it, and the others nothing of it."""
+    assert ExpectedSigma(structure_deg=3.0).sigma_deg(posterior(1.0)) == pytest.approx(bounded(1.0) + 3.0)
+
+
 def test_of_normal_map_reads_misfit_and_findings() -> None:
     true = scenes.scene(scenes.sphere, scenes.calibration(48))
     known = cases.known_map(true, pilot.pattern(Recipe(), scenes.Dome(refused=0)))
-    stated = [ExpectedSigma.of(replace(known, noise={"misfit": misfit})).misfit for misfit in (0.2, 3.0, 90.0)]
-    assert stated == [1.0, 3.0, 90.0]
+    more = replace(known, flags=np.concatenate([known.flags, known.flags[:1]]))
+    for images, counted in ((known, [1.0, 2.0, 9.0]), (more, [1.0, 4.0, 81.0])):
+        stated = [ExpectedSigma.of(replace(images, noise={"misfit": misfit})).misfit for misfit in (0.2, 4.0, 81.0)]
+        assert stated == counted
     assert ExpectedSigma.of(known) == ExpectedSigma()
     assert ExpectedSigma.of(replace(known, noise={"structure_deg": 1.5})).structure_deg == 1.5
     corrected, left = (ModelFinding(kind="lamps", message="-", corrected=one) for one in (True, False))
     metal = ModelFinding(kind=photometry.METAL, message="-", corrected=True)
     settings = photometry.SETTINGS
     half = settings.unchecked_sigma_deg / 2
-    more = replace(known, flags=np.concatenate([known.flags, known.flags[:1]]))
     for findings, of_pilot, of_more in (
         ((corrected,), 0.0, 0.0),
         ((corrected, metal), half, half),

@@ -54,7 +54,7 @@ def test_image_with_a_flash_is_tried_without_however_the_images_fit(lit_from_the
     assert image_alternatives.one_outlies(lit_from_the_camera)
     first = image_alternatives.bad_image(lit_from_the_camera)[0]
     assert first.value == BAD
-    assert first.limits == (Limits(model_trial.SETTINGS.better),)
+    assert first.limits == (Limits(model_trial.SETTINGS.better, model_trial.SETTINGS.slightly_better),)
     clipped = first.hypothesis.masked.images.whole.clipped
     assert np.all(clipped[BAD])
     assert not np.any(clipped[np.arange(len(clipped)) != BAD])
@@ -77,7 +77,8 @@ def test_image_that_fits_as_well_as_those_of_sound_captures_outlies_by_its_inten
 def test_worst_image_of_a_poor_fit_is_tried_without(sound: Solution) -> None:
     poor = replace(sound, fit=replace(sound.fit, misfit=10.0))
     alternatives = image_alternatives.bad_image(poor)
-    assert {one.limits for one in alternatives} == {(Limits(model_trial.SETTINGS.better**2),)}
+    settings = model_trial.SETTINGS
+    assert {one.limits for one in alternatives} == {(Limits(settings.better**2, settings.slightly_better),)}
     assert int(np.nanargmax(poor.fit.images)) in {one.value for one in alternatives}
 
 
@@ -104,15 +105,16 @@ def test_image_that_was_scaled_most_is_tried_without_and_others_as_they_were_rea
         (False, 0.87, 0.87, 0.95, True),
         (False, 0.89, 0.8, 0.8, False),
         (False, 0.72, 0.93, 0.92, True),
+        (False, 0.72, 0.95, 0.92, False),
         (True, 0.3, 0.5, 0.56, False),
         (True, 0.3, 0.5, 0.54, True),
     ],
 )
-def test_image_stays_out_by_the_loss_unless_the_fit_is_poor(
+def test_image_stays_out_by_loss_and_relative_residuals_unless_the_fit_is_poor(
     lit_from_the_camera: Solution, poor: bool, loss: float, share: float, misfit: float, accepted: bool
 ) -> None:
-    """Relative residuals do not decide: those of a rough relief with a flash hardly fall, while it errs by 7.0° with
-    that image, and by 1.3° without."""
+    """Relative residuals of a rough relief with a flash fall by 7 % only, while it errs by 7.0° with that image, and by
+    1.3° without. Without one image of a sound glossy sheet they fall by 0–3 %."""
     first = image_alternatives.bad_image(lit_from_the_camera)[0]
     fit = replace(lit_from_the_camera.fit, misfit=4.0, loss=5.0) if poor else lit_from_the_camera.fit
     before = with_intensities(replace(lit_from_the_camera, fit=fit), np.zeros(8))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.models.base import Float32Array
-from acquisition.normals.alternatives import model_selection, term_alternatives
+from acquisition.normals.alternatives import alternative, model_selection, term_alternatives
 from acquisition.normals.alternatives.model_trial import Solution
 from acquisition.normals.pixels import image_terms
 from acquisition.normals.pixels.image_terms import ImageTerms
@@ -50,6 +50,17 @@ def test_ambient_light_is_demanded_unless_errors_of_the_indirect_light_may_be_as
         shadows = replace(before.state.shadows, indirect=indirect)
         again = replace(before, state=replace(before.state, shadows=shadows))
         assert (AMBIENT in {one.kind for one in term_alternatives.scored_terms(again)}) is tried
+
+
+def test_ambient_light_has_to_fit_clearly_better_where_an_exponent_gains_more() -> None:
+    """Relief of the size of a pixel fitted a little better in ambient light of 10–20 % that was not there."""
+    before = plain(STRAY)
+    assert before.scores is not None
+    gain = before.scores.offset.gain
+    for rival, limits in ((0.9 * gain, alternative.AS_GOOD), (1.1 * gain, alternative.clearly_better())):
+        exponent = replace(before.scores.exponent, gain=rival)
+        again = replace(before, scores=replace(before.scores, exponent=exponent))
+        assert demanded(again).limits == limits
 
 
 def test_shadows_censored_at_black_say_nothing_of_indirect_light_nor_of_an_offset() -> None:

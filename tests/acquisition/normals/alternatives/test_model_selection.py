@@ -118,6 +118,20 @@ def test_solve_turned_lamps_are_turned_back(
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
+def test_sure_axes_under_near_light_must_not_fit_worse(
+    cushion: scenes.Scene, images: Images, tried: list[Trial]
+) -> None:
+    """The normals of a glossy sheet, of a wrong curvature, were sure of lamps that were turned: 11° off, not 3°."""
+    turned = light_tests.transformed(photometry.lamps(images.lights), light_tests.turned_by(10))
+    lights = tuple(Light(position=tuple(lamp[:3].tolist()), axis=tuple(lamp[3:].tolist())) for lamp in turned)
+    solved(cushion, replace(images, lights=lights))
+    one, before, trial = next(each for each in tried if each[0].kind == lamp_alternatives.AXES)
+    assert not one.independently_tested
+    assert one.accepted(before, trial)
+    for worse in ({"loss": 1.01 * before.fit.loss}, {"relative_residual": 1.01 * before.fit.relative_residual}):
+        assert not one.accepted(before, replace(trial, fit=replace(trial.fit, **worse)))
+
+
 def test_other_axes_in_a_sound_fit_are_tried_beside_what_a_score_demands(
     cushion: scenes.Scene, images: Images, tried: list[Trial]
 ) -> None:
@@ -149,7 +163,7 @@ def test_other_axes_of_a_sound_outline_are_not_demanded_in_a_poor_fit(
     monkeypatch.setattr(lamp_alternatives, "_likely", lambda *_: True)
     poor = replace(solutions[0], fit=replace(solutions[0].fit, misfit=10.0))
     (opposite,) = (one for one in lamp_alternatives.other_axes(poor) if one.kind == lamp_alternatives.AXES)
-    assert opposite.limits == (Limits(model_trial.SETTINGS.better_at_least),)
+    assert opposite.limits == (Limits(model_trial.SETTINGS.better_at_least, 1.0),)
     assert not opposite.demanded
 
 
