@@ -41,10 +41,11 @@ class TrialSettings:
     evaluation, November 2026)."""
     better: float = tuned(0.88, "loss ratio")
     """Loss after over before, up to which an alternative is clearly better: other axes, registered images, one image
-    left out, the object at its stated place, a term of which less is found than half of what its score predicts. Also
-    the relative residuals that metal may leave. Measured: captures that moved by 2 pixels keep at most 0.88 of the loss
-    in 80 of 84 trials, others in one of 149 (decision 92). Of relative residuals metal leaves 0.07–0.80 in 45 of 49
-    trials, anything else 1.08 and more in 56 trials, except a glossy sheet, 0.79 and 0.82 (decision 81)."""
+    left out, the object at its stated place, a term of which less is found than half of what its score predicts, and
+    light from elsewhere where an exponent gains more. Also the relative residuals that metal may leave. Measured:
+    captures that moved by 2 pixels keep at most 0.88 of the loss in 80 of 84 trials, others in one of 149 (decision
+    92). Of relative residuals metal leaves 0.07–0.80 in 45 of 49 trials, anything else 1.08 and more in 56 trials,
+    except a glossy sheet, 0.79 and 0.82 (decision 81)."""
     better_at_least: float = tuned(0.55, "loss ratio")
     """Loss and relative residuals after over before, up to which a trial is accepted that only a poor fit calls for;
     also the ratio of least-squares residuals below which two lamps are exchanged, or an image is left out, on trial. If
@@ -77,9 +78,10 @@ class TrialSettings:
 
     @property
     def slightly_better(self) -> float:
-        """Misfit of a sample as rough over that as Lambertian, up to which roughness is tried whatever its score. It is
-        halfway between `better` and 1. Measured: 0.71–0.93 of 16 of 32 rough captures, 0.93–1.4 of the others, at least
-        0.98 of 85 Lambertian, glossy and translucent ones (design seeds 201–213 and 350–359, 8 and 20 lights)."""
+        """Misfit of a sample as rough over that as Lambertian, up to which roughness is tried whatever its score; also
+        the relative residuals that may be left without a bad image (decision 102). It is halfway between `better` and
+        1. Measured: 0.71–0.93 of 16 of 32 rough captures, 0.93–1.4 of the others, at least 0.98 of 85 Lambertian,
+        glossy and translucent ones (design seeds 201–213 and 350–359, 8 and 20 lights)."""
         return float(np.sqrt(self.better))
 
     @property
