@@ -5,7 +5,8 @@ waypoints   collision-free joint paths that reach the lights
 capture     move, wait for rest, expose, check: one image per light
 normals     images → normal map, albedo, depth and the uncertainty of each pixel
 plan        optimal further lights for the least uncertainty; none: finished
-`runner` repeats these in a session; `session` defines its states and next step; `store` keeps the journal.
+`runner` repeats these in a session; `session_state` and `session` define its states and next step; `store` keeps the
+journal.
 
 The names of `__all__` are the public interface for scripts. They are loaded when first used (PEP 562), so that neither
 the arm's driver process nor the command line loads a numerical kernel that it does not need.

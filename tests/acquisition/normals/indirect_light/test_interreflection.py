@@ -112,6 +112,32 @@ def test_received_irradiance_tilted_pixel_equals_view_factor_of_plane() -> None:
     assert not np.any(some)
 
 
+@pytest.mark.parametrize("columns", [4, 10, 25, 45])
+def test_received_irradiance_of_a_low_wall_equals_its_form_factor_at_any_distance(columns: int) -> None:
+    """Form factor of a rectangle at the end of a floor (Howell, A catalog of radiation heat transfer configuration
+    factors, B-3). The faces beside the wall are black; a lamp lights the wall alone."""
+    size, edge, high = 80, 16, 3
+    made = shared_scene.measured(size=size)
+    point = photometry.points(made.pixels.ray, made.depth_m).reshape(3, size, size)
+    cell_m = float(point[0, 0, 1] - point[0, 0, 0])
+    depth_m = made.depth_m.reshape(size, size).copy()
+    depth_m[:, :edge] -= high * cell_m
+    up = np.tile(np.array([[0.0], [0.0], [1.0]], np.float32), (1, size * size))
+    lamp = np.array([[1.5, 0.0, -0.5, -1.0, 0.0, -0.3]], np.float32)
+    surface = interreflection.Surface(depth_m.ravel(), up, np.full(size * size, 0.6, np.float32), table=None)
+    black = np.zeros((1, size * size), np.float32)
+    received = interreflection.received_irradiance(made.pixels, black, surface, lamp, made.calibration)
+    foot = point[:, size // 2, edge][:, None] + np.array([[0.0], [0.0], [high * cell_m / 2]])
+    wall = 0.6 * photometry.light_vectors(foot.astype(np.float32), lamp, made.calibration)[0, 0, 0]
+
+    away, half = columns + 0.5, size / 2
+    slanted = np.hypot(away, high)
+    factor = (np.arctan(half / away) - away / slanted * np.arctan(half / slanted)) / np.pi
+    rows = np.s_[size // 2 - 5 : size // 2 + 5]
+    found = np.mean(received.reshape(size, size)[rows, edge + columns])
+    assert found == pytest.approx(wall * factor, rel=0.15)
+
+
 def test_sky_view_tilted_pixel_lacks_view_factor_of_table() -> None:
     """A table all round takes (1 − cos β) / 2 of the sky from a surface that is tilted by β, a black plane none."""
     made = shared_scene.measured(size=60)
