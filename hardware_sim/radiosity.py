@@ -3,12 +3,15 @@
 A patch is a cluster of points sampled evenly from the surface that are close in position and normal. Thus any mesh
 gives patches of similar size without remeshing. Form factors are Monte-Carlo estimates by rays, which are right at
 contact too, where formulas for distant patches are not. They depend on shape alone and take a few seconds, so they are
-not stored. Indirect light is smooth except at contact, so its interpolation from patches to pixels loses little.
+not stored. Beside a wall indirect light changes within a patch, so that pixels do not take it from the patches there:
+points of the image gather it anew from all patches (final gathering), and pixels interpolate between these points.
 
 Source: C. M. Goral et al., Modeling the interaction of light between diffuse surfaces, SIGGRAPH 1984; form factors by
-rays: F. X. Sillion and C. Puech, Radiosity and Global Illumination, 1994, section 4.
+rays: F. X. Sillion and C. Puech, Radiosity and Global Illumination, 1994, section 4; final gathering: M. C. Reichert, A
+two-pass radiosity method driven by lights and viewer position, Cornell University 1992.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,10 +26,10 @@ from hardware_sim.tracing import START_M, Tracer
 TURN_M = 0.012
 """Weight of normals in clustering, m: two points with perpendicular normals count as √2 times this far apart."""
 RAYS = 256
-"""Number of rays that leave each patch to estimate its form factors."""
+"""Number of rays that leave each patch or point to estimate its form factors."""
 NEIGHBOURS = 10
 OFF_PLANE = 15.0
-"""Number of patches from which a pixel's indirect light is interpolated, and the extra weight of their squared distance
+"""Number of points from which a pixel's indirect light is interpolated, and the extra weight of their squared distance
 from its tangent plane."""
 
 
@@ -135,30 +138,59 @@ def exposed(tracer: Tracer, points: FloatArray, normals: FloatArray) -> BoolArra
 
 
 def form_factors(patches: Patches, tracer: Tracer, table_m: float = 0.0) -> csr_array:
-    """Form factors F (P, P) by cosine-weighted Monte-Carlo rays (Sillion & Puech 1994, section 4).
+    """Form factors F (P, P) of the patches by cosine-weighted Monte-Carlo rays (Sillion & Puech 1994, section 4).
 
-    F[i, j] is the cosine-weighted share of patch i's hemisphere that patch j fills. Rays leave the points of each patch
-    evenly over the cosine-weighted hemisphere. A point that a ray meets first is assigned to the patch nearest in
-    position and normal. Rays that miss the mesh and go down meet the table, z = 0 within `table_m` of the axis.
+    F[i, j] is the cosine-weighted share of patch i's hemisphere that patch j fills. Rays leave the points of each
+    patch. Rays that miss the mesh and go down meet the table, z = 0 within `table_m` of the axis.
     """
     count = len(patches.centres)
     order = np.argsort(patches.point_patches, kind="stable")
     first = np.searchsorted(patches.point_patches[order], np.arange(count + 1))
+
+    def starts(some: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+        each = first[some, None] + np.arange(RAYS) % (first[some + 1] - first[some])[:, None]
+        which = order[each.ravel()]
+        return patches.points[which], patches.point_normals[which]
+
+    return _traced_factors(starts, count, patches, tracer, table_m)
+
+
+def gathered_factors(
+    points: FloatArray, normals: FloatArray, patches: Patches, tracer: Tracer, table_m: float = 0.0
+) -> csr_array:
+    """Form factors (N, P) from points (N, 3) with normals (N, 3) to the patches, by rays as in `form_factors`."""
+
+    def starts(some: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+        return np.repeat(points[some], RAYS, axis=0), np.repeat(normals[some], RAYS, axis=0)
+
+    return _traced_factors(starts, len(points), patches, tracer, table_m)
+
+
+def _traced_factors(
+    starts: Callable[[npt.NDArray[np.int64]], tuple[FloatArray, FloatArray]],
+    count: int,
+    patches: Patches,
+    tracer: Tracer,
+    table_m: float,
+) -> csr_array:
+    """Form factors (count, P) by RAYS rays from each start, evenly over the cosine-weighted hemisphere.
+
+    `starts` returns points and normals of the rays (K · RAYS, 3) from the starts with the numbers (K,). What a ray
+    meets first is assigned to the patch nearest in position and normal.
+    """
     tree = cKDTree(np.concatenate([patches.centres, TURN_M * patches.normals], axis=1))
     face_normals = tracer.mesh.face_normals
     turns = np.random.default_rng(2).uniform(size=(count, 2))
     rows: list[npt.NDArray[np.int64]] = []
     columns: list[npt.NDArray[np.int64]] = []
     for start in range(0, count, 1000):
-        patch = np.arange(start, min(start + 1000, count))
-        which = first[patch, None] + np.arange(RAYS) % (first[patch + 1] - first[patch])[:, None]
-        which = order[which.ravel()]
-        # A low-discrepancy sequence (Roberts' R2), shifted at random for each patch.
-        u = (turns[patch, 0, None] + 0.7548776662466927 * np.arange(RAYS)) % 1.0
-        v = (turns[patch, 1, None] + 0.5698402909980532 * np.arange(RAYS)) % 1.0
-        normals = patches.point_normals[which]
+        some = np.arange(start, min(start + 1000, count))
+        # A low-discrepancy sequence (Roberts' R2), shifted at random for each start.
+        u = (turns[some, 0, None] + 0.7548776662466927 * np.arange(RAYS)) % 1.0
+        v = (turns[some, 1, None] + 0.5698402909980532 * np.arange(RAYS)) % 1.0
+        points, normals = starts(some)
         directions = _hemisphere(normals, u.ravel(), v.ravel())
-        origins = patches.points[which] + START_M * normals
+        origins = points + START_M * normals
         hits = tracer.first_hits(origins.astype(np.float32), directions.astype(np.float32))
         on_mesh = hits.triangles >= 0
         down = ~on_mesh & (directions[:, 2] < -1e-6)
@@ -167,11 +199,11 @@ def form_factors(patches: Patches, tracer: Tracer, table_m: float = 0.0) -> csr_
         met = on_mesh | (down & (np.hypot(points[:, 0], points[:, 1]) < table_m))
         facing = np.where(on_mesh[:, None], face_normals[hits.triangles], [0.0, 0.0, 1.0])
         _, nearest = tree.query(np.concatenate([points[met], TURN_M * facing[met]], axis=1))
-        rows.append(np.repeat(patch, RAYS)[met])
+        rows.append(np.repeat(some, RAYS)[met])
         columns.append(np.asarray(nearest, dtype=np.int64))
     row, column = np.concatenate(rows), np.concatenate(columns)
     share = np.full(len(row), 1.0 / RAYS, dtype=np.float32)
-    return csr_array((share, (row, column)), shape=(count, count))
+    return csr_array((share, (row, column)), shape=(count, len(patches.centres)))
 
 
 def _hemisphere(normals: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
@@ -197,24 +229,24 @@ def indirect_irradiance(factors: csr_array, albedo: FloatArray, direct: FloatArr
     return indirect.astype(np.float64)
 
 
-def interpolation(patches: Patches, points: FloatArray, normals: FloatArray) -> csr_array:
-    """Matrix (N, P) that interpolates values of patches at points (N, 3) with normals (N, 3).
+def interpolation(
+    centres: FloatArray, centre_normals: FloatArray, points: FloatArray, normals: FloatArray
+) -> csr_array:
+    """Matrix (N, P) that interpolates values at `centres` (P, 3) with normals (P, 3) to points (N, 3) with theirs.
 
-    Patches off a point's tangent plane count as farther, so that the top of a step has no weight at its foot. Weights
+    Centres off a point's tangent plane count as farther, so that the top of a step has no weight at its foot. Weights
     fall to zero at the farthest of the neighbours used, so that they change smoothly from point to point.
     """
-    queried = min(2 * NEIGHBOURS, len(patches.centres))
-    tree = cKDTree(np.concatenate([patches.centres, TURN_M * patches.normals], axis=1))
+    queried = min(2 * NEIGHBOURS, len(centres))
+    tree = cKDTree(np.concatenate([centres, TURN_M * centre_normals], axis=1))
     neighbours = tree.query(np.concatenate([points, TURN_M * normals], axis=1), k=queried)
-    distance, patch = np.asarray(neighbours[0]), np.asarray(neighbours[1])
-    height = np.einsum("ni,nki->nk", normals, patches.centres[patch]) - np.einsum("ni,ni->n", normals, points)[:, None]
+    distance, nearest = np.asarray(neighbours[0]), np.asarray(neighbours[1])
+    height = np.einsum("ni,nki->nk", normals, centres[nearest]) - np.einsum("ni,ni->n", normals, points)[:, None]
     square = distance**2 + OFF_PLANE * height**2
     reach = np.partition(square, NEIGHBOURS, axis=1)[:, NEIGHBOURS, None]
     weight = np.clip(1 - square / reach, 0, None) ** 2
     weight /= weight.sum(axis=1, keepdims=True)
     rows = np.repeat(np.arange(len(points)), queried)
-    matrix = csr_array(
-        (weight.ravel().astype(np.float32), (rows, patch.ravel())), shape=(len(points), len(patches.centres))
-    )
+    matrix = csr_array((weight.ravel().astype(np.float32), (rows, nearest.ravel())), shape=(len(points), len(centres)))
     matrix.eliminate_zeros()
     return matrix

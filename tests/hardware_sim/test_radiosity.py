@@ -105,7 +105,8 @@ def test_interpolation_keeps_constants_and_is_smooth() -> None:
     patches = radiosity.cluster(mesh, Tracer(mesh), 400)
     x = np.linspace(0.02, 0.08, 2000)
     points = np.stack([x, np.full_like(x, 0.05), np.zeros_like(x)], axis=1)
-    matrix = radiosity.interpolation(patches, points, np.tile([0.0, 0.0, 1.0], (len(x), 1)))
+    up = np.tile([0.0, 0.0, 1.0], (len(x), 1))
+    matrix = radiosity.interpolation(patches.centres, patches.normals, points, up)
     assert matrix @ np.ones(len(patches.centres)) == pytest.approx(1.0, abs=1e-5)
     ramp = matrix @ patches.centres[:, 0]
     assert np.abs(ramp - x).max() < 0.004
