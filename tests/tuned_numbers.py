@@ -112,7 +112,7 @@ INLINE = {
     "alternation": 1, "cast_shadows": 2, "discontinuity": 1,
     "distant": 2, "reflectance_fit": 2, "reflectance_kernels": 13, "exposure_plan": 2,
     "grey_tile": 1,
-    "integration": 2, "interreflection_kernels": 6, "light_tests": 1, "near_light": 1, "image_values": 1,
+    "integration": 2, "interreflection_kernels": 2, "light_tests": 1, "near_light": 1, "image_values": 1,
     "photon_transfer": 3, "pixel_solve": 1, "planned_images": 2, "planner": 2, "prior_forecast": 1,
     "sample_pixels": 2, "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,
 }  # fmt: skip

@@ -27,15 +27,18 @@ FOUND_SHARE = 0.5
 
 class Limits(NamedTuple):
     """Largest loss of a trial, and largest relative residual, each over that of the solution before it; with `sound`
-    its fit has to be sound, too.
+    its fit has to be sound, too, and with `throughout` relative residuals have to fall with the loss.
 
     A loss that counts every measurement tells more than the misfit, a median over pixels. Relative residuals are shares
-    of the values: a model that makes the object darker lowers the loss, but not these.
+    of the values: a model that makes the object darker lowers the loss, but not these. They are a median: if all pixels
+    fit better alike, they fall as the root of the loss, a mean of squares. `throughout` asks for half of that, in
+    logarithms.
     """
 
     loss: float
     relative_residual: float = np.inf
     sound: bool = False
+    throughout: bool = False
 
     def met(self, before: Fit, after: Fit) -> bool:
         """Returns whether a fit is within the limits."""
@@ -43,7 +46,14 @@ class Limits(NamedTuple):
             after.loss <= self.loss * before.loss
             and after.relative_residual <= self.relative_residual * before.relative_residual
             and (not self.sound or after.probability > model_trial.SETTINGS.min_probability)
+            and (not self.throughout or _fits_throughout(before, after))
         )
+
+
+def _fits_throughout(before: Fit, after: Fit) -> bool:
+    """Returns whether relative residuals have fallen by half of what the loss makes expect, in logarithms."""
+    power = FOUND_SHARE / 2
+    return after.relative_residual * before.loss**power <= before.relative_residual * after.loss**power
 
 
 AS_GOOD = (Limits(1.0),)
@@ -55,10 +65,11 @@ def clearly_better() -> tuple[Limits, ...]:
     return (Limits(model_trial.SETTINGS.better),)
 
 
-def explains_more() -> tuple[Limits, ...]:
+def explains_more(*, throughout: bool = False) -> tuple[Limits, ...]:
     """Returns the limits of a reflectance that a score demands. Light between the walls of a matt vessel scores as
-    gloss or roughness, but then neither lowers relative residuals, and the loss by little."""
-    return Limits(1.0, 1.0), Limits(model_trial.SETTINGS.better_at_least)
+    gloss or roughness, but then neither lowers relative residuals, and the loss by little. `throughout`: as in
+    `Limits`."""
+    return Limits(1.0, 1.0, throughout=throughout), Limits(model_trial.SETTINGS.better_at_least)
 
 
 def far_better() -> tuple[Limits, ...]:

@@ -314,7 +314,7 @@ def test_solve_model_that_a_poor_fit_calls_for_and_fits_no_better_is_tried_once(
     """Metal, and two images exchanged: without one of these, the fit is as poor as to call for all again."""
     metal, sound = object_of(hollow, 40), images_of(hollow, 40)
     values = reflected(metal, sound, Reflectance("metal", 0.3)).whole.values.copy()
-    values[[3, 6]] = values[[6, 3]]
+    values[[2, 5]] = values[[5, 2]]
     solved(metal, scenes.with_values(sound, values))
     first, second, *_ = list({id(before): before for _, before, _ in tried}.values())
     assert second.poor
