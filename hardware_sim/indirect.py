@@ -106,7 +106,7 @@ def diffuse_share(reflectance: Reflectance) -> float:
 
 def _lattice(pixels: npt.NDArray[np.int32], width: int) -> npt.NDArray[np.intp]:
     """Indices of those of the pixels (N,), numbers in an image of that width, that lie on a square lattice which holds
-    at most GATHERING_POINTS of them."""
+    at most GATHERING_POINTS of them; of all if none does, as of a thin wire."""
     step = int(np.ceil(np.sqrt(len(pixels) / GATHERING_POINTS)))
     rows, columns = np.divmod(pixels, width)
     chosen = np.flatnonzero((rows % step == 0) & (columns % step == 0))

@@ -11,7 +11,6 @@ rays: F. X. Sillion and C. Puech, Radiosity and Global Illumination, 1994, secti
 two-pass radiosity method driven by lights and viewer position, Cornell University 1992.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -146,59 +145,48 @@ def form_factors(patches: Patches, tracer: Tracer, table_m: float = 0.0) -> csr_
     count = len(patches.centres)
     order = np.argsort(patches.point_patches, kind="stable")
     first = np.searchsorted(patches.point_patches[order], np.arange(count + 1))
-
-    def starts(some: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-        each = first[some, None] + np.arange(RAYS) % (first[some + 1] - first[some])[:, None]
-        which = order[each.ravel()]
-        return patches.points[which], patches.point_normals[which]
-
-    return _traced_factors(starts, count, patches, tracer, table_m)
+    which = order[first[:-1, None] + np.arange(RAYS) % np.diff(first)[:, None]]
+    return _traced_factors(patches.points, patches.point_normals, which, patches, tracer, table_m)
 
 
 def gathered_factors(
     points: FloatArray, normals: FloatArray, patches: Patches, tracer: Tracer, table_m: float = 0.0
 ) -> csr_array:
     """Form factors (N, P) from points (N, 3) with normals (N, 3) to the patches, by rays as in `form_factors`."""
-
-    def starts(some: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-        return np.repeat(points[some], RAYS, axis=0), np.repeat(normals[some], RAYS, axis=0)
-
-    return _traced_factors(starts, len(points), patches, tracer, table_m)
+    which = np.broadcast_to(np.arange(len(points))[:, None], (len(points), RAYS))
+    return _traced_factors(points, normals, which, patches, tracer, table_m)
 
 
 def _traced_factors(
-    starts: Callable[[npt.NDArray[np.int64]], tuple[FloatArray, FloatArray]],
-    count: int,
-    patches: Patches,
-    tracer: Tracer,
+    points: FloatArray, normals: FloatArray, which: npt.NDArray[np.int64], patches: Patches, tracer: Tracer,
     table_m: float,
-) -> csr_array:
-    """Form factors (count, P) by RAYS rays from each start, evenly over the cosine-weighted hemisphere.
+) -> csr_array:  # fmt: skip
+    """Form factors (N, P) by RAYS rays each, evenly over the cosine-weighted hemisphere.
 
-    `starts` returns points and normals of the rays (K · RAYS, 3) from the starts with the numbers (K,). What a ray
-    meets first is assigned to the patch nearest in position and normal.
+    `which` (N, RAYS) are the numbers of the points that the rays leave, of (S, 3) with normals (S, 3). What a ray meets
+    first is assigned to the patch nearest in position and normal.
     """
+    count = len(which)
     tree = cKDTree(np.concatenate([patches.centres, TURN_M * patches.normals], axis=1))
     face_normals = tracer.mesh.face_normals
     turns = np.random.default_rng(2).uniform(size=(count, 2))
-    rows: list[npt.NDArray[np.int64]] = []
-    columns: list[npt.NDArray[np.int64]] = []
+    rows, columns = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     for start in range(0, count, 1000):
         some = np.arange(start, min(start + 1000, count))
         # A low-discrepancy sequence (Roberts' R2), shifted at random for each start.
         u = (turns[some, 0, None] + 0.7548776662466927 * np.arange(RAYS)) % 1.0
         v = (turns[some, 1, None] + 0.5698402909980532 * np.arange(RAYS)) % 1.0
-        points, normals = starts(some)
-        directions = _hemisphere(normals, u.ravel(), v.ravel())
-        origins = points + START_M * normals
+        leaving = which[some].ravel()
+        directions = _hemisphere(normals[leaving], u.ravel(), v.ravel())
+        origins = points[leaving] + START_M * normals[leaving]
         hits = tracer.first_hits(origins.astype(np.float32), directions.astype(np.float32))
         on_mesh = hits.triangles >= 0
         down = ~on_mesh & (directions[:, 2] < -1e-6)
         reach = np.where(on_mesh, hits.distances, -origins[:, 2] / np.where(down, directions[:, 2], -1.0))
-        points = origins + reach[:, None] * directions
-        met = on_mesh | (down & (np.hypot(points[:, 0], points[:, 1]) < table_m))
+        ends = origins + reach[:, None] * directions
+        met = on_mesh | (down & (np.hypot(ends[:, 0], ends[:, 1]) < table_m))
         facing = np.where(on_mesh[:, None], face_normals[hits.triangles], [0.0, 0.0, 1.0])
-        _, nearest = tree.query(np.concatenate([points[met], TURN_M * facing[met]], axis=1))
+        _, nearest = tree.query(np.concatenate([ends[met], TURN_M * facing[met]], axis=1))
         rows.append(np.repeat(some, RAYS)[met])
         columns.append(np.asarray(nearest, dtype=np.int64))
     row, column = np.concatenate(rows), np.concatenate(columns)
@@ -235,11 +223,16 @@ def interpolation(
     """Matrix (N, P) that interpolates values at `centres` (P, 3) with normals (P, 3) to points (N, 3) with theirs.
 
     Centres off a point's tangent plane count as farther, so that the top of a step has no weight at its foot. Weights
-    fall to zero at the farthest of the neighbours used, so that they change smoothly from point to point.
+    fall to zero at the farthest of the neighbours used, so that they change smoothly from point to point. Where there
+    are too few centres for that, as of an object of a few pixels, each point has the value of the nearest one.
     """
-    queried = min(2 * NEIGHBOURS, len(centres))
+    queried, shape = 2 * NEIGHBOURS, (len(points), len(centres))
+    places = np.concatenate([points, TURN_M * normals], axis=1)
     tree = cKDTree(np.concatenate([centres, TURN_M * centre_normals], axis=1))
-    neighbours = tree.query(np.concatenate([points, TURN_M * normals], axis=1), k=queried)
+    if len(centres) < queried:
+        nearest = np.asarray(tree.query(places)[1])
+        return csr_array((np.ones(len(points), np.float32), (np.arange(len(points)), nearest)), shape=shape)
+    neighbours = tree.query(places, k=queried)
     distance, nearest = np.asarray(neighbours[0]), np.asarray(neighbours[1])
     height = np.einsum("ni,nki->nk", normals, centres[nearest]) - np.einsum("ni,ni->n", normals, points)[:, None]
     square = distance**2 + OFF_PLANE * height**2
@@ -247,6 +240,6 @@ def interpolation(
     weight = np.clip(1 - square / reach, 0, None) ** 2
     weight /= weight.sum(axis=1, keepdims=True)
     rows = np.repeat(np.arange(len(points)), queried)
-    matrix = csr_array((weight.ravel().astype(np.float32), (rows, nearest.ravel())), shape=(len(points), len(centres)))
+    matrix = csr_array((weight.ravel().astype(np.float32), (rows, nearest.ravel())), shape=shape)
     matrix.eliminate_zeros()
     return matrix

@@ -200,6 +200,13 @@ def test_generated_blocks_follow_the_code() -> None:
     assert not stale, "run `python docs/generated_blocks.py`"
 
 
+def test_state_diagram_in_the_docstring_follows_the_table() -> None:
+    docstring = ast.get_docstring(ast.parse((ROOT / "acquisition" / "session_state.py").read_text(encoding="utf-8")))
+
+    assert docstring is not None
+    assert _generated_blocks().transitions() in docstring
+
+
 def test_decision_records_have_status_context_decision_consequences() -> None:
     assert [int(page.name[:4]) for page in DECISIONS] == list(range(1, len(DECISIONS) + 1))
     for page in DECISIONS:

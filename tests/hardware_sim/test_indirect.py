@@ -13,12 +13,13 @@ from hardware_sim.tracing import START_M, Tracer
 PIXELS = 128
 
 
-def lens() -> Lens:
-    calibration = nominal.calibration(PIXELS)
+def lens(pixels: int = PIXELS, beside_m: float = 0.0) -> Lens:
+    """A camera above the object, or beside it."""
+    calibration = nominal.calibration(pixels)
     object_from_camera = np.array(calibration.base_from_camera)
-    object_from_camera[0, 3] -= 0.55
+    object_from_camera[0, 3] += beside_m - 0.55
     matrix, distortion = np.array(calibration.camera_matrix), np.array(calibration.distortion)
-    return Lens(PIXELS, PIXELS, matrix, distortion, object_from_camera)
+    return Lens(pixels, pixels, matrix, distortion, object_from_camera)
 
 
 def lamp() -> Lamp:
@@ -93,3 +94,14 @@ def test_ambient_agrees_with_path_tracing(
     result = indirect.ambient().ravel()[points.pixels] / points.albedo
     assert result.mean() == pytest.approx(expected.mean(), rel=0.02)
     assert np.corrcoef(result, expected)[0, 1] > 0.97
+
+
+@pytest.mark.parametrize(("pixels", "beside_m", "seen"), [(6, 0.0, 9), (2, 0.0, 1), (PIXELS, 2.0, 0)])
+def test_interreflections_of_an_object_of_few_pixels_or_none(pixels: int, beside_m: float, seen: int) -> None:
+    scene = objects.build("part", 1)
+    tracer = Tracer(scene.mesh)
+    view = render.trace_view(scene, tracer, lens(pixels, beside_m), 1)
+    image = IndirectLight(scene, tracer, view).interreflections(lamp()).ravel()
+    assert len(view.surface.pixels) == seen
+    expected = trace_paths(scene, tracer, view.surface, 2000, lamp()) * view.surface.albedo
+    assert image[view.surface.pixels] == pytest.approx(expected, rel=0.2, abs=0.002)

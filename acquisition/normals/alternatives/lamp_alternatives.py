@@ -38,7 +38,6 @@ def other_axes(present: Solution) -> list[Alternative]:
     under axes that are right, however sure the circulation is of them (decision 102).
     """
     hypothesis, coarse, normals = present.hypothesis, present.hypothesis.level.coarse, present.state.normals
-    judged = _near(present) and len(present.scene.lamps) >= photometry.REDUNDANT
     found, scored = light_tests.integrable_axes(coarse, normals), _scored_axes(present)
     if photometry.METAL in hypothesis.corrected and not (present.badly_fitting or found.sure):
         return []
@@ -54,6 +53,7 @@ def other_axes(present: Solution) -> list[Alternative]:
         axes = light_tests.turned_by(left_deg)
         return [_relit(hypothesis, f"{REFINED} {again}", axes, 1.0, independently_tested=True, unreported=True)]
     turned = replace(hypothesis, corrected=(*hypothesis.corrected, TURNED))
+    judged = len(present.scene.lamps) >= photometry.REDUNDANT and _near(present)
     alternatives = [
         _relit(
             turned, AXES, sign * axes, 1.0 if sure else model_trial.SETTINGS.better,
