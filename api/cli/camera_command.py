@@ -10,7 +10,7 @@ from api.cli.error_exit import explain_errors
 
 
 def camera(
-    cell: Annotated[Path, typer.Argument(help="The cell file; only its camera is connected")],
+    cell: Annotated[Path, typer.Option(envvar="LIGHTPOSE_CELL", help="The cell file; only its camera is connected")],
     count: Annotated[int, typer.Option(min=1, max=100_000, help="Number of frames")] = 100,
     exposure_s: Annotated[float | None, typer.Option(help="Exposure time, s; default: 0.01, within the limits")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,

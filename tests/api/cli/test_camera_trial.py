@@ -31,7 +31,7 @@ def test_camera_trial_counts_losses_and_measures_noise(tmp_path: Path) -> None:
     with CameraServer(cell.camera, nominal.calibration(PIXELS), noisy, Clocked()) as server:
         server.faults.order("lost", 2)
         server.faults.order("damaged", 1)
-        status, said = run(str(tmp_path / "cell.toml"), "--count", "12", "--json", "--exposure-s", "0.001")
+        status, said = run("--cell", str(tmp_path / "cell.toml"), "--count", "12", "--json", "--exposure-s", "0.001")
     assert status == 0, said
     found = json.loads(said.splitlines()[-1])
     assert found["counts"] == {
@@ -48,11 +48,20 @@ def test_camera_trial_counts_losses_and_measures_noise(tmp_path: Path) -> None:
 def test_camera_trial_names_what_is_wrong(tmp_path: Path) -> None:
     cell = nominal.write(tmp_path, ADDRESS, PIXELS, nominal.default_cell_file())
     file = str(tmp_path / "cell.toml")
-    status, said = run(file, "--count", "1")
+    status, said = run("--cell", file, "--count", "1")
     assert (status, "camera.unreachable" in said) == (2, True)
-    status, said = run(file, "--exposure-s", "9")
+    status, said = run("--cell", file, "--exposure-s", "9")
     assert (status, "request.invalid" in said) == (2, True)
     assert cell.camera.kind == "sim"
     with CameraServer(cell.camera, nominal.calibration(2 * PIXELS), noisy, Clocked()):
-        status, said = run(file, "--count", "1")
+        status, said = run("--cell", file, "--count", "1")
     assert (status, "config.invalid" in said, "64 × 64 pixels" in said) == (2, True, True)
+
+
+def test_camera_trial_takes_the_cell_file_as_other_commands_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("LIGHTPOSE_CELL", raising=False)
+    status, said = run()
+    assert (status, "--cell" in said) == (2, True)
+    monkeypatch.setenv("LIGHTPOSE_CELL", str(tmp_path / "lab.toml"))
+    status, said = run()
+    assert (status, "lab.toml" in said) == (2, True)
