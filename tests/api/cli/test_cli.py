@@ -126,6 +126,34 @@ def test_output_within_a_sessions_folder_is_refused(arguments: tuple[str, ...], 
     assert {path: path.read_bytes() for path in session.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("serve", "--cell", "cell.toml", "--host", "0.0.0.0"),  # noqa: S104 - without the refusal: no keys, no service
+        ("keys", "add", "lab"),
+        ("keys", "list"),
+    ],
+)
+@pytest.mark.parametrize("below", ["", "results"])
+def test_sessions_folder_is_refused_as_a_data_folder(arguments: tuple[str, ...], below: str, tmp_path: Path) -> None:
+    """One made in there would be archived as part of the session, and its keys would admit nobody to the service."""
+    data = tmp_path / "data"
+    session = data / "sessions" / "20261121-190041-de2be6"
+    shutil.copytree(ROOT / "tests/data/release_0.1/sessions/20261121-190041-de2be6", session)
+    before = sorted(session.rglob("*"))
+
+    def refused() -> str:
+        done = CliRunner().invoke(app, [*arguments, "--data", str(session / below)])
+        assert done.exit_code == 2
+        assert "folder.invalid: " in done.stderr
+        assert sorted(session.rglob("*")) == before
+        return done.stderr
+
+    assert "name a folder outside it" in refused()
+    (data / "rig.db").touch()
+    assert f"name the data folder that holds this session: {data}\n" in refused()
+
+
 def every_command(command: Any, name: str = "lightpose") -> Iterator[tuple[str, Any]]:
     yield name, command
     for own, inner in getattr(command, "commands", {}).items():
