@@ -224,17 +224,18 @@ def lamp(
     images: LampImages = 72,
     yes: Yes = False,
     simulated: Simulated = None,
+    activate: Activate = False,
     as_json: AsJson = False,
 ) -> None:  # fmt: skip
     """Calibrates the lamp's position in the tool's frame, from its highlights on a mirror sphere in the object's place.
 
     The folder holds joints.csv, as for hand-eye. Tilt the lamp to different sides, up to 45° away from the sphere. With
-    --address the service takes the images itself, of the sphere and then of a matt plane, for intensity and lobe too,
-    and uses the result from then on.
+    --address the service takes the images itself, of the sphere and then of a matt plane, for intensity and lobe too.
     """
     _refuse_both(folder, address)
     if address is not None:
-        outcome = _in_turn(address, [_recipe({"kind": "lamp", "max_images": images})], yes=yes, simulated=simulated)
+        recipe = _recipe({"kind": "lamp", "max_images": images})
+        outcome = _in_turn(address, [recipe], yes=yes, simulated=simulated, activate=activate)
     else:
         from api.cli import lamp_calibrating
 
@@ -289,26 +290,41 @@ def everything(
     lamp_images: Annotated[int, typer.Option(help="Images of sphere and plane, at least 36")] = 72,
     yes: Yes = False,
     simulated: Simulated = None,
+    activate: Annotated[
+        bool, typer.Option("--activate", help="Do not ask: put each result into use; needed with --yes or --simulated")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Calibrates camera, its pose and the lamp in turn, and says what a person has to put into the cell in between.
 
-    Camera, pose and the arm's joint offsets come from the same images of the board. Each result is used from then on;
-    `PUT /v1/rig/calibrations/active` goes back to an earlier one.
+    Camera, pose and the arm's joint offsets come from the same images of the board. After each result the command asks
+    whether to use it from then on: the lamp's images need the first. `PUT /v1/rig/calibrations/active` goes back to an
+    earlier one.
     """
+    if (yes or simulated is not None) and not activate:
+        raise typer.BadParameter(
+            "is needed with --yes or --simulated, which ask nothing: the lamp's images are computed with the result "
+            "before",
+            param_hint="--activate",
+        )
     wanted = (
         {"kind": "hand-eye", "max_images": hand_eye_images},
         {"kind": "lamp", "max_images": lamp_images},
     )
-    outcome = _in_turn(address, [_recipe(one) for one in wanted], yes=yes, simulated=simulated)
+    recipes = [_recipe(one) for one in wanted]
+    outcome = _in_turn(address, recipes, yes=yes, simulated=simulated, activate=activate)
     if as_json:
         print(json.dumps(outcome), flush=True)
 
 
-def _in_turn(address: str, recipes: "list[AnyRecipe]", *, yes: bool, simulated: str | None) -> dict[str, Any]:
+def _in_turn(
+    address: str, recipes: "list[AnyRecipe]", *, yes: bool, simulated: str | None, activate: bool
+) -> dict[str, Any]:
     from api.cli import calibrating_in_turn
 
-    return explain_errors(lambda: calibrating_in_turn.at_terminal(address, recipes, yes=yes, simulated=simulated))
+    return explain_errors(
+        lambda: calibrating_in_turn.at_terminal(address, recipes, yes=yes, simulated=simulated, activate=activate)
+    )
 
 
 @app.command()

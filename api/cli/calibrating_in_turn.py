@@ -1,9 +1,10 @@
 """`lightpose calibrate lamp | all --address …`: calibration sessions in turn, each used by the next.
 
 The targets must be put into the cell between and within the sessions: the board on the flange, the mirror sphere and
-the matt plane in the object's place. `Hands` does that: a person who is asked, or the stage of a simulated cell. Each
-session's result is put into use, because the next session computes with it. The calibration used before is named, so
-that a person can go back to it.
+the matt plane in the object's place. `Hands` does that: a person who is asked, or the stage of a simulated cell. A
+person chooses whether a result is put into use, by `--activate` or at the terminal; without that no next session
+begins, because it would compute with the values before. The calibration used before is named, so that a person can go
+back to it.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,6 +15,7 @@ import typer
 from rich.console import Console
 
 from acquisition.models.calibration_recipe import AnyRecipe, BoardRecipe, tool_of
+from acquisition.models.calibration_result import USE_IT
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session_state import State
 from api import Client
@@ -22,6 +24,8 @@ from api.rest.schemas import SessionResource
 from hardware_sim import placing
 
 Say = Callable[[str], None]
+Choose = Callable[[str], bool]
+"""Whether the calibration of a session's id is put into use."""
 
 Target = Literal["board", "mirror-sphere", "matt-plane", "object"]
 """What is put into the cell."""
@@ -65,10 +69,13 @@ class SimulatedHands:
         )
 
 
-def at_terminal(address: str, recipes: Sequence[AnyRecipe], *, yes: bool, simulated: str | None) -> dict[str, Any]:
+def at_terminal(
+    address: str, recipes: Sequence[AnyRecipe], *, yes: bool, simulated: str | None, activate: bool
+) -> dict[str, Any]:
     """Runs calibration sessions at a service, with a person at the terminal or the stage of a `simulated` cell.
 
-    Returns the figures of each. Raises RigError, ProblemError as `run`.
+    With `activate` each result is put into use. Else that of a single session is not, and with several sessions a
+    person is asked after each. Returns the figures of each. Raises RigError, ProblemError as `run`.
     """
     console = Console(stderr=True, markup=False)
 
@@ -76,34 +83,54 @@ def at_terminal(address: str, recipes: Sequence[AnyRecipe], *, yes: bool, simula
         console.print(sentence, highlight=False, soft_wrap=True)
 
     hands = PersonsHands(say, yes) if simulated is None else SimulatedHands(say, simulated)
+    used: list[str] = []
+
+    def choose(name: str) -> bool:
+        wanted = activate or (len(recipes) > 1 and typer.confirm(f"Use calibration {name} from now on?", err=True))
+        used.extend([name] * wanted)
+        return wanted
+
     with Client(address) as client:
-        done = run(client, recipes, hands, say)
-    found = {
-        one.recipe.kind: session_calibrating.used_from_now_on(one.estimate).model_dump(mode="json")
-        for one in done
-        if one.estimate is not None
-    }
-    return {"calibration": done[-1].id, "active": True, **found}
+        done = run(client, recipes, hands, say, choose)
+    found: dict[str, Any] = {}
+    for one in done:
+        summary = session_calibrating.completed(one)
+        shown = session_calibrating.used_from_now_on(summary) if one.id in used else summary
+        found[one.recipe.kind] = shown.model_dump(mode="json")
+    return {"calibration": done[-1].id, "active": done[-1].id in used, **found}
 
 
-def run(client: Client, recipes: Sequence[AnyRecipe], hands: Hands, say: Say) -> list[SessionResource]:
-    """Runs calibration sessions in turn, and puts each one's result into use. Returns the sessions.
+def run(client: Client, recipes: Sequence[AnyRecipe], hands: Hands, say: Say, choose: Choose) -> list[SessionResource]:
+    """Runs calibration sessions in turn, and puts each result into use that is chosen. Returns the sessions.
 
-    Raises RigError with a session's reason if one does not complete, ProblemError if the service refuses.
+    Raises RigError with a session's reason if one does not complete, request.invalid if a result is not chosen that the
+    next session needs; ProblemError if the service refuses.
     """
     done: list[SessionResource] = []
-    for recipe in recipes:
+    for number, recipe in enumerate(recipes, start=1):
         _prepare(client, recipe, hands)
         session = follow(client, recipe, hands, say)
-        before = client.calibration()
-        client.activate_calibration(session.id)
-        say(f"calibration {session.id} is in use (before: {before.file})")
         done.append(session)
+        if choose(session.id):
+            before = client.calibration()
+            client.activate_calibration(session.id)
+            say(f"calibration {session.id} is in use (before: {before.file})")
+        elif number < len(recipes):
+            further = " and ".join(one.kind for one in recipes[number:])
+            raise RigError(
+                ErrorCode.REQUEST_INVALID,
+                f"Calibration {session.id} is kept but not in use, so {further}, which computes with it, was not "
+                f"begun. Put it into use (PUT /v1/rig/calibrations/active), then run `lightpose calibrate {further}`",
+            )
+        elif USE_IT in session_calibrating.completed(session).advice:
+            say(USE_IT)
     return done
 
 
 def follow(client: Client, recipe: AnyRecipe, hands: Hands, say: Say) -> SessionResource:
     """Runs one calibration session to its end, and puts each target into place when the session waits for it.
+
+    Says what was found, but not whether to use it.
 
     Raises RigError with the session's reason if it does not complete.
     """

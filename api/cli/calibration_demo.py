@@ -94,7 +94,7 @@ def run(options: DemoOptions, *, quiet: bool = False) -> dict[str, Any]:
         demo.end_previous_session(client)
         client.activate_calibration("cell")
         client.state_tool("lamp")
-        sessions = calibrating_in_turn.run(client, RECIPES, hands, say)
+        sessions = calibrating_in_turn.run(client, RECIPES, hands, say, lambda _name: True)
         processor_s = _processor_s(url)
         motion_s = _motion_s(record, options.speed)
         found = _calibration(folder, sessions[-1].id)

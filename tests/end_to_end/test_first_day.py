@@ -22,6 +22,7 @@ ROOT = Path(__file__).parents[2]
 RUNBOOK = ROOT / "docs" / "how-to" / "calibrate.md"
 ADDRESS, SEED, PIXELS = "127.0.6.43", 31, 1024
 ASKED = "Is this done, and is nobody within the arm's reach?"
+CHOICE = "from now on?"
 
 TARGETS = (
     ("Mount the calibration board", "charuco@flange"),
@@ -66,7 +67,7 @@ def service(cell_file: Path, tmp_path: Path) -> Generator[Service, None, None]:
 
 
 def said_by(service: Service, arguments: list[str], folder: Path) -> str:
-    """What a command of the page says; it has to end with 0. Targets that it asks for are put into the cell."""
+    """What a command of the page says; it has to end with 0. Targets are put into the cell, and results into use."""
     at_service = [service.url if argument.startswith("http://") else argument for argument in arguments]
     command = [sys.executable, "-m", "api.cli", *at_service]
     running = subprocess.Popen(
@@ -81,6 +82,7 @@ def said_by(service: Service, arguments: list[str], folder: Path) -> str:
             wanted = said[answered:]
             placing.place(ADDRESS, 30100, next(name for sentence, name in TARGETS if sentence in wanted))
             answered = len(said)
+        if said.endswith((ASKED, CHOICE)):
             running.stdin.write("y\n")
             running.stdin.flush()
     assert running.wait() == 0, said

@@ -1,16 +1,21 @@
 """What a calibration session tells a person at its end, and the error of one that has not completed."""
 
 import contextlib
+import json
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from click.testing import Result
+from typer.testing import CliRunner
 
-from acquisition.models.calibration_recipe import ResponseRecipe
+from acquisition.models.calibration_recipe import LampRecipe, ResponseRecipe
 from acquisition.models.calibration_result import USE_IT, CalibrationSummary
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session_state import State
 from api.cli import calibrating_in_turn, session_calibrating
+from api.cli.commands import app
 from api.cli.session_calibrating import completed, sentences
 from api.rest.schemas import Problem, SessionResource
 
@@ -88,6 +93,15 @@ class Service:
     def activate_calibration(self, name: str) -> None:
         self.in_use.append(name)
 
+    def state_tool(self, _tool: str) -> None:
+        pass
+
+    def rig(self) -> SimpleNamespace:
+        return SimpleNamespace(tool="lamp")
+
+    def calibration(self) -> SimpleNamespace:
+        return SimpleNamespace(file="calibration.json")
+
 
 @pytest.mark.parametrize("activate", [True, False])
 def test_calibration_in_use_is_not_advised_to_be_put_into_use(
@@ -120,3 +134,49 @@ def test_calibration_in_turn_does_not_advise_what_it_does_itself() -> None:
     )
     assert "Darken the room." in said
     assert USE_IT not in said
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Service:
+    """A service at which `lightpose calibrate lamp | all` runs; whoever is asked has put the target into place."""
+    service = Service()
+    service.done = service.done.model_copy(update={"recipe": LampRecipe(kind="lamp")})
+    monkeypatch.setattr(calibrating_in_turn, "Client", lambda _address: contextlib.nullcontext(service))
+    return service
+
+
+def in_turn(*options: str, answers: str) -> Result:
+    """What the command line says, with these answers at the terminal."""
+    command = ["calibrate", *options, "--address", "http://cell", "--json"]
+    return CliRunner().invoke(app, command, input=answers)
+
+
+@pytest.mark.parametrize("activate", [True, False])
+def test_lamp_is_put_into_use_only_where_a_person_says_so(activate: bool, terminal: Service) -> None:
+    done = in_turn("lamp", *["--activate"] * activate, answers="y\n")
+    assert done.exit_code == 0, done.output
+    assert terminal.in_use == ["a"] * activate
+    outcome = json.loads(done.stdout.splitlines()[-1])
+    assert (outcome["active"], USE_IT in outcome["lamp"]["advice"], USE_IT in done.stderr) == (
+        activate, not activate, not activate,
+    )  # fmt: skip
+
+
+def test_calibrate_all_asks_before_a_result_is_used(terminal: Service) -> None:
+    """The lamp's session computes with the result before, so that it does not begin where that is not used."""
+    refused = in_turn("all", answers="y\nn\n")
+    assert (refused.exit_code, terminal.in_use) == (2, [])
+    assert "Calibration a is kept but not in use" in refused.stderr
+    assert "lightpose calibrate lamp" in refused.stderr
+    done = in_turn("all", answers="y\ny\ny\nn\n")
+    assert (done.exit_code, terminal.in_use) == (0, ["a"]), done.output
+    terminal.in_use.clear()
+    assert in_turn("all", "--activate", answers="y\ny\n").exit_code == 0
+    assert terminal.in_use == ["a", "a"]
+
+
+@pytest.mark.parametrize("silent", [("--yes",), ("--simulated", "127.0.0.1")])
+def test_calibrate_all_without_questions_needs_activate(silent: tuple[str, ...], terminal: Service) -> None:
+    refused = in_turn("all", *silent, answers="")
+    assert (refused.exit_code, terminal.in_use) == (2, [])
+    assert "--activate" in refused.stderr
