@@ -9,17 +9,18 @@ writes only what is missing.
 """
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self, TypeVar
 
+import sqlalchemy
 from pydantic import ValidationError
 
 from acquisition.archive import catalogue as catalogues
 from acquisition.archive.catalogue import Catalogue
 from acquisition.archive.contents import ContentStore
-from acquisition.archive.entries import SESSIONS, FileEntry, ResultEntry, SessionEntry, session_name
+from acquisition.archive.entries import SESSIONS, FileEntry, ResultEntry, SessionEntry, result_name, session_name
 from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.base import Value
 from acquisition.models.errors import ErrorCode, RigError
@@ -88,13 +89,16 @@ class ArchiveFiles:
         names = self.contents.names(f"{SESSIONS}/{key}/results")
         return sorted((self.result(name) for name in names), key=lambda result: result.age)
 
-    def lacking(self, key: str) -> str | None:
+    def lacking(self, key: str, results: Iterable[str] = ()) -> str | None:
         """Returns what the archive lacks of a session that was pushed to it; None if it has all.
 
-        Every file of the session and of its results must have its size; nothing is hashed. Raises RigError
-        archive.unreachable.
+        The entries of `results` must be there, because nothing in the archive says that one was. Every file of the
+        session and of its results must have its size; nothing is hashed. Raises RigError archive.unreachable.
         """
         try:
+            for name in results:
+                if self.contents.size(name) is None:
+                    return f"The archive has no entry {name}"
             for entry in (self.session(key), *self.results(key)):
                 for name, file in entry.files.items():
                     found = self.contents.object_size(file.sha256)
@@ -221,10 +225,13 @@ class Archive(ArchiveFiles):
     def verify(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Fault]:
         """Enters in the catalogue what it lacks, then hashes every file that an entry names; returns any faults.
 
-        The catalogue comes first, because hashing an archive takes days. The entries of millions of sessions do not fit
-        in memory, so they are read twice, and of a sound file only its hash is remembered.
+        An entry is missing if the catalogue, or the other entries of its session, need it; a result without one counts
+        as failed in the catalogue, so that it is solved again. The catalogue comes first, because hashing an archive
+        takes days. The entries of millions of sessions do not fit in memory, so they are read twice, and of a sound
+        file only its hash is remembered.
         """
         faults: list[Fault] = []
+        seen: set[bytes] = set()
         total = 0
         for entries in self._entries_by_session():
             sessions = [entry for _, entry in entries if isinstance(entry, SessionEntry)]
@@ -232,7 +239,15 @@ class Archive(ArchiveFiles):
             faults += [entry for _, entry in entries if isinstance(entry, Fault)]
             for session in sessions:
                 self.catalogue.add(session, sorted(results, key=lambda result: result.age))
+            for entry in (*sessions[:1], *results[:1]):
+                key = entry.key if isinstance(entry, SessionEntry) else entry.session
+                if bytes.fromhex(key) not in seen:
+                    faults += self._lost(key, {name for name, _ in entries})
+                    seen.add(bytes.fromhex(key))
             total += 1
+        for key in self.catalogue.selected_keys(sqlalchemy.true()):
+            if bytes.fromhex(key) not in seen:
+                faults += self._lost(key, set())
         sound: set[bytes] = set()
         unsound: dict[str, tuple[str, str, list[str]]] = {}
         for done, entries in enumerate(self._entries_by_session()):
@@ -250,6 +265,20 @@ class Archive(ArchiveFiles):
                         unsound[file.sha256] = (path, what, [])
                     unsound[file.sha256][2].append(name)
         return faults + [Fault(path, what, tuple(names)) for _, (path, what, names) in sorted(unsound.items())]
+
+    def _lost(self, key: str, found: set[str]) -> list[Fault]:
+        """Returns the entries of a session that are missing, and has lost results solved again; `found` are there.
+
+        What was written after the entries were listed is looked for by its name.
+        """
+        results = [row for row in self.catalogue.results(key) if row.state == "done"]
+        names = {result_name(key, row.solver, row.settings): row for row in results}
+        missing = [name for name in (session_name(key), *names) if name not in found]
+        missing = [name for name in missing if self.contents.size(name) is None]
+        for name in missing:
+            if name in names:
+                self.catalogue.forget_result(names[name])
+        return [Fault(name, "missing", (f"session {key}",)) for name in missing]
 
     def _entries_by_session(self) -> Iterator[list[tuple[str, SessionEntry | ResultEntry | Fault]]]:
         """Yields entries with their names by session; a Fault if one is not readable or does not match its name."""

@@ -224,6 +224,21 @@ class Catalogue:
         rows = self.repeatedly(lambda connection: connection.execute(query).mappings().all())
         return [ResultRow(**row) for row in rows]
 
+    def forget_result(self, lost: ResultRow) -> None:
+        """Marks a done result as failed whose entry is lost, so that a push enters or a solve makes it again."""
+        condition = (result.c.session == lost.session, result.c.solver == lost.solver,
+                     result.c.settings == lost.settings, result.c.state == "done")  # fmt: skip
+        # The call is that of no solve: claims leave what failed in their own, or in none, as it is.
+        changed = {
+            "state": "failed",
+            "origin": "archive",
+            "call": "verify",
+            "error": "its entry in the archive is lost",
+        }
+        self.repeatedly(
+            lambda connection: connection.execute(sa.update(result).where(*condition).values(changed)).close()
+        )
+
     def insert(self, table: sa.Table) -> "sqlite.Insert | postgresql.Insert":
         """Returns an INSERT in this database's dialect, which knows ON CONFLICT."""
         return (postgresql if self._engine.dialect.name == "postgresql" else sqlite).insert(table)

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from acquisition.archive.entries import FileEntry, ResultEntry, SessionEntry, SessionFacts, SolveIdentity
+from acquisition.archive.entries import FileEntry, ResultEntry, SessionEntry, SessionFacts, SolveIdentity, result_name
 from acquisition.formats import session_files
 from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models import calibration_recipe
@@ -36,6 +36,19 @@ def read(folder: Path, label: str | None = None, notes: str | None = None) -> tu
         result = _result(path.parent, entry, stated)
         results[result.name] = result  # of two with the same settings, the newer one
     return entry, list(results.values())
+
+
+def result_names(folder: Path, key: str) -> list[str]:
+    """Returns the names of the entries that `read` makes of a folder's results, by the session's key; hashes nothing.
+
+    Raises RigError folder.invalid naming the manifest that is missing or unreadable.
+    """
+    manifests = sorted((folder / RESULTS).glob("*/manifest.json"))
+    if not manifests:
+        return []
+    capture = _manifest(folder)
+    stated = [(path, _manifest(path.parent)) for path in manifests]
+    return sorted({result_name(key, _solver(one), _identity(path, one, capture).hash) for path, one in stated})
 
 
 def _facts(folder: Path, stated: dict[str, Any], label: str | None, notes: str | None) -> SessionFacts:
@@ -81,25 +94,34 @@ def _result(folder: Path, session: SessionEntry, capture: dict[str, Any]) -> Res
     files = {f"{RESULTS}/{folder.name}/{name}": _checked(folder / name, file) for name, file in stated["files"].items()}
     own = folder / "manifest.json"
     files[f"{RESULTS}/{folder.name}/{own.name}"] = _checked(own, None)
+    sigma = stated["summary"].get("mean_sigma_deg")
+    return ResultEntry(
+        session=session.key,
+        solver=_solver(stated),
+        identity=_identity(own, stated, capture),
+        origin="cell",
+        sigma_deg=None if sigma is None else float(sigma),
+        solved_at=own.stat().st_mtime,
+        files=files,
+    )
+
+
+def _solver(stated: dict[str, Any]) -> str:
+    return str(stated["software"]["lightpose"])
+
+
+def _identity(manifest: Path, stated: dict[str, Any], capture: dict[str, Any]) -> SolveIdentity:
+    """Returns what a result's manifest states of its solve. Raises RigError folder.invalid."""
     passes: list[int] = stated["passes"]
     last = max((int(shot["key"]["pass_number"]) for shot in capture["shots"]), default=0)
     try:
         settings = SolveSettings.model_validate(stated["settings"])
     except ValidationError as error:
-        raise refusal(own, f"its settings are not readable: {in_words(error.errors()[0])}") from error
-    sigma = stated["summary"].get("mean_sigma_deg")
-    return ResultEntry(
-        session=session.key,
-        solver=str(stated["software"]["lightpose"]),
-        identity=SolveIdentity(
-            settings=settings,
-            last_pass=None if max(passes) >= last else max(passes),
-            calibration=stated.get("calibration"),
-        ),
-        origin="cell",
-        sigma_deg=None if sigma is None else float(sigma),
-        solved_at=own.stat().st_mtime,
-        files=files,
+        raise refusal(manifest, f"its settings are not readable: {in_words(error.errors()[0])}") from error
+    return SolveIdentity(
+        settings=settings,
+        last_pass=None if max(passes) >= last else max(passes),
+        calibration=stated.get("calibration"),
     )
 
 

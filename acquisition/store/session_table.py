@@ -4,6 +4,7 @@ A recipe is kept unchanged in the journal and in the session's folder, whose man
 that a person corrects later have columns of their own.
 """
 
+import re
 import secrets
 import time
 from typing import Any
@@ -20,6 +21,11 @@ _EVERY_SESSION = SessionFilter()
 def new_session_id(now: float) -> str:
     """Returns a new session's identifier: date and time of `now` (s since 1970), and six random hexadecimal digits."""
     return time.strftime("%Y%m%d-%H%M%S-", time.gmtime(now)) + secrets.token_hex(3)
+
+
+def is_session_id(name: str) -> bool:
+    """Returns whether a folder is named as `new_session_id` names sessions."""
+    return re.fullmatch(r"\d{8}-\d{6}-[0-9a-f]{6}", name) is not None
 
 
 class SessionTable(Database):

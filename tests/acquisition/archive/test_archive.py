@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.archive import catalogue as catalogues
-from acquisition.archive import where
+from acquisition.archive import claims, where
 from acquisition.archive.archive import Archive
 from acquisition.archive.catalogue import Catalogue
 from acquisition.archive.contents import ContentStore
@@ -144,6 +144,47 @@ def test_verify_unreadable_result_names_it_and_enters_the_others(archive: Archiv
     (fault,) = archive.verify()
     assert (fault.file, fault.what) == (damaged, "damaged")
     assert archive.contents.read(sound) is not None
+
+
+@pytest.mark.parametrize("catalogue", ["kept", "lost"])
+def test_verify_names_the_lost_entry_of_a_session(archive: Archive, session_folder: MakeSession, catalogue: str):
+    folder = session_folder()
+    name = f"sessions/{archive.push(folder).key}/session.json"
+    archive.contents.remove(name)
+    if catalogue == "lost":
+        archive.close()
+        Path(archive.address, catalogues.FILE).unlink()
+        archive = Archive(archive.address)
+    assert [(fault.file, fault.what) for fault in archive.verify()] == [(name, "missing")]
+    archive.push(folder)
+    assert archive.verify() == []
+
+
+def test_verify_names_a_session_of_which_only_the_catalogue_knows(archive: Archive, session_folder: MakeSession):
+    key = archive.push(session_folder()).key
+    archive.push(session_folder("20261121-190041-bbbbbb", 2))
+    shutil.rmtree(Path(archive.address, "sessions", key))
+    faults = archive.verify()
+    assert sorted(fault.file for fault in faults)[-1] == f"sessions/{key}/session.json"
+    assert len(faults) == 3
+    assert {fault.what for fault in faults} == {"missing"}
+
+
+def test_verify_names_the_lost_entry_of_a_result_and_has_it_solved_again(archive: Archive, session_folder: MakeSession):
+    folder = session_folder()
+    key = archive.push(folder).key
+    lost, _ = archive.contents.names(f"sessions/{key}/results")
+    archive.contents.remove(lost)
+    (fault,) = archive.verify()
+    assert (fault.file, fault.what) == (lost, "missing")
+    (row,) = [row for row in archive.catalogue.results(key) if row.state == "failed"]
+    assert "lost" in str(row.error)
+    wanted = claims.Claim(claims.SolveKey(key, row.solver, row.settings, row.last_pass), "a worker", "a call")
+    assert claims.claim(archive.catalogue, wanted) == "claimed"
+    claims.release(archive.catalogue, wanted)
+    archive.push(folder)
+    assert archive.verify() == []
+    assert {row.state for row in archive.catalogue.results(key)} == {"done"}
 
 
 def test_verify_enters_sessions_of_a_lost_catalogue(archive: Archive, session_folder: MakeSession):

@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 from acquisition.archive import sender
-from acquisition.archive.archive import Archive, ArchiveFiles
+from acquisition.archive.archive import Archive
 from acquisition.archive.contents import ContentStore
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.session_state import State
 from acquisition.store import retention
 from acquisition.store.journal import Journal
+from api.cli import pruning
 from tests.acquisition.archive import session_copies
 
 CELL = (session_copies.ORIGINAL / "cell.json").read_text()
@@ -58,7 +59,7 @@ def send_all(tmp_path: Path, journal: Journal) -> int:
 
 def pruned(tmp_path: Path, *, dry_run: bool = False, **more: Any) -> retention.Pruning:
     """Removes all ended sessions that the archive has."""
-    options: dict[str, Any] = {"lacking": lambda address, key: ArchiveFiles(address).lacking(key)} | more
+    options: dict[str, Any] = {"lacking": pruning.asking()} | more
     return retention.prune(tmp_path / "data", older_than_days=0, keep=0, now=time.time(), dry_run=dry_run, **options)
 
 
@@ -209,7 +210,7 @@ def test_prune_keeps_all_archived_while_the_archive_is_away(tmp_path: Path, jour
     assert len(pruned(tmp_path).removed) == 2
 
 
-@pytest.mark.parametrize("loss", ["all", "entry", "file", "truncated"])
+@pytest.mark.parametrize("loss", ["all", "entry", "result", "file", "truncated"])
 def test_prune_keeps_what_the_archive_has_lost_and_sends_it_again(tmp_path: Path, journal: Journal, loss: str):
     session_id = completed(tmp_path, journal)
     send_all(tmp_path, journal)
@@ -223,6 +224,8 @@ def test_prune_keeps_what_the_archive_has_lost_and_sends_it_again(tmp_path: Path
             Archive.create(str(archive)).close()
         case "entry":
             next(archive.rglob("session.json")).unlink()
+        case "result":  # nothing else in the archive says that it was there
+            next(archive.rglob("results/*.json")).unlink()
         case "file":
             file.unlink()
         case _:
@@ -236,11 +239,21 @@ def test_prune_keeps_what_the_archive_has_lost_and_sends_it_again(tmp_path: Path
     assert archive_rows(tmp_path) == [(session_id, "vase")]
 
 
+def test_prune_keeps_a_session_of_which_a_manifest_cannot_be_read(tmp_path: Path, journal: Journal):
+    session_id = completed(tmp_path, journal)
+    send_all(tmp_path, journal)
+    next((tmp_path / "data" / "sessions" / session_id).glob("results/*/manifest.json")).write_text("{")
+    ((kept, why),) = pruned(tmp_path).kept.items()
+    assert (kept, "manifest.json" in why) == (session_id, True)
+    send_all(tmp_path, journal)
+    assert "manifest.json" in str(journal.outbox_status().reason)
+
+
 def test_prune_keeps_what_is_added_while_the_archive_is_asked(tmp_path: Path, journal: Journal):
     session_id = completed(tmp_path, journal)
     send_all(tmp_path, journal)
 
-    def lacking(address: str, key: str) -> None:
+    def lacking(address: str, key: str, folder: Path) -> None:
         journal.describe_session(session_id, "renamed", None, "a person")
 
     assert pruned(tmp_path, lacking=lacking).removed == []

@@ -82,7 +82,7 @@ def _ended(journal: Journal, data: Path) -> str:
     return row.id
 
 
-def no_archive(address: str, key: str) -> str | None:
+def no_archive(address: str, key: str, folder: Path) -> str | None:
     """What an archive lacks, where there is none."""
     raise AssertionError
 
@@ -141,6 +141,26 @@ def test_prune_command_removes_old_sessions(tmp_path: Path) -> None:
     assert "would remove 1 sessions" in CliRunner().invoke(app, [*arguments, "--dry-run"]).stdout
     assert old in CliRunner().invoke(app, arguments).stdout
     assert CliRunner().invoke(app, ["prune", "--data", str(tmp_path / "nowhere")]).exit_code == 2
+
+
+def test_prune_command_names_a_folder_that_the_journal_does_not_know(tmp_path: Path) -> None:
+    """Its entry was lost with the journal, or the deletion was broken off after the entry: nobody would look there."""
+    journal = Journal(tmp_path / "rig.db")
+    known, lost = _ended(journal, tmp_path), _ended(journal, tmp_path)
+    journal.delete_session(lost)
+    journal.close()
+    (tmp_path / "sessions" / "lost+found").mkdir()
+    arguments = ["prune", "--data", str(tmp_path), "--keep", "0", "--older-than-days"]
+    young = CliRunner().invoke(app, [*arguments, "1"])
+    assert (young.exit_code, young.stderr) == (0, "")
+    said = CliRunner().invoke(app, [*arguments, "0"])
+    assert said.exit_code == 1
+    assert said.stderr == (
+        f"kept {tmp_path}/sessions/{lost}: the journal has no such session; push it to an archive or move it "
+        "elsewhere, or delete it\n"
+    )
+    assert known in said.stdout
+    assert sorted(path.name for path in (tmp_path / "sessions").iterdir()) == [lost, "lost+found"]
 
 
 def test_prune_command_names_an_archive_that_is_away(tmp_path: Path) -> None:
