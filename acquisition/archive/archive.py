@@ -9,6 +9,7 @@ writes only what is missing.
 """
 
 import itertools
+import uuid
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,9 +31,14 @@ EntryT = TypeVar("EntryT", bound=Value)
 
 
 class _Mark(Value):
-    """Content of `archive.json`, which marks an archive and states its format."""
+    """Content of `archive.json`, which marks an archive and states its format and identity.
+
+    The identity is random, so that another archive at the same address, or the catalogue of another, is known as such.
+    A copy has that of its original. None: the archive was made before there were identities.
+    """
 
     format: int = 1
+    identity: str | None = None
 
 
 @dataclass(frozen=True)
@@ -62,14 +68,17 @@ class ArchiveFiles:
         """Opens the files of an archive. Raises RigError archive.address_invalid if there is none, and as `Archive`."""
         self.address = address
         self.contents = ContentStore(address)
-        self.require()
+        self.identity = self.require()
 
-    def require(self) -> None:
-        """Raises RigError archive.address_invalid unless the archive is there, archive.unreachable, …"""
+    def require(self) -> str | None:
+        """Returns the identity that the archive states.
+
+        Raises RigError archive.address_invalid unless the archive is there, archive.unreachable, …
+        """
         mark = self.contents.read_first(MARK)
         if mark is None:
             raise RigError(ErrorCode.ARCHIVE_ADDRESS_INVALID, _no_archive(self.contents))
-        _refuse_newer(self.address, mark)
+        return _read_mark(self.address, mark).identity
 
     @staticmethod
     def absent(address: str) -> bool:
@@ -129,11 +138,17 @@ class Archive(ArchiveFiles):
         """Opens an archive.
 
         `catalogue` is the address of its database (None: SQLite in the archive's folder), `patience_s` as of
-        `Catalogue`. Raises RigError archive.address_invalid, archive.unreachable, archive.catalogue_newer.
+        `Catalogue`. Raises RigError archive.address_invalid, also for the catalogue of another archive;
+        archive.unreachable, archive.catalogue_newer.
         """
         super().__init__(address)
         self.catalogue_address = _catalogue_address(self.contents, catalogue)
         self.catalogue = Catalogue(self.catalogue_address, patience_s)
+        try:
+            self.catalogue.require_archive(self.identity, address)
+        except RigError:
+            self.catalogue.close()
+            raise
 
     @classmethod
     def create(cls, address: str, catalogue: str | None = None, *, patience_s: float = 0) -> Self:
@@ -150,7 +165,7 @@ class Archive(ArchiveFiles):
                 raise RigError(
                     ErrorCode.ARCHIVE_ADDRESS_INVALID, f"{address} holds other files: name an empty folder or prefix"
                 )
-            contents.write(MARK, _Mark().model_dump_json().encode())
+            contents.write(MARK, _Mark(identity=uuid.uuid4().hex).model_dump_json().encode())
         return cls(address, catalogue, patience_s=patience_s)
 
     def close(self) -> None:
@@ -315,13 +330,15 @@ def _catalogue_address(contents: ContentStore, catalogue: str | None) -> str:
     return catalogue or catalogues.in_folder(contents.folder or Path())
 
 
-def _refuse_newer(address: str, mark: bytes) -> None:
+def _read_mark(address: str, content: bytes) -> _Mark:
+    """Raises RigError archive.damaged, archive.catalogue_newer."""
     try:
-        found = _Mark.model_validate_json(mark).format
+        mark = _Mark.model_validate_json(content)
     except ValidationError as error:
         raise RigError(ErrorCode.ARCHIVE_DAMAGED, f"{address}: {MARK} is not readable") from error
-    if found > _Mark().format:
+    if mark.format > _Mark().format:
         raise RigError(
             ErrorCode.ARCHIVE_CATALOGUE_NEWER,
-            f"{address} was made by a newer release (format {found}): use that release",
+            f"{address} was made by a newer release (format {mark.format}): use that release",
         )
+    return mark

@@ -35,6 +35,10 @@ _tables = sa.MetaData()
 _by_bytes = sa.String().with_variant(sa.String(collation="C"), "postgresql")
 """Texts compared by their bytes; only in this order does PostgreSQL find the beginning of a text by an index."""
 meta = sa.Table("meta", _tables, sa.Column("format", sa.Integer, primary_key=True))
+_archive = sa.Table(
+    "archive", _tables, sa.Column("one", sa.Integer, primary_key=True), sa.Column("identity", sa.String)
+)
+"""Identity of the catalogue's archive, in one row; earlier releases made catalogues without this table."""
 session = sa.Table(
     "session",
     _tables,
@@ -176,6 +180,28 @@ class Catalogue:
             ) from error
         raise AssertionError("a trial returns or raises")
 
+    def require_archive(self, identity: str | None, address: str) -> None:
+        """Makes an empty catalogue that of an archive, for good; an archive without identity has one without.
+
+        Raises RigError archive.address_invalid if it is the catalogue of another archive.
+        """
+
+        def work(connection: sa.Connection) -> str | None:
+            known = self._identity(connection)
+            if known is not None or identity is None or connection.scalar(sa.select(session.c.key).limit(1)):
+                return known
+            _archive.create(connection, checkfirst=True)
+            statement = self.insert(_archive).values(one=1, identity=identity)
+            connection.execute(statement.on_conflict_do_nothing())
+            return self._identity(connection)
+
+        if self.repeatedly(work) != identity:
+            raise RigError(
+                ErrorCode.ARCHIVE_ADDRESS_INVALID,
+                f"the catalogue {self._shown} is that of another archive than {address}: name this archive's own, or "
+                "an empty database, with --catalogue",
+            )
+
     # --------------------------------------------------------------------------------------------------- entries
 
     def add(self, entry: SessionEntry, results: list[ResultEntry]) -> bool:
@@ -250,6 +276,11 @@ class Catalogue:
         return (sa.func.julianday("now") - 2440587.5) * 86400.0
 
     # --------------------------------------------------------------------------------------------------- internals
+
+    def _identity(self, connection: sa.Connection) -> str | None:
+        """Returns the identity of the catalogue's archive; None if it has none yet."""
+        there = sa.inspect(connection).has_table(_archive.name)
+        return connection.scalar(sa.select(_archive.c.identity)) if there else None
 
     @property
     def _shown(self) -> str:

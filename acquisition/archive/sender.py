@@ -34,10 +34,13 @@ def wait_s(tries: int) -> float:
 
 
 def check(journal: Journal, address: str, catalogue: str | None) -> None:
-    """Records whether the archive can be used, and why not."""
+    """Records whether the archive can be used, and why not; if it is another than before, all sessions are due."""
     problem = None
     try:
-        Archive(address, catalogue).close()
+        archive = Archive(address, catalogue)
+        archive.close()
+        if journal.set_archive_identity(archive.identity or ""):
+            _log.warning("another archive than before is at %s: all sessions are pushed to it", address)
     except RigError as error:
         problem = str(error)
     if not journal.set_archive_problem(problem):

@@ -30,6 +30,7 @@ MIGRATIONS = (
     "schema_007.sql",
     "schema_008.sql",
     "schema_009.sql",
+    "schema_010.sql",
 )
 
 

@@ -57,6 +57,21 @@ class OutboxTable(QueueTable):
             if address is not None:
                 connection.execute("INSERT INTO archive (id, address) VALUES (1, ?)", (address,))
 
+    def set_archive_identity(self, identity: str) -> bool:
+        """Records which archive is at the address, by its identity ('': it has none); returns whether it is another.
+
+        Another one gets all sessions, as one at another address does.
+        """
+        with self._transaction() as connection:
+            row = connection.execute("SELECT identity FROM archive").fetchone()
+            if row is None or row["identity"] == identity:
+                return False
+            connection.execute("UPDATE archive SET identity = ?", (identity,))
+            if row["identity"] is None:
+                return False
+            connection.execute("DELETE FROM outbox")
+            return True
+
     def set_archive_problem(self, problem: str | None) -> bool:
         """Records why the archive cannot be used (None: it can); returns whether that is new.
 

@@ -280,3 +280,39 @@ def test_archive_folder_can_be_moved(archive: Archive, session_folder: MakeSessi
     assert len(moved.catalogue.sessions()) == 1
     assert moved.verify() == []
     moved.close()
+
+
+def test_catalogue_of_another_archive_is_refused(archive: Archive, session_folder: MakeSession, tmp_path: Path):
+    """Its sessions would be listed here, and named as lost; those of this archive would be listed there."""
+    archive.push(session_folder())
+    archive.close()
+    with pytest.raises(RigError, match="is that of another archive than") as refused:
+        Archive.create(str(tmp_path / "other"), archive.catalogue_address)
+    assert refused.value.code is ErrorCode.ARCHIVE_ADDRESS_INVALID
+    own = Archive(str(tmp_path / "other"))
+    own.close()
+    assert own.identity not in (None, archive.identity)
+
+
+def test_archive_without_identity_is_used_as_before(archive: Archive, session_folder: MakeSession, tmp_path: Path):
+    """Archives that were made before there were identities have neither their own nor one in the catalogue."""
+    archive.push(session_folder())
+    archive.contents.write("archive.json", b'{"format":1}')
+    archive.catalogue.repeatedly(catalogues._archive.drop)
+    archive.close()
+    older = Archive(archive.address, archive.catalogue_address)
+    assert older.identity is None
+    assert older.verify() == []
+    older.close()
+    with pytest.raises(RigError, match="is that of another archive than"):
+        Archive.create(str(tmp_path / "other"), archive.catalogue_address)
+
+
+def test_copy_of_an_archive_is_the_same_archive(archive: Archive, session_folder: MakeSession, tmp_path: Path):
+    archive.push(session_folder())
+    archive.close()
+    shutil.copytree(archive.address, tmp_path / "mirror")
+    mirror = Archive(str(tmp_path / "mirror"), archive.catalogue_address)
+    assert mirror.identity == archive.identity
+    assert mirror.verify() == []
+    mirror.close()

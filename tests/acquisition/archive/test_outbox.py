@@ -155,6 +155,29 @@ def test_another_archive_gets_all_sessions(tmp_path: Path, journal: Journal):
     assert journal.outbox_status().problem is None
 
 
+@pytest.mark.parametrize("looked", ["old", "new"])
+def test_another_archive_at_the_same_address_gets_all_sessions(tmp_path: Path, journal: Journal, looked: str):
+    """As where a broken disk was replaced: the journal said that the archive had them."""
+    archive = tmp_path / "archive"
+    if looked == "old":  # an archive that was made before there were identities
+        (archive / "archive.json").write_text('{"format":1}')
+        (archive / "catalogue.db").unlink()
+    session_id = completed(tmp_path, journal)
+    sender.check(journal, str(archive), None)
+    send_all(tmp_path, journal)
+    sender.check(journal, str(archive), None)
+    with unmounted(archive):
+        sender.check(journal, str(archive), None)
+    sender.check(journal, str(archive), None)
+    assert (journal.outbox_status().archived, journal.outbox_status().waiting) == (1, 0)
+    shutil.rmtree(archive)
+    Archive.create(str(archive)).close()
+    sender.check(journal, str(archive), None)
+    assert (journal.outbox_status().archived, journal.outbox_status().waiting) == (0, 1)
+    assert send_all(tmp_path, journal) == 1
+    assert archive_rows(tmp_path) == [(session_id, "vase")]
+
+
 def test_sender_writes_nothing_into_a_mount_point(tmp_path: Path, journal: Journal):
     session_id = completed(tmp_path, journal)
     with unmounted(tmp_path / "archive"):
