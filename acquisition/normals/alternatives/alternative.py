@@ -17,6 +17,7 @@ from acquisition.models.result import ModelFinding
 from acquisition.models.rounding import figure, percent
 from acquisition.normals.alternatives import model_trial
 from acquisition.normals.alternatives.model_trial import Hypothesis, Solution
+from acquisition.normals.indirect_light import translucency
 from acquisition.normals.pixels import image_terms
 from acquisition.normals.pixels.image_terms import ImageTerms
 from acquisition.normals.uncertainty.goodness_of_fit import Fit
@@ -107,6 +108,11 @@ class Alternative:
     decisive: bool = False
     leaves_out: bool = False
     demanded: bool = True
+
+    @property
+    def of_surface(self) -> bool:
+        """Whether it is a property of the object's surface; else a fault of the capture."""
+        return self.term in ("roughness", "gloss", "metal") or self.kind == translucency.KIND
 
     def has_enough_images(self, images: int) -> bool:
         """Returns whether so many images tell it from other models; a test without residuals needs no minimum."""

@@ -443,6 +443,25 @@ def test_solve_smooth_metal_that_fits_is_not_tried_under_other_axes(dish: scenes
     assert mean_deg(dish, result) < 2.5
 
 
+def test_solve_two_faults_are_corrected_and_doubted() -> None:
+    """One image is mirrored, another is too bright. Each alone is corrected without a doubt."""
+    size = STRONG_FAULT_SIZE
+    true, images = object_of(scenes.bumps, size), images_of(scenes.bumps, size)
+    factors, mirrored = np.ones((8, 1, 1), np.float32), images.whole.values.copy()
+    factors[3], mirrored[5] = 1.5, mirrored[5, ::-1]
+    both = solved(true, scenes.with_values(images, mirrored * factors))
+    assert kinds(both) == [("bad image", True), ("intensities", True), ("misfit", False)]
+    assert "several faults at once are rare (bad image, intensities)" in both.findings[-1].message
+    assert kinds(solved(true, scenes.with_values(images, mirrored))) == [("bad image", True)]
+
+
+@pytest.mark.parametrize(
+    ("kinds_of_faults", "count"), [([], 0), (["bad image"], 0), (["bad image", "ambient light"], 1)], ids=str
+)
+def test_several_faults_are_a_finding_from_two_on(kinds_of_faults: list[str], count: int) -> None:
+    assert len(model_selection.several_faults(kinds_of_faults)) == count
+
+
 def test_solve_without_enough_images_to_judge_is_a_finding(cushion: scenes.Scene) -> None:
     """One of five images is black, and no other model is tried."""
     images = read(cushion, 5)
