@@ -52,14 +52,24 @@ class LineTriggerConfig(CameraConfig):
     trigger: TriggerKind = Field(
         default="software", description="`hardware`: an output of the arm's controller is wired to the camera's input"
     )
-    trigger_output: int | None = Field(default=None, ge=0, le=17, description="Number of that output, as for the lamp")
+    trigger_output: int | None = Field(
+        default=None,
+        ge=0,
+        le=17,
+        description='Number of that output, as for the lamp; only with `trigger = "hardware"`',
+    )
     trigger_source: str = Field(default="Line0", description="The camera's name of that input")
 
     @model_validator(mode="after")
     def _names_its_output(self) -> Self:
-        """Refuses a hardware trigger without an output."""
+        """Refuses a hardware trigger without an output, and an output that the software trigger would ignore."""
         if self.trigger == "hardware" and self.trigger_output is None:
             raise ValueError("a hardware trigger needs `trigger_output`")
+        if self.trigger == "software" and self.trigger_output is not None:
+            raise ValueError(
+                "`trigger_output` has no effect with the software trigger: "
+                'set `trigger = "hardware"`, or leave out `trigger_output`'
+            )
         return self
 
 

@@ -1,9 +1,11 @@
 """The Aravis driver against Aravis' simulated GigE Vision camera, over loopback."""
 
+import re
 import threading
 import time
 import types
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,13 +14,16 @@ import pytest
 from acquisition.devices import StopToken
 from acquisition.devices.camera_aravis import AravisCamera
 from acquisition.devices.frame_accounting import AccountedCamera
+from acquisition.models import cell_config
 from acquisition.models.camera import CameraCapabilities
 from acquisition.models.camera_config import AravisCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
+from hardware_sim import nominal
 from tests.acquisition.devices.camera_return import expose_when_back
 from tests.acquisition.devices.gige import CONFIG, Gige, gige_camera, labelled, needs_aravis
 
 NEVER = StopToken()
+CELL_FILE = Path(__file__).parents[2] / "data" / "cell.test.toml"
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +82,24 @@ def test_aravis_hardware_trigger_takes_the_lines_frame(gige: Gige) -> None:
     assert frame.settings is not None
     assert (frame.settings.trigger, dict(frame.settings.other)["TriggerSource"]) == ("hardware", "Line0")
     camera.close()
+
+
+@pytest.mark.parametrize("trigger", ['trigger = "software"\n', ""])
+@pytest.mark.parametrize("kind", ['kind = "aravis"\ndevice = "192.168.3.20"', 'kind = "pylon"\nserial = "0815-0000"'])
+def test_output_that_the_software_trigger_would_ignore_is_refused(kind: str, trigger: str, tmp_path: Path) -> None:
+    """The camera would be released by software, although somebody has wired it to an output."""
+    nominal.write(tmp_path, "127.0.3.32", 64, CELL_FILE)
+    cell_file = tmp_path / "cell.toml"
+    text = re.sub(r"\[camera\]\n(?:\w.*\n)*", f"[camera]\n{kind}\n{trigger}trigger_output = 3\n", cell_file.read_text())
+    cell_file.write_text(text)
+
+    with pytest.raises(RigError) as refused:
+        cell_config.load(cell_file)
+
+    assert refused.value.code is ErrorCode.CONFIG_INVALID
+    assert 'set `trigger = "hardware"`, or leave out `trigger_output`' in refused.value.detail
+    cell_file.write_text(text.replace("trigger_output = 3", 'trigger_source = "Line2"'))
+    assert cell_config.load(cell_file).camera.kind in kind
 
 
 @needs_aravis
