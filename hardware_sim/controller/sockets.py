@@ -2,7 +2,8 @@
 
 A tick must never wait for a client. Replies are collected while a client's bytes are read, and then sent at once; what
 its socket does not accept is kept (replies) or dropped (data packets). Each read is small, so that the loop returns to
-the clock soon, however fast a client sends. A port can be stalled or cut, as faults on demand.
+the clock soon, however fast a client sends. What a client sent before it hung up is still read. A port can be stalled
+or cut, as faults on demand.
 """
 
 import logging
@@ -33,6 +34,7 @@ class Connection(ABC):
     def __init__(self, stream: socket.socket) -> None:
         self.stream = stream
         self.closed = False
+        self._hung_up = False  # the client reads no more; what it has sent may still be unread
         self.unsent = bytearray()
         self.incoming, self.outgoing = Pipe(), Pipe()
         self.wants_write: Callable[[], None] = lambda: None
@@ -81,10 +83,17 @@ class Connection(ABC):
 
     def _transmit(self, data: bytes) -> bytes:
         """Sends bytes; returns those that the socket does not accept now."""
+        if self._hung_up:
+            return b""
         try:
             return data[self.stream.send(data) :]
         except BlockingIOError:
             return data
+        except ConnectionError as error:
+            # A sender of a program does not wait for the stream of the port. Reading ends the connection.
+            LOG.info("the client has hung up: %s: %s", type(error).__name__, error)
+            self._hung_up = True
+            return b""
         except OSError as error:
             self.lost(error)
             return b""

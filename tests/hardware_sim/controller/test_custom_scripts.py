@@ -1,12 +1,14 @@
 """Valid and invalid user scripts through `sendCustomScript` and its variants."""
 
+import signal
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
-from tests.hardware_sim.controller.cells import HOME, Cell, at_home, connect, send_script, wait_until
+from tests.hardware_sim.controller.cells import HOME, Cell, at_home, connect, send_script, start, wait_until
 
 NEAR = [0.05, *HOME[1:]]
 
@@ -67,6 +69,17 @@ end
     path.write_text(text)
     assert cell.control.sendCustomScriptFile(str(path))
     wait_until(lambda: cell.receive.getActualQ() == pytest.approx(NEAR, abs=1e-9))
+
+
+def test_custom_script_of_a_sender_that_has_hung_up_is_read() -> None:
+    """On a busy machine the controller may find the connection, the program and the hang-up all at once."""
+    with start() as process, process.control() as control:
+        for number in range(5):
+            process.process.send_signal(signal.SIGSTOP)
+            send_script(process.address, f"def users():\n  x = missing{number}()\nend\n")
+            time.sleep(0.2)  # longer than between two packets of the port, which find nobody
+            process.process.send_signal(signal.SIGCONT)
+            wait_until(lambda name=f"missing{number}": name in "\n".join(control.log()))
 
 
 @pytest.mark.parametrize(
