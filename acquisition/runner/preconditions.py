@@ -14,7 +14,8 @@ import numpy as np
 
 from acquisition.calibrate import stated_values
 from acquisition.capture import exposure
-from acquisition.devices import ArmIdentity
+from acquisition.devices import ArmIdentity, ArmReading
+from acquisition.devices.ur import states
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import AnyRecipe, CheckRecipe, LampRecipe
@@ -49,6 +50,13 @@ def require_same_rig(row: SessionRow, cell: CellConfig, choices: RigChoices, fol
         raise RigError(ErrorCode.RIG_CHANGED, "The cell file is not the one that the session was created with")
     if cell_config.load_calibration(folder / "calibration.json") != choices.calibration:
         raise RigError(ErrorCode.RIG_CHANGED, "The calibration is not the one that the session was created with")
+
+
+def require_power(reading: ArmReading) -> None:
+    """Raises RigError arm.not_ready if the connected arm is off or braked: only a person powers it on."""
+    fault = states.power_fault(reading.robot_mode) if reading.connected else None
+    if fault is not None:
+        raise RigError(fault.code, fault.detail)
 
 
 def require_in_date(calibration: Calibration) -> None:

@@ -381,9 +381,15 @@ class Runner:
 
     def _not_ready_reasons(self) -> list[dict[str, Any]]:
         reasons = list(self._readiness.problems)
-        for require in (self._monitor.require_clear, lambda: preconditions.require_in_date(self.choices.calibration)):
+        for require in (
+            self._monitor.require_clear,
+            lambda: preconditions.require_power(self._rig.arm.reading),
+            lambda: preconditions.require_in_date(self.choices.calibration),
+        ):
             try:
                 require()
             except RigError as error:
-                reasons.append(problem(error.code, error.detail, **error.context))
+                reason = problem(error.code, error.detail, **error.context)
+                if reason not in reasons:  # a start that was refused for it has left the same one
+                    reasons.append(reason)
         return reasons

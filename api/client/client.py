@@ -23,7 +23,6 @@ from httpx_sse import connect_sse
 from acquisition.models.base import Vector3
 from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.cell_config import Tool
-from acquisition.models.errors import ErrorCode
 from acquisition.models.light_forecast import LightForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
@@ -37,7 +36,7 @@ from api.client.event_following import (
     parse_events,
 )  # fmt: skip
 from api.client.progress_bar import SessionProgressBar
-from api.client.responses import ProblemError, parsed, raise_problem, require_completed, unreachable
+from api.client.responses import ProblemError, not_ready, parsed, raise_problem, require_completed, unreachable
 from api.client.transport import LEAST_TIMEOUT_S, TIMEOUT_S
 from api.rest.calibration import RigCalibration, ToolResource
 from api.rest.calibration_schemas import EstimateResource
@@ -53,7 +52,6 @@ from api.rest.schemas import (
     Page,
     PassResource,
     PassSummary,
-    Problem,
     RegionResource,
     ResolveAccepted,
     ResolveRequest,
@@ -129,7 +127,8 @@ class Client(Connection):
     def wait_ready(self, timeout_s: float = 60.0) -> RigResource:
         """Waits until a service answers and a session may start.
 
-        Raises ProblemError at `timeout_s`: rig.not_ready with the last reasons, service.unreachable if none answers.
+        Raises ProblemError at `timeout_s`: rig.not_ready with the last reasons and what to do about each, as to power
+        the arm on, which only a person does; service.unreachable if none answers.
         """
         deadline = time.monotonic() + timeout_s
         while True:
@@ -141,7 +140,7 @@ class Client(Connection):
             else:
                 if rig.may_start:
                     return rig
-                problem = Problem.of(ErrorCode.RIG_NOT_READY, "; ".join(item.detail for item in rig.reasons))
+                problem = not_ready(rig)
             if time.monotonic() > deadline:
                 raise ProblemError(problem)
             time.sleep(0.2)

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ValidationError
 
 from acquisition.models.errors import ErrorCode
 from acquisition.session_state import State
+from api.rest.rig_schemas import RigResource
 from api.rest.schemas import Problem, SessionResource
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -48,6 +49,13 @@ def require_completed(session: SessionResource) -> SessionResource:
         return session
     code = ErrorCode.SESSION_STOPPED if session.state is State.STOPPED else ErrorCode.SESSION_STEP_FAILED
     raise ProblemError(session.reason or Problem.of(code, f"Session {session.id} is {session.state}"))
+
+
+def not_ready(rig: RigResource) -> Problem:
+    """Returns the problem of a rig on which no session may start: its reasons, each with what to do."""
+    detail = " ".join(f"{item.detail}. {item.remedy}" for item in rig.reasons)
+    reasons = [item.model_dump(mode="json") for item in rig.reasons]
+    return Problem.of(ErrorCode.RIG_NOT_READY, detail.removesuffix("."), {"reasons": reasons})
 
 
 def unreachable(error: httpx.TransportError) -> Problem:

@@ -184,6 +184,7 @@ def test_recover_unlock_requires_the_actors_acknowledgement(rig: Rig) -> None:
 def test_recover_power_and_brakes_in_two_steps(rig: Rig) -> None:
     rig.control.fault("power_off")
     rig.runner.acknowledge("c")
+    wait_for_reasons(rig, [ErrorCode.ARM_NOT_READY])
     for step, mode in (("power", 5), ("brakes", 7)):  # UR's robot modes: idle, running
         assert rig.control.state()["robot_mode"] != mode
         rig.runner.recover(step, "c")
@@ -191,7 +192,16 @@ def test_recover_power_and_brakes_in_two_steps(rig: Rig) -> None:
         while rig.control.state()["robot_mode"] != mode:
             assert time.monotonic() < deadline
             time.sleep(0.05)
+    wait_for_reasons(rig, [])
     acknowledge(rig)
+
+
+def wait_for_reasons(rig: Rig, codes: list[ErrorCode]) -> None:
+    """Waits until exactly these keep a session from starting."""
+    deadline = time.monotonic() + 60
+    while [reason["code"] for reason in rig.runner.status().reasons] != codes:
+        assert time.monotonic() < deadline, rig.runner.status().reasons
+        time.sleep(0.05)
 
 
 def test_start_with_other_calibration_raises_rig_changed(rig: Rig) -> None:

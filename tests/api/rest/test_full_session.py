@@ -4,6 +4,7 @@ import hashlib
 import http.client
 import json
 import signal
+import time
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -221,6 +222,29 @@ def test_stop_during_capture_leaves_arm_and_lamp_at_rest(live: Any, done: tuple[
     assert not live.client.rig().may_start
     live.client.acknowledge()
     assert live.client.rig().may_start
+
+
+def test_wait_ready_at_an_arm_that_is_off_says_that_a_person_powers_it_on(
+    live: Any, done: tuple[Any, list[Any]]
+) -> None:
+    """Nothing is wrong with its link, and no stop is latched: the cell is clear, and yet no session may start."""
+    created = live.client.create(Recipe())
+    with ControlClient(CELL) as control:
+        control.fault("power_off")
+        while live.client.rig().reading.robot_mode == 7:
+            time.sleep(0.05)
+        with pytest.raises(ProblemError) as refused:
+            live.client.wait_ready(timeout_s=0.5)
+        with pytest.raises(ProblemError) as start:
+            live.client.start(created.id)
+        told = live.client.rig().reasons
+        control.fault("clear")
+        live.client.wait_ready()
+
+    assert refused.value.code is ErrorCode.RIG_NOT_READY
+    assert "The arm is not ready: powered off. If it is off, power it on" in refused.value.detail
+    assert refused.value.context["reasons"][0]["code"] == start.value.code == ErrorCode.ARM_NOT_READY
+    assert [reason.code for reason in told] == [ErrorCode.ARM_NOT_READY]
 
 
 def test_park_after_stop_moves_arm_home(live: Any, done: tuple[Any, list[Any]]) -> None:
