@@ -49,6 +49,25 @@ def test_page_stop_by_mouse_in_mid_move_halts_arm(opened: Callable[..., Page], l
     lab.client.acknowledge()
 
 
+def test_page_of_a_stopped_session_tells_why_it_was_interrupted(opened: Callable[..., Page], lab: Lab) -> None:
+    session_id = lab.start(Recipe(pilot_lights=3, planned_lights=0, label="interrupted, then stopped"))
+    with ControlClient(lab.cell.address) as control:
+        control.fault("protective_stop")
+        interrupted = lab.client.wait(session_id)
+        control.fault("clear")
+    assert interrupted.state is State.INTERRUPTED
+    assert interrupted.reason is not None
+    page = opened(place=f"#/sessions/{session_id}")
+    expect(page.locator("#session-reason")).to_contain_text(interrupted.reason.detail)
+    lab.client.stop(session_id)
+
+    before = page.locator("#session-before")
+    expect(before).to_contain_text("Before that the session was interrupted: ")
+    expect(before).to_contain_text(interrupted.reason.detail)
+    expect(page.locator("#session-stopped")).to_have_text(re.compile(r"\S stopped the session, "))
+    expect(page.locator("#session-reason")).to_have_count(0)
+
+
 def acknowledge(lab: Lab) -> None:
     """Acknowledges what the controller's watchdog has stopped on a busy machine."""
     if not lab.client.safety().clear:

@@ -105,12 +105,8 @@ export class EventStream {
   }
 
   private take(block: string): void {
-    let [type, data] = ["", ""];
-    for (const line of block.split("\n")) {
-      if (line.startsWith("id: ")) this.lastId = line.slice(4);
-      else if (line.startsWith("event: ")) type = line.slice(7);
-      else if (line.startsWith("data: ")) data += line.slice(6);
-    }
+    const { id, type, data } = fieldsOf(block);
+    this.lastId = id ?? this.lastId;
     if (!data) return;
     const body = JSON.parse(data) as unknown;
     if (type === JOINTS) this.listener.joints(body as JointReading);
@@ -140,6 +136,17 @@ export class EventStream {
     this.status = { ...this.status, ...change };
     this.listener.status(this.status);
   }
+}
+
+/** The fields of one message of a stream; `data` is empty if it holds only an id or a comment. */
+export function fieldsOf(block: string): { id: string | null; type: string; data: string } {
+  const fields = { id: null as string | null, type: "", data: "" };
+  for (const line of block.split("\n")) {
+    if (line.startsWith("id: ")) fields.id = line.slice(4);
+    else if (line.startsWith("event: ")) fields.type = line.slice(7);
+    else if (line.startsWith("data: ")) fields.data += line.slice(6);
+  }
+  return fields;
 }
 
 function pause(ms: number): Promise<void> {

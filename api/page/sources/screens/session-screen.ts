@@ -5,6 +5,7 @@ import { act, edit } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
 import { get } from "../connection/requests";
 import type { Action as Taken, Session } from "../connection/schemas";
+import { type Suspension, suspensionBeforeStop } from "../connection/suspension";
 import { PageElement } from "../parts/element";
 import { reasonShown, whyNoMove } from "../parts/move-reason";
 import { duration, percent, t, type Word, when } from "../words/language";
@@ -31,6 +32,7 @@ export class SessionScreen extends PageElement {
   @state() private editing = false;
   protected readonly watching = new LiveController(this);
   @state() private stopped: Taken | null = null;
+  @state() private suspended: Suspension | null = null;
   private asking = "";
 
   /** A question is about one session in one state. What was ticked for it does not apply to another. */
@@ -41,16 +43,18 @@ export class SessionScreen extends PageElement {
     if (asking === this.asking) return;
     this.asking = asking;
     this.ask(null);
-    this.stopped = null;
+    this.stopped = this.suspended = null;
     if (session?.state === "stopped") void this.readStop(session.id);
   }
 
-  /** Reads who stopped a session. Without an answer the screen states only that it is stopped. */
+  /** Reads who stopped a session, and why it waited then. Without an answer the screen states only that it is stopped. */
   private async readStop(id: string): Promise<void> {
-    const { items } = await get<{ items: Taken[] }>(`/v1/sessions/${id}/actions?limit=200`).catch(() => ({
-      items: [],
-    }));
+    const [{ items }, suspended] = await Promise.all([
+      get<{ items: Taken[] }>(`/v1/sessions/${id}/actions?limit=200`).catch(() => ({ items: [] })),
+      suspensionBeforeStop(id).catch(() => null),
+    ]);
     if (this.identity !== id) return;
+    this.suspended = suspended;
     const done = items.filter(({ outcome }) => outcome !== "refused");
     // A halt of the cell stops the session too; it says more.
     const stops = ["halt", "stop"].map((name) => done.filter(({ action }) => action === name).at(-1));
@@ -137,8 +141,9 @@ export class SessionScreen extends PageElement {
     if (!reason && this.stopped) {
       const { action, actor, at } = this.stopped;
       return html`<p id="session-stopped">
-        ${t(action === "halt" ? "session.by_halt" : "session.by_stop", { name: actor, when: when(at) })}
-      </p>`;
+          ${t(action === "halt" ? "session.by_halt" : "session.by_stop", { name: actor, when: when(at) })}
+        </p>
+        ${this.suspended ? this.suspension(this.suspended) : nothing}`;
     }
     if (!reason) return nothing;
     const toReview = reason.code === "plan.to_review";
@@ -146,6 +151,15 @@ export class SessionScreen extends PageElement {
       <b>${problemTitle(reason.code, reason.title)}</b>
       <p>${reason.detail}. ${remedyOf(reason.code, reason.remedy)}</p>
       ${toReview && this.chapter !== "plan" ? html`<a class="button" href=${`#/sessions/${session.id}/plan`}>${t("session.review")}</a>` : nothing}
+    </div>`;
+  }
+
+  /** Its remedies are left out: they end in resuming, which is no longer possible. */
+  private suspension({ state, reason }: Suspension) {
+    const title = problemTitle(reason.code, reason.title);
+    return html`<div class="notice warning" id="session-before">
+      <b>${t("session.before", { state: t(`state.${state}` as Word) })} ${title}</b>
+      <p>${reason.detail}.</p>
     </div>`;
   }
 

@@ -137,6 +137,7 @@ export const de: Record<keyof typeof en, string> = {
   "session.none": "Zurzeit benutzt keine Sitzung die Anlage.",
   "session.by_halt": "{name} hat die Zelle gestoppt und damit die Sitzung beendet, {when}.",
   "session.by_stop": "{name} hat die Sitzung beendet, {when}.",
+  "session.before": "Davor war die Sitzung {state}:",
   "session.missing": "Diese Sitzung gibt es nicht.",
   "session.parts": "Teile der Sitzung",
   "session.progress": "Fortschritt",

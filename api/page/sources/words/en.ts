@@ -142,6 +142,7 @@ export const en = {
   "session.none": "No session uses the rig now.",
   "session.by_halt": "{name} stopped the cell, and with it the session, {when}.",
   "session.by_stop": "{name} stopped the session, {when}.",
+  "session.before": "Before that the session was {state}:",
   "session.missing": "There is no such session.",
   "session.parts": "Parts of the session",
   "session.progress": "Progress",
