@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
+from acquisition.archive import catalogue as catalogues
 from acquisition.archive.archive import Archive
 from tests.acquisition.archive import session_copies
 
@@ -18,6 +19,22 @@ def archive(tmp_path: Path) -> Iterator[Archive]:
     opened = Archive.create(str(tmp_path / "archive"), new_database())
     yield opened
     opened.close()
+
+
+@pytest.fixture
+def lose_catalogue() -> Iterator[Callable[[Archive], Archive]]:
+    """Opens an archive with an empty catalogue in place of its own."""
+    opened: list[Archive] = []
+
+    def reopen(archive: Archive) -> Archive:
+        archive.close()
+        Path(archive.address, catalogues.FILE).unlink(missing_ok=True)
+        opened.append(Archive(archive.address, new_database()))
+        return opened[-1]
+
+    yield reopen
+    for archive in opened:
+        archive.close()
 
 
 def new_database() -> str | None:

@@ -147,14 +147,14 @@ def test_verify_unreadable_result_names_it_and_enters_the_others(archive: Archiv
 
 
 @pytest.mark.parametrize("catalogue", ["kept", "lost"])
-def test_verify_names_the_lost_entry_of_a_session(archive: Archive, session_folder: MakeSession, catalogue: str):
+def test_verify_names_the_lost_entry_of_a_session(
+    archive: Archive, session_folder: MakeSession, lose_catalogue: Callable[[Archive], Archive], catalogue: str
+):
     folder = session_folder()
     name = f"sessions/{archive.push(folder).key}/session.json"
     archive.contents.remove(name)
     if catalogue == "lost":
-        archive.close()
-        Path(archive.address, catalogues.FILE).unlink()
-        archive = Archive(archive.address)
+        archive = lose_catalogue(archive)
     assert [(fault.file, fault.what) for fault in archive.verify()] == [(name, "missing")]
     archive.push(folder)
     assert archive.verify() == []
@@ -187,20 +187,17 @@ def test_verify_names_the_lost_entry_of_a_result_and_has_it_solved_again(archive
     assert {row.state for row in archive.catalogue.results(key)} == {"done"}
 
 
-def test_verify_enters_sessions_of_a_lost_catalogue(archive: Archive, session_folder: MakeSession):
+def test_verify_enters_sessions_of_a_lost_catalogue(
+    archive: Archive, session_folder: MakeSession, lose_catalogue: Callable[[Archive], Archive]
+):
     archive.push(session_folder())
     (before,) = archive.catalogue.sessions()
-    archive.close()
-    folder = archive.contents.folder
-    assert folder is not None
-    (folder / catalogues.FILE).unlink()
-    again = Archive(archive.address)
+    again = lose_catalogue(archive)
     assert again.catalogue.sessions() == []
     assert again.verify() == []
     (row,) = again.catalogue.sessions()
     assert (row.key, row.solver, row.sigma_deg) == (before.key, before.solver, before.sigma_deg)
     assert len(again.catalogue.results(row.key)) == 2
-    again.close()
 
 
 def test_results_of_the_cell_are_entered_by_their_images(archive: Archive, session_folder: MakeSession):
@@ -276,7 +273,8 @@ def test_archive_folder_can_be_moved(archive: Archive, session_folder: MakeSessi
     archive.push(session_folder())
     archive.close()
     shutil.move(archive.address, tmp_path / "moved")
-    moved = Archive(str(tmp_path / "moved"))
+    on_a_server = None if (tmp_path / "moved" / catalogues.FILE).exists() else archive.catalogue_address
+    moved = Archive(str(tmp_path / "moved"), on_a_server)
     assert len(moved.catalogue.sessions()) == 1
     assert moved.verify() == []
     moved.close()
