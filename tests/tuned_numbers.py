@@ -102,7 +102,7 @@ REASONS: dict[str, str] = {
         exposure_plan.SHORTEST exposure_plan.LONGEST exposure_plan.FRAMES exposure_plan.RATIOS
         self_calibration.SIGMA_FACTORS
         translucency.LENGTHS_PX translucency.TESTED_PX model_trial.ROUGH light_tests.TURNS_DEG
-        reflectance_fit.DIFFUSE_FORMS reflectance_kernels.GGX_ROUGHNESS term_alternatives.SECOND_STARTS""",
+        reflectance_fit.DIFFUSE_FORMS reflectance_kernels.GGX_ROUGHNESS""",
     "pictures": """
         explain.IMAGE_PX explain.BRIGHTEST_PERCENTILE explain.OUTSIDE explain.SHOWN_RANGE""",
 }

@@ -62,9 +62,9 @@ class TrialSettings:
     lights in two rings). ε is below −0.125 in 12 of 906 sound captures, 10 of them rough, and in 38 of 52 that are
     coded with 1/2.2."""
     min_probability: float = tuned(0.05, "probability")
-    """Probability of the misfit below which a solution counts as poor, so that second starts, swaps and moves are
-    tried. Measured: with 0.01 sound captures take a fifth less time and are solved alike (27 of design seeds 101–104),
-    but swapped lamps of two of eight objects, an offset and a move are not found (seed 62, ten lights)."""
+    """Probability of the misfit below which a solution counts as poor, so that metal, a coding, swaps and moves
+    are tried. Measured: with 0.01 sound captures take a fifth less time and are solved alike (27 of design seeds
+    101–104), but swapped lamps of two of eight objects, an offset and a move are not found (seed 62, ten lights)."""
     min_sound_probability: float = tuned(0.01, "probability")
     """Probability of the misfit below which a result is reported as badly fitting. It is the usual level of 1 %: one
     sound capture in a hundred is reported, if misfits are distributed as `goodness_of_fit` says."""

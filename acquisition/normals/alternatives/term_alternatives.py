@@ -64,9 +64,6 @@ GLOSS_START = 0.2
 METAL_START = 0.3
 """Roughness α from which metal is estimated in a poor fit."""
 
-SECOND_STARTS = (("ambient", 0.05), ("ambient", 0.15), ("offset", 0.03), ("offset", 0.1))
-"""Further starts of ambient and stray light. From zero the descent stops in a wrong shape if there is much of it."""
-
 CODED = "coded values"
 """Kind of the finding of values that are not linear."""
 
@@ -91,16 +88,8 @@ FROM_ELSEWHERE = frozenset(kind for name, (kind, _) in TERMS.items() if name in 
 
 
 def other_formation(present: Solution) -> list[Alternative]:
-    """Proposes terms and codings that scores demand; in a poor fit also a coding, metal, and second starts."""
-    hypothesis = present.hypothesis
-    if hypothesis.nominal.terms is not None:
-        return [*gloss(present), *scored_terms(present), *coded(present)]
-    alternatives = [*gloss(present), *scored_terms(present), *metal(present), *coded(present)]
-    if present.poor:
-        for name, start in SECOND_STARTS:
-            terms = replace(LAMBERTIAN, **{name: start})
-            alternatives.append(replace(_with_term(hypothesis, name, terms, far_better()), demanded=False))
-    return alternatives
+    """Proposes terms and codings that scores demand; in a poor fit also a coding and metal."""
+    return [*gloss(present), *scored_terms(present), *metal(present), *coded(present)]
 
 
 def scored_terms(present: Solution) -> list[Alternative]:
