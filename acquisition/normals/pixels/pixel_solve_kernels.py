@@ -219,8 +219,12 @@ def _strength(light: Float32Array, f: int, n: int) -> np.float32:
 
 @numba.njit("float32(float32[:,::1], float32[:,:,::1], int64, int64)", cache=True, error_model="numpy")
 def _ratio(values: Float32Array, light: Float32Array, f: int, n: int) -> np.float32:
-    """y/|s| of one measurement."""
-    return values[f, n] / max(_strength(light, f, n), np.float32(1e-9))
+    """y/|s| of one measurement, an albedo; 0 of a lamp that does not reach the pixel, beside or behind its lobe.
+
+    There the albedo would be without bound, and rounding of its square would make the solution NaN.
+    """
+    strength = _strength(light, f, n)
+    return values[f, n] / strength if strength > np.float32(1e-9) else np.float32(0)
 
 
 @numba.njit(

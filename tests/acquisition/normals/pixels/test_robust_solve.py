@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.normals.pixels import pixel_solve, robust_solve
-from acquisition.normals.pixels.pixel_solve import Estimate, Scene
+from acquisition.normals.pixels.pixel_solve import Estimate, Lighting, Scene
 from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
 
 DARK = 0.03
@@ -42,6 +42,20 @@ def test_solve_dark_pixels_with_one_highlight_gives_normals_of_the_others(count:
     assert np.count_nonzero(glossy) > 100
     assert np.mean(error[glossy]) < 2 * np.mean(error[~glossy])
     assert np.quantile(error[glossy], 0.98) < 3
+
+
+@pytest.mark.parametrize("strength", [0.0, 1e-16])
+def test_solve_lamp_that_does_not_reach_a_pixel_is_not_used(strength: float) -> None:
+    """Its lobe ends before the pixel, but the image shows light of another origin. Albedo and normal were NaN."""
+    made = measured(count=6)
+    lighting, values = Lighting.at(made.pixels, made.depth_m, made.scene), made.values.astype(np.float32)
+    dark = np.arange(values.shape[1]) % 7 == 0
+    lighting.light[:2, :, dark] = np.float32(strength)
+    values[:2, dark] = 0.4
+    estimate = pixel_solve.solve_lit(made.pixels, values, lighting, made.scene)
+    assert np.all(np.isfinite(estimate.g))
+    assert not np.any(estimate.usable[:2, dark])
+    assert np.median(error_deg(estimate, made)[dark]) < 1
 
 
 def test_solve_highlight_counts_with_the_weight_of_its_residual() -> None:
