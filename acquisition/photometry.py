@@ -229,6 +229,12 @@ def strength(light: npt.NDArray[FloatT]) -> npt.NDArray[FloatT]:
     return np.sqrt(np.einsum("fcn,fcn->fn", light, light))
 
 
+def value_per_strength(values: Float32Array, strength: Float32Array) -> Float32Array:
+    """y/|s| (F, N) of values and strengths (F, N), as `pixel_solve_kernels` computes it: 0 of a lamp that does not
+    reach the pixel."""
+    return np.divide(values, strength, out=np.zeros_like(values), where=strength > np.float32(1e-9))
+
+
 def project(calibration: Calibration, positions: npt.ArrayLike) -> FloatArray:
     """Pixels (K, 2) as column, row of points (K, 3) in m, view frame; lens distortion applied."""
     camera = np.asarray(positions, dtype=float).reshape(-1, 3) * np.diag(VIEW_FROM_CAMERA)[:3]

@@ -66,7 +66,7 @@ def solve(problem: TermProblem) -> Estimate:
     """Solves the pixels with their terms, from normals that face the camera; gloss and metal also from others."""
     light = problem.light
     strength = np.maximum(photometry.strength(light), np.float32(1e-9))
-    ratio = np.where(problem.clipped, 0, problem.values / strength)
+    ratio = np.where(problem.clipped, 0, photometry.value_per_strength(problem.values, strength))
     peak = np.max(ratio, axis=0)
     facing = (problem.view * peak).astype(np.float32)
     out = _from_start(problem, replace(problem.terms, gloss=0.0, metal=0.0), facing)

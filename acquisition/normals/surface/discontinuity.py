@@ -86,7 +86,7 @@ class ShadowImages:
         light, clipped, ray = self.estimate.light, self.pixels.clipped, photometry.ray_directions(self.pixels.ray)
         strength = np.maximum(photometry.strength(light), np.float32(1e-9))
         values = self.measured - self.estimate.beside_direct_diffuse
-        ratio = values / strength
+        ratio = photometry.value_per_strength(values, strength)
         largest = np.maximum(np.max(np.where(clipped, 0, ratio), axis=0), np.float32(1e-6))
         share = np.where(clipped, np.float32(1), np.maximum(ratio / largest, 0))
         facing = -np.einsum("fcn,cn->fn", light, ray) / (strength * np.linalg.norm(ray, axis=0))

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from acquisition.normals.pixels import pixel_solve, robust_solve
+from acquisition.normals.pixels.image_terms import ImageTerms
 from acquisition.normals.pixels.pixel_solve import Estimate, Lighting, Scene
+from acquisition.normals.surface.discontinuity import ShadowImages
 from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
 
 DARK = 0.03
@@ -56,6 +58,26 @@ def test_solve_lamp_that_does_not_reach_a_pixel_is_not_used(strength: float) -> 
     assert np.all(np.isfinite(estimate.g))
     assert not np.any(estimate.usable[:2, dark])
     assert np.median(error_deg(estimate, made)[dark]) < 1
+
+
+@pytest.mark.parametrize(
+    "terms", [None, ImageTerms(roughness=0.2), ImageTerms(gloss=0.3), ImageTerms(metal=0.3)], ids=str
+)
+def test_image_of_a_lamp_that_does_not_reach_a_pixel_changes_nothing_there(terms: ImageTerms | None) -> None:
+    """Neither the solution, whose starts with terms follow from y/|s|, nor where the other images are in shadow."""
+    made = measured(count=6)
+    lighting, scene = Lighting.at(made.pixels, made.depth_m, made.scene), replace(made.scene, terms=terms)
+    lighting.light[:2] = 0
+
+    def found(value: float) -> tuple[np.ndarray, np.ndarray]:
+        values = made.values.astype(np.float32)
+        values[:2] = value
+        estimate = pixel_solve.solve_lit(made.pixels, values, lighting, scene)
+        shadows = ShadowImages(made.pixels, values, np.zeros_like(values), estimate, made.lamp)
+        return estimate.g, shadows.lit_share(THRESHOLD)[2:]
+
+    for bright, black in zip(found(0.4), found(0.0), strict=True):
+        np.testing.assert_array_equal(bright, black)
 
 
 def test_solve_highlight_counts_with_the_weight_of_its_residual() -> None:
