@@ -87,7 +87,8 @@ def at_terminal(
 
     def choose(name: str) -> bool:
         wanted = activate or (len(recipes) > 1 and typer.confirm(f"Use calibration {name} from now on?", err=True))
-        used.extend([name] * wanted)
+        if wanted:
+            used.append(name)
         return wanted
 
     with Client(address) as client:

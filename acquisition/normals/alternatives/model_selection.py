@@ -148,7 +148,7 @@ def several_faults(kinds: list[str]) -> list[ModelFinding]:
     """Returns the finding that the capture has two or more kinds of faults, all corrected; none: it has fewer.
 
     Faults are rare and independent, so that two at once are less likely than one that no alternative describes, or that
-    another one fits nearly as well. Measured: of 612 captures with one fault in which a fault was corrected and nothing
+    another one fits nearly as well. Measured: of 545 captures with one fault in which a fault was corrected and nothing
     is named, seven have a second one corrected that is not there; normals of six err by 5–24°. Of 2255 sound captures
     two have as many, which err by 11° (design seeds 502–584; decision 106).
     """
