@@ -27,3 +27,12 @@ def test_solve_ambient_light_on_a_relief_without_shadows_is_found() -> None:
     pair = with_fault.solved("relief", 469, "lambert", "ambient:0.1", 8, pixels=scenes.PIXELS)
     assert with_fault.kinds(pair.faulty) == [("ambient light", True)]
     assert pair.error_ratio < 1.5
+
+
+def test_solve_ambient_light_that_may_be_indirect_light_is_named() -> None:
+    """Its score gains 500, but the indirect light in shadows may be as strong: it is not subtracted, and σ is larger."""
+    pair = with_fault.solved("sheet", 592, "lambert", "ambient:0.03")
+    assert with_fault.kinds(pair.sound) == []
+    assert with_fault.kinds(pair.faulty) == [("ambient light", False)]
+    assert np.nanmean(pair.faulty.sigma_deg) > np.nanmean(pair.sound.sigma_deg) + 3
+    assert pair.faulty.findings[0].value == pytest.approx(0.03, rel=0.5)

@@ -112,24 +112,33 @@ def scored_terms(present: Solution) -> list[Alternative]:
         return []
     if known is not None and (known.metal > 0 or present.seems_coded):
         return []
-    rough = hypothesis.term_sigma.roughness > 0
-    names = [] if rough or (known is not None and known.specular) else ["roughness"]
-    if not hypothesis.term_sigma.from_elsewhere:
-        names += ["ambient", "offset"]
     demanded: list[Alternative] = []
-    for name in names:
+    if not (hypothesis.term_sigma.roughness > 0 or (known is not None and known.specular)):
+        least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
+        if tried_gain(scores, "roughness") > least:
+            limits, step = explains_more(throughout=True), scores.roughness.step
+            demanded.append(_with_term(hypothesis, "roughness", known or LAMBERTIAN, limits, step))
+        elif known is None and _fits_as_rough(present):
+            limits, step = explains_more(throughout=True), model_trial.ROUGH.roughness
+            demanded.append(_with_term(hypothesis, "roughness", LAMBERTIAN, limits, step))
+    for name in light_from_elsewhere(present):
         score: TermScore = getattr(scores, name)
-        if name == "roughness":
-            least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
-            limits = explains_more(throughout=True)
-        else:
-            least = self_calibration.STRONG_EVIDENCE if rough else model_trial.SETTINGS.min_gain
-            limits = clearly_better() if scores.exponent.gain > score.gain else AS_GOOD
-        if tried_gain(scores, name) > least and not (_outdone(name, present) or _may_be_indirect(name, present)):
+        limits = clearly_better() if scores.exponent.gain > score.gain else AS_GOOD
+        if not (_outdone(name, present) or _may_be_indirect(name, present)):
             demanded.append(_with_term(hypothesis, name, known or LAMBERTIAN, limits, score.step))
-        elif name == "roughness" and known is None and _fits_as_rough(present):
-            demanded.append(_with_term(hypothesis, name, LAMBERTIAN, limits, model_trial.ROUGH.roughness))
     return decisive(demanded)
+
+
+def light_from_elsewhere(present: Solution) -> list[str]:
+    """Returns which of ambient and stray light scores demand, of a surface that is no metal; none where either is
+    estimated already. In a result it is named (`model_selection.remaining`)."""
+    hypothesis, scores = present.hypothesis, present.scores
+    known = hypothesis.nominal.terms
+    if scores is None or hypothesis.term_sigma.from_elsewhere or (known is not None and known.metal > 0):
+        return []
+    rough = hypothesis.term_sigma.roughness > 0
+    least = self_calibration.STRONG_EVIDENCE if rough else model_trial.SETTINGS.min_gain
+    return [name for name in ("ambient", "offset") if tried_gain(scores, name) > least]
 
 
 def darker_than_black(present: Solution) -> list[Alternative]:

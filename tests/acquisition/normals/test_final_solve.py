@@ -202,6 +202,22 @@ def test_solve_pixels_with_two_lights_are_smoothed(cushion: scenes.Scene) -> Non
     assert np.mean(cushion.error_deg(result.normals)[lone[cushion.graded]]) < 4
 
 
+def test_solve_uncertainty_of_the_whole_capture_smooths_no_pixel(cushion: scenes.Scene) -> None:
+    """All pixels share it, so that neighbours are no surer of a normal than the pixel's own images."""
+    stack, all_pixels = images(cushion), slice(0, SIZE)
+    masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
+    gathered = masked.level(FACTOR, pixel_solution.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+    known = model(cushion.calibration, stack)
+    known = replace(known, noise=replace(known.noise, intensity=0.05))
+    start = replace(refined(gathered, known.noise, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
+    sound, doubted = (
+        final_solve.solve(masked, gathered, start, known, (SIZE, SIZE), capture_sigma_deg=sigma_deg)
+        for sigma_deg in (0.0, 8.0)
+    )
+    assert np.all(doubted.sigma_deg[cushion.mask] > sound.sigma_deg[cushion.mask])
+    assert np.mean(np.sum(sound.normals * doubted.normals, axis=-1)[cushion.mask]) > np.cos(np.radians(0.1))
+
+
 def test_solve_integrability_lowers_median_error(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     stack, all_pixels = images(cushion), slice(0, SIZE)
     masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
