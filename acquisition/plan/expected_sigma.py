@@ -11,8 +11,11 @@
 - L is 1 σ, per axis, of the lamp directions by errors of the calibration that all lamps share.
 - E is 1 σ of normals that nothing checks: those of fewer than four lights, or of a capture in which something is wrong
   (`photometry.capture_sigma_deg`).
-- S is the part of σ by creases, detail and lines in the images so far, mean over the pixels. Few pixels have nearly
-  all of it, and hardly any other error, so that it adds to the mean σ of the others (decision 103).
+- S is the part of σ by creases, detail and lines in the images so far, mean over the pixels, over √(f / (f + 1)) with
+  the degrees of freedom f = images − 3, at least 1. A pixel's own χ², which is its weight, has a prior of one degree of
+  freedom (`error_variance`): where the model is wrong, χ² of a pilot is half of what many images will show (decision
+  109). Few pixels have nearly all of S, and hardly any other error, so that it adds to the mean σ of the others
+  (decision 103).
 - V is 1 σ of a normal of which nothing is known (`photometry.bounded_variance`), as in a result.
 """
 
@@ -46,10 +49,11 @@ class ExpectedSigma:
         """
         told = len(normal_map.flags) >= photometry.REDUNDANT
         findings = [finding for finding in normal_map.findings if told or finding.corrected]
+        freedom = max(len(normal_map.flags) - photometry.PIXEL_UNKNOWNS, 1)
         misfit = max(normal_map.noise.get("misfit", 1.0), 1.0)
         return cls(
             misfit=misfit if told else float(np.sqrt(misfit)),
-            structure_deg=normal_map.noise.get("structure_deg", 0.0),
+            structure_deg=normal_map.noise.get("structure_deg", 0.0) * float(np.sqrt((freedom + 1) / freedom)),
             capture_deg=photometry.capture_sigma_deg(findings),
             calibration_rad=calibration_rad,
         )

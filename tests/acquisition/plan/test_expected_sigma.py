@@ -69,7 +69,9 @@ def test_of_normal_map_reads_misfit_and_findings() -> None:
         stated = [ExpectedSigma.of(replace(images, noise={"misfit": misfit})).misfit for misfit in (0.2, 4.0, 81.0)]
         assert stated == counted
     assert ExpectedSigma.of(known) == ExpectedSigma()
-    assert ExpectedSigma.of(replace(known, noise={"structure_deg": 1.5})).structure_deg == 1.5
+    for images, freedom in ((known, 1), (more, 2)):
+        stated = ExpectedSigma.of(replace(images, noise={"structure_deg": 1.5})).structure_deg
+        assert stated == pytest.approx(1.5 * np.sqrt((freedom + 1) / freedom))
     corrected, left = (ModelFinding(kind="lamps", message="-", corrected=one) for one in (True, False))
     metal = ModelFinding(kind=photometry.METAL, message="-", corrected=True)
     settings = photometry.SETTINGS
