@@ -6,6 +6,9 @@ from acquisition.models.errors import ErrorCode, RigError
 
 RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
 
+JOURNAL, KEPT_FOLDERS = "rig.db", ("sessions", "calibrations", "cache")
+"""Names of a data folder's journal and of the folders that the service keeps beside it."""
+
 
 def is_session(folder: Path) -> bool:
     """Whether a folder is a session's."""
@@ -27,22 +30,29 @@ def refuse_in_session(path: Path, option: str) -> None:
         )
 
 
-def refuse_session_as_data(path: Path) -> None:
-    """Refuses a session's folder, or a place within one, as a service's data folder.
+def refuse_as_data(path: Path) -> None:
+    """Refuses a session's folder, or a place within one or within another data folder, as a service's data folder.
 
-    Raises RigError folder.invalid with the data folder that the session belongs to, if it lies in one.
+    Raises RigError folder.invalid with the data folder that it lies in, if any.
     """
-    folder = _session_around(path)
-    if folder is not None:
-        data = folder.parent.parent
-        known = folder.parent.name == "sessions" and (data / "rig.db").is_file()
-        raise RigError(
-            ErrorCode.FOLDER_INVALID,
-            f"{path} is no data folder: it {'is' if folder == path.resolve() else 'lies in'} the folder of the session "
-            f"{folder.name}; "
-            + (f"name the data folder that holds this session: {data}" if known else "name a folder outside it"),
-            file=str(path),
-        )
+    place = path.resolve()
+    folder, data = _session_around(path), _data_folder_around(place)
+    if folder is None and data is None:
+        return
+    around = f"data folder {data}" if folder is None else f"folder of the session {folder.name}"
+    held = "it" if folder is None else "this session"
+    raise RigError(
+        ErrorCode.FOLDER_INVALID,
+        f"{path} is no data folder: it {'is' if folder == place else 'lies in'} the {around}; "
+        + ("name a folder outside it" if data is None else f"name the data folder that holds {held}: {data}"),
+        file=str(path),
+    )
+
+
+def _data_folder_around(place: Path) -> Path | None:
+    """Returns the data folder in whose sessions, calibrations or cache a place is; None if there is none."""
+    kept = (folder.parent for folder in (place, *place.parents) if folder.name in KEPT_FOLDERS)
+    return next((data for data in kept if (data / JOURNAL).is_file()), None)
 
 
 def _session_around(path: Path) -> Path | None:

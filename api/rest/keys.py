@@ -22,7 +22,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from acquisition.formats.session_files import refuse_session_as_data
+from acquisition.formats.session_files import refuse_as_data
 from acquisition.models.errors import ErrorCode, RigError
 
 PREFIX = "lightpose_"
@@ -86,8 +86,8 @@ class KeyFile(BaseModel):
 
 
 def path_in(data: Path) -> Path:
-    """Path of the key file in a data folder. Raises RigError folder.invalid for a session's folder."""
-    refuse_session_as_data(data)
+    """Path of the key file in a data folder. Raises RigError folder.invalid for a folder that a service keeps."""
+    refuse_as_data(data)
     return data / "keys.json"
 
 

@@ -167,7 +167,7 @@ def create(settings: Settings, on_ready: Callable[[str], None] | None = None) ->
     """Creates the server of these settings, not yet running.
 
     Raises RigError config.invalid for a host other than this machine without keys, and for a bad cell file, calibration
-    or key file; folder.invalid for a data folder within a session's; store.locked, store.corrupt.
+    or key file; folder.invalid for a data folder within another or a session's; store.locked, store.corrupt.
     """
     ring = KeyRing(keys.path_in(settings.data))
     settings_.refuse_open_bind(settings.host, ring.required)

@@ -30,7 +30,7 @@ def test_solve_ambient_light_on_a_relief_without_shadows_is_found() -> None:
 
 
 def test_solve_ambient_light_that_may_be_indirect_light_is_named() -> None:
-    """Its score gains 500, but the indirect light in shadows may be as strong: it is not subtracted, and σ is larger."""
+    """Its score gains 500, but indirect light in shadows may be as strong: nothing is subtracted, and σ is larger."""
     pair = with_fault.solved("sheet", 592, "lambert", "ambient:0.03")
     assert with_fault.kinds(pair.sound) == []
     assert with_fault.kinds(pair.faulty) == [("ambient light", False)]

@@ -154,6 +154,25 @@ def test_sessions_folder_is_refused_as_a_data_folder(arguments: tuple[str, ...],
     assert f"name the data folder that holds this session: {data}\n" in refused()
 
 
+@pytest.mark.parametrize("below", ["sessions", "calibrations", "cache/previews"])
+def test_folder_kept_by_a_service_is_refused_as_a_data_folder(below: str, tmp_path: Path) -> None:
+    """A folder of that name that belongs to no data folder may be one."""
+    data = tmp_path / "data"
+    kept = data / below
+
+    def listed() -> Any:
+        return CliRunner().invoke(app, ["keys", "add", "lab", "--data", str(kept)])
+
+    assert listed().exit_code == 0
+    shutil.rmtree(kept)
+    (data / "rig.db").touch()
+    done = listed()
+    assert done.exit_code == 2
+    assert f"folder.invalid: {kept} is no data folder: it lies in the data folder {data}" in done.stderr
+    assert f"name the data folder that holds it: {data}\n" in done.stderr
+    assert not kept.exists()
+
+
 def every_command(command: Any, name: str = "lightpose") -> Iterator[tuple[str, Any]]:
     yield name, command
     for own, inner in getattr(command, "commands", {}).items():
