@@ -44,10 +44,10 @@ class AlternationSettings:
     15°, and 17 % of the others; with 0.2 it is 81 and 22 %; with 0.5 51 and 15 %, as surfaces of two albedos then lose
     half their pixels."""
 
-    @property
-    def max_shift_m(self) -> float:
-        """Largest shift of the object along the rays, m."""
-        return photometry.SETTINGS.outlying_deviations * self.shift_sigma_m
+    def max_shift_m(self, nearest_m: float) -> float:
+        """Returns the largest shift of an object along the rays, m, whose nearest point is at a depth `nearest_m`: by
+        its prior, and at most half of this depth, so that an object close to the camera never moves behind it."""
+        return min(photometry.SETTINGS.outlying_deviations * self.shift_sigma_m, nearest_m / 2)
 
 
 SETTINGS = AlternationSettings()
@@ -340,6 +340,7 @@ def _self_calibrate(
         return before, noise
     calibrate = not hold and len(nominal.lamps) >= photometry.REDUNDANT
     priors, present = stated if calibrate else replace(stated, intensity=0.0, position_m=0.0), before
+    largest = SETTINGS.max_shift_m(float(np.min(sample.depth_m)) - before.shift_m)
     for turn in range(4):
         lamps = present.lamps(nominal.lamps)
         divided = divide_intensity(values, present.log_intensity - before.log_intensity)
@@ -360,7 +361,7 @@ def _self_calibrate(
         present = SharedParameters(
             log_intensity=present.log_intensity + step.log_intensity,
             lamp_offset_m=present.lamp_offset_m + step.lamp_offset_m,
-            shift_m=float(np.clip(present.shift_m + shift, -SETTINGS.max_shift_m, SETTINGS.max_shift_m)),
+            shift_m=float(np.clip(present.shift_m + shift, -largest, largest)),
             covariance=step.covariance if calibrate else present.covariance,
             terms=image_terms.stepped(present.terms, step.terms),
         )

@@ -166,7 +166,8 @@ class Solution:
     def out_of_place(self) -> bool:
         """Whether the object is within a step of the largest shift, so that it must have drifted there. Shifts are
         50 mm at most over 96 Lambertian captures of design seeds in two rings."""
-        return abs(self.moved_m) >= alternation.SETTINGS.max_shift_m - alternation.MAX_SHIFT_STEP_M
+        largest = alternation.SETTINGS.max_shift_m(float(np.min(self.hypothesis.start_m)))
+        return abs(self.moved_m) >= max(largest - alternation.MAX_SHIFT_STEP_M, largest / 2)
 
     @property
     def at_end_of_range(self) -> bool:

@@ -394,4 +394,6 @@ def test_solve_near_where_nothing_is_lit_is_infeasible_or_solved(wrong: str, tmp
         changed = replace(images, lights=replace(images.lights, positions_m=1000 * images.lights.positions_m))
     else:
         changed = replace(images, rough_depth_m=0.00048)
-    assert np.any(near_light.solve(changed, SolveSettings()).mask)
+    solved = near_light.solve(changed, SolveSettings())
+    assert np.any(solved.mask)
+    assert np.all(solved.depth[solved.mask] > 0)
