@@ -167,7 +167,8 @@ def _refine(
     )  # fmt: skip
     # E of the capture and of fewer than four lights is subtracted: pixels share it, or nothing checks it, but it makes
     # the images no less informative.
-    known_deg = np.square(errors.sigma_deg) - np.float32(capture_sigma_deg**2)
+    known_deg = np.square(errors.sigma_deg)
+    known_deg -= np.float32(capture_sigma_deg**2)
     known_deg[lights < photometry.OVERDETERMINED] -= photometry.SETTINGS.unchecked_sigma_deg**2
     np.sqrt(np.maximum(known_deg, np.square(sigma_deg), out=known_deg), out=known_deg)
     sigma_deg[:] = errors.sigma_deg

@@ -115,12 +115,11 @@ def scored_terms(present: Solution) -> list[Alternative]:
     demanded: list[Alternative] = []
     if not (hypothesis.term_sigma.roughness > 0 or (known is not None and known.specular)):
         least = 0.0 if present.seems_coded else self_calibration.STRONG_EVIDENCE
-        if tried_gain(scores, "roughness") > least:
-            limits, step = explains_more(throughout=True), scores.roughness.step
+        scored = tried_gain(scores, "roughness") > least
+        if scored or (known is None and _fits_as_rough(present)):
+            step = scores.roughness.step if scored else model_trial.ROUGH.roughness
+            limits = explains_more(throughout=True)
             demanded.append(_with_term(hypothesis, "roughness", known or LAMBERTIAN, limits, step))
-        elif known is None and _fits_as_rough(present):
-            limits, step = explains_more(throughout=True), model_trial.ROUGH.roughness
-            demanded.append(_with_term(hypothesis, "roughness", LAMBERTIAN, limits, step))
     for name in light_from_elsewhere(present):
         score: TermScore = getattr(scores, name)
         limits = clearly_better() if scores.exponent.gain > score.gain else AS_GOOD

@@ -397,3 +397,4 @@ def test_solve_near_where_nothing_is_lit_is_infeasible_or_solved(wrong: str, tmp
     solved = near_light.solve(changed, SolveSettings())
     assert np.any(solved.mask)
     assert np.all(solved.depth[solved.mask] > 0)
+    assert wrong != "depth" or "lamps" in [finding.kind for finding in solved.findings]

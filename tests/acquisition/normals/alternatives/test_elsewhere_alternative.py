@@ -52,6 +52,20 @@ def test_ambient_light_is_demanded_unless_errors_of_the_indirect_light_may_be_as
         assert (AMBIENT in {one.kind for one in term_alternatives.scored_terms(again)}) is tried
 
 
+def test_stray_light_that_a_score_demands_is_named_until_it_is_estimated(solutions: tuple[Solution, Solution]) -> None:
+    """Not beside gloss, whose lobe may differ from the model's, nor of four images, which tell models not apart."""
+    before, estimated = solutions
+
+    def named(solution: Solution) -> list[float | None]:
+        return [one.value for one in model_selection.remaining(solution) if one.kind == TRIED and not one.corrected]
+
+    assert named(before) == [pytest.approx(demanded(before).step)]
+    assert named(estimated) == []
+    shared = replace(before.state.shared, terms=ImageTerms(gloss=0.3))
+    assert named(replace(before, state=replace(before.state, shared=shared))) == []
+    assert named(replace(before, fit=replace(before.fit, images=before.fit.images[:4]))) == []
+
+
 def test_ambient_light_has_to_fit_clearly_better_where_an_exponent_gains_more() -> None:
     """Relief of the size of a pixel fitted a little better in ambient light of 10–20 % that was not there."""
     before = plain(STRAY)
