@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 from acquisition.archive.archive import Archive
+from acquisition.formats.session_files import JOURNAL
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.journal import Journal
 
@@ -88,7 +89,7 @@ def main(data: str, address: str, catalogue: str | None) -> None:
         ended.set()
 
     threading.Thread(target=await_end, daemon=True).start()
-    journal = Journal(Path(data) / "rig.db")
+    journal = Journal(Path(data) / JOURNAL)
     wait, next_check = 0.0, 0.0
     while not ended.wait(wait):
         if time.monotonic() >= next_check:

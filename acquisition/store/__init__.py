@@ -13,6 +13,7 @@ import stat
 from pathlib import Path
 
 from acquisition.formats.frames import FolderFrames
+from acquisition.formats.session_files import JOURNAL
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import SessionRecord
@@ -47,7 +48,7 @@ class Store:
             os.close(self._lock_file)
             raise RigError(ErrorCode.STORE_LOCKED, f"{self.data} is in use by another service") from error
         try:
-            self.journal = Journal(self.data / "rig.db")
+            self.journal = Journal(self.data / JOURNAL)
             self._discard_partial()
         except BaseException:
             os.close(self._lock_file)

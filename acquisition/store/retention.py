@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from acquisition.formats.session_files import JOURNAL
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session_state import ENDED, State
 from acquisition.store.journal import Journal
@@ -65,7 +66,7 @@ def prune(
 
     Raises RigError request.not_found when the folder holds no journal.
     """
-    database = data / "rig.db"
+    database = data / JOURNAL
     if not database.is_file():
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"{data} is not a data folder: it has no rig.db")
     journal = Journal(database)

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 
-from acquisition.formats.session_files import refuse_in_session
+from acquisition.formats.session_files import JOURNAL, refuse_in_session
 from acquisition.models.errors import ErrorCode, RigError, wrong_fields
 from acquisition.models.listing import first_few
 from acquisition.models.result import SolveSettings
@@ -191,7 +191,7 @@ def _sessions(folders: list[Path]) -> list[Path]:
     """Returns the given session folders, and all completed sessions of a given data folder of a service."""
     found: list[Path] = []
     for folder in folders:
-        if (folder / "rig.db").is_file():
+        if (folder / JOURNAL).is_file():
             found += sorted(path.parent for path in (folder / "sessions").glob("*/manifest.json"))
         else:
             found.append(folder)
