@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from acquisition.models.errors import ErrorCode
 from api import Client
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
@@ -66,6 +67,16 @@ def client_of(service: Service) -> Generator[Client, None, None]:
     with Client(service.url) as client:
         client.wait_ready(60)
         yield client
+
+
+def resume(client: Client, session_id: str, within_s: float = 60.0) -> None:
+    """Acknowledges a restart and resumes the session that it interrupted, once nothing else is in the way."""
+    client.acknowledge()
+    deadline = time.monotonic() + within_s
+    while others := [reason for reason in client.rig().reasons if reason.code is not ErrorCode.RIG_BUSY]:
+        assert time.monotonic() < deadline, others
+        time.sleep(0.05)
+    client.resume(session_id)
 
 
 def fastest_joint(control: ControlClient) -> float:

@@ -17,7 +17,15 @@ from api import Client, ProblemError
 from hardware_sim import grade, truth
 from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
-from tests.end_to_end.processes import Service, client_of, fastest_joint, rests_after, serving, wait_until_moving
+from tests.end_to_end.processes import (
+    Service,
+    client_of,
+    fastest_joint,
+    rests_after,
+    resume,
+    serving,
+    wait_until_moving,
+)
 
 CELL_FILE = Path(__file__).parents[2] / "tests" / "data" / "cell.test.toml"
 PIXELS = 160
@@ -144,8 +152,7 @@ def test_killed_service_loses_no_announced_frame(tmp_path: Path) -> None:
                 assert (data / "sessions" / session_id / f"passes/{number}/shots/{shot}.tiff").exists()
             time.sleep(1.0)
             assert fastest_joint(control) < 1e-3  # nothing moves before an operator decides
-            client.acknowledge()
-            client.resume(session_id)
+            resume(client, session_id)
             done = client.wait(session_id)
             assert done.state is State.COMPLETED
             shots = [

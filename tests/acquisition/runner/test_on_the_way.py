@@ -14,6 +14,7 @@ from acquisition.models.recipe import Capture, Recipe
 from acquisition.models.shot import Shot
 from acquisition.session_state import ENDED, State, Trigger
 from acquisition.store import Journal
+from api import Client
 from api.rest import wiring
 from hardware_sim import nominal
 from hardware_sim.cell import Cell, CellOptions
@@ -27,7 +28,7 @@ from tests.acquisition.runner.simulated_rig import (
     wait_for,
 )
 from tests.acquisition.runner.test_halt_paths import PATHS, RESTS_WITHIN_S
-from tests.end_to_end.processes import client_of, rests_after, serving, wait_until_moving
+from tests.end_to_end.processes import client_of, rests_after, resume, serving, wait_until_moving
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
@@ -45,7 +46,8 @@ def in_mid_scan(rig: Rig) -> str:
     """A session that has taken three images, whose arm moves on."""
     session_id = after_first_image(rig, RECIPE, within_s=300)
     while len(shots_of(rig, session_id)) < 3:
-        assert rig.store.journal.session(session_id).state is State.RUNNING
+        row = rig.store.journal.session(session_id)
+        assert row.state is State.RUNNING, row.reason
     wait_until_moving(rig.control)
     return session_id
 
@@ -144,13 +146,12 @@ def test_killed_service_on_the_way_keeps_images_and_resumes(tmp_path: Path) -> N
         assert rests_after(control) < RESTS_WITHIN_S
         assert control.state()["digital_outputs"] == 0
         moves = control.state()["moves_started"]
-        with serving(cell, tmp_path / "data") as service, client_of(service) as client:
+        with serving(cell, tmp_path / "data") as service, Client(service.url) as client:
             assert client.session(session_id).state is State.INTERRUPTED
             kept = lit(tmp_path / "data", session_id)
             assert len(kept) >= 3
             assert control.state()["moves_started"] == moves
-            client.acknowledge()
-            client.resume(session_id)
+            resume(client, session_id)
             assert client.wait(session_id).state is State.COMPLETED
             after = lit(tmp_path / "data", session_id)
             assert len(after) == 8
