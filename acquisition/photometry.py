@@ -130,9 +130,8 @@ class SharedSettings:
 
     @property
     def weakly_checked_sigma_deg(self) -> float:
-        """Half of E, degrees: 1 σ of the normals of metal, where a pixel has little but its highlights. Errors of a
-        larger σ come from too few lights and are shared by neighbours, so integrability does not lower it. With E as
-        limit, σ is smaller on all of 75 captures of design seeds 100–109, rms e/σ 0.1 larger (November 2026)."""
+        """Half of E, degrees: 1 σ of the normals of metal, where a pixel has little but its highlights; and σ of the
+        normals whose weight in the integration is half of that of normals without errors."""
         return self.unchecked_sigma_deg / 2
 
 

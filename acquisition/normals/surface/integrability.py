@@ -94,9 +94,9 @@ def project_integrable(
 
 def add_variance(sigma_deg: Float32Array, variance: Float32Array, change: Float32Array) -> None:
     """Adds a `change` (h, w), rad², of the variance that pixels do not share to `variance` and to `sigma_deg` squared,
-    in place. Above `weakly_checked_sigma_deg` errors come from too few lights and are shared: nothing is added."""
-    weakly_checked = sigma_deg > photometry.SETTINGS.weakly_checked_sigma_deg
-    change = np.where(weakly_checked, 0, change).astype(np.float32)
+    in place. Above `unchecked_sigma_deg` errors come from too few lights and are shared: nothing is added."""
+    unchecked = sigma_deg > photometry.SETTINGS.unchecked_sigma_deg
+    change = np.where(unchecked, 0, change).astype(np.float32)
     sigma_deg[:] = np.degrees(np.sqrt(np.maximum(np.radians(sigma_deg) ** 2 + change, 0)))
     variance += change
 

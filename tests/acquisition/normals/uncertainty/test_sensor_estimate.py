@@ -178,7 +178,8 @@ def test_estimate_lamp_off_frames_of_one_exposure_are_a_pair() -> None:
 @pytest.mark.parametrize("wrong_by", [0.5, 2.0])
 @pytest.mark.parametrize("lights", [4, 8])
 def test_solve_wrong_gain_in_calibration_sigma_is_calibrated(lights: int, wrong_by: float) -> None:
-    """Of a sensor whose shot noise outweighs all else; four lights leave no residuals that reveal a wrong gain."""
+    """Of a sensor whose shot noise outweighs all else. Four lights leave no residuals that reveal a wrong gain;
+    circulations of the normals reveal noise that is larger than stated, but no smaller one."""
     known = SensorModel(bits=12, gain_e_per_dn=0.15, read_noise_e=3, full_well_e=600, black_level_dn=64)
     true = scenes.scene(scenes.bumps, scenes.calibration(144, sensor=known))
     calibration = true.calibration.model_copy(update={"sensor": said(known, wrong_by).sensor})
@@ -206,5 +207,5 @@ def test_solve_wrong_gain_in_calibration_sigma_is_calibrated(lights: int, wrong_
             within.append(np.mean(true.error_deg(result.normals)[solved] < sigma[solved]))
     print(f"{lights} lights, gain wrong by {wrong_by}: P(e < σ) {np.mean(estimated):.3f}, else {np.mean(believed):.3f}")
     assert 0.55 < np.mean(estimated) < 0.75
-    if lights == 4:
-        assert not 0.55 < np.mean(believed) < 0.75
+    if lights == 4 and wrong_by < 1:
+        assert np.mean(believed) > 0.9
