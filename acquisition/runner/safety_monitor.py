@@ -55,6 +55,8 @@ class SafetyMonitor:
         self._arm = arm
         self._on_change = on_change
         self._latch = latched
+        self._newest = latched  # the newest stop or fault, latched or come while a latch was closed already
+        self._stops = 0  # number of such stops and faults so far
         self._acknowledged_at: dict[str, float] = {}  # actor → time of the acknowledgement (time.monotonic)
         self._was_connected = False  # a link counts as lost only after it was up
         self._latch_lock = threading.Lock()
@@ -93,15 +95,29 @@ class SafetyMonitor:
                 since=latch.since,
             )
 
-    def acknowledge(self, actor: str) -> Latch | None:
-        """Opens the latch, because `actor` has looked and finds the cell clear; returns it, None when there was none.
+    @property
+    def stops(self) -> int:
+        """Number of stops and faults so far, for `acknowledge`; no lock is taken."""
+        return self._stops
 
-        The acknowledgement is remembered even if the latch stays closed. Raises RigError safety.still_faulted while the
-        controller reports a stop.
+    def acknowledge(
+        self, actor: str, stops: int | None = None, record: Callable[[], None] = lambda: None
+    ) -> Latch | None:
+        """Opens the latch, because `actor` has looked and finds the cell clear; returns it, None when none was opened.
+
+        `record` is called before, and may take its time. A stop or a fault that has come since the count `stops` of
+        `stops` (default: since this call) is not what `actor` has seen: it stays latched. The acknowledgement is
+        remembered in any case. Raises RigError safety.still_faulted while the controller reports a stop, and what
+        `record` raises.
         """
+        stops = self._stops if stops is None else stops
+        self.require_over(actor)
+        record()
         fault = self.require_over(actor)
         with self._latch_lock:
             opened, self._latch = self._latch, None
+            if self._stops != stops:
+                opened, self._latch = None, self._newest
             if fault is not None:
                 self._was_connected = False
         if opened is not None:
@@ -128,9 +144,10 @@ class SafetyMonitor:
         Does not call `on_change`: whoever stops the cell has halted the devices before.
         """
         with self._latch_lock:
-            if self._latch is None:
-                detail = f"{actor} stopped the cell (POST /v1/rig/stop)"
-                self._latch = Latch(ErrorCode.SAFETY_SOFTWARE_STOP, detail, time.time())
+            detail = f"{actor} stopped the cell (POST /v1/rig/stop)"
+            self._newest = Latch(ErrorCode.SAFETY_SOFTWARE_STOP, detail, time.time())
+            self._stops += 1
+            self._latch = self._latch or self._newest
             return self._latch
 
     def poll(self) -> None:
@@ -139,9 +156,14 @@ class SafetyMonitor:
         if fault is None:
             return
         with self._latch_lock:
-            if self._latch is not None:
+            is_latched = self._latch is not None
+            if is_latched and fault.code == ErrorCode.DEVICE_DISCONNECTED:  # may be acknowledged while it lasts
                 return
-            latch = self._latch = Latch(fault.code, fault.detail.removesuffix("."), time.time())
+            latch = self._newest = Latch(fault.code, fault.detail.removesuffix("."), time.time())
+            self._stops += 1
+            if is_latched:
+                return
+            self._latch = latch
         self._on_change(latch)
         _log.error("%s: %s", latch.code, latch.detail)
 

@@ -81,19 +81,18 @@ class StopRecord:
             self._entries.until_written(record)
 
     def acknowledge(self, actor: str) -> None:
-        """Records who acknowledges, then opens the latch. A refused acknowledgement changes nothing.
+        """Records who acknowledges, then opens the latch. A refused acknowledgement changes nothing, and what stops
+        the cell after this call stays latched.
 
         Raises RigError safety.still_faulted, store.disk_full, store.unwritable.
         """
+        stops = self._monitor.stops  # before waiting for the lock and the journal
         with self._recording:
-            self._monitor.require_over(actor)
-            self._store.journal.acknowledge(actor)
             try:
-                self._monitor.acknowledge(actor)
-            except RigError:  # a fault has come meanwhile
+                self._monitor.acknowledge(actor, stops, lambda: self._store.journal.acknowledge(actor))
+            finally:
                 if (latch := self._monitor.latch) is not None:
                     self._record_closed(latch)
-                raise
 
     def _record(self, latch: Latch) -> None:
         with self._recording:

@@ -183,3 +183,19 @@ def test_monitor_driver_that_takes_control_is_silent_but_not_lost() -> None:
     assert watched.monitor.latch is None
     watched.see(LOST)
     assert watched.monitor.latch is not None
+
+
+def test_monitor_fault_that_comes_and_goes_while_acknowledged_is_latched() -> None:
+    arm = ScriptedArm(EMERGENCY)
+    monitor = SafetyMonitor(arm, lambda _: None)
+    monitor.poll()
+    arm.reading = NORMAL
+
+    def record() -> None:
+        arm.reading = PROTECTIVE
+        monitor.poll()
+        arm.reading = NORMAL
+
+    assert monitor.acknowledge("a", record=record) is None
+    assert monitor.latch is not None
+    assert monitor.latch.code is ErrorCode.ARM_PROTECTIVE_STOP

@@ -1,6 +1,7 @@
 """What has stopped the cell while the disk was full: entered as soon as there is space, and no thread has ended."""
 
 import sqlite3
+import threading
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -85,3 +86,32 @@ def test_stop_on_a_full_disk_ends_the_session_once_there_is_space(tmp_path: Path
         wait_for(lambda: store.journal.session(session_id).state is State.STOPPED)
         wait_for(lambda: store.journal.unacknowledged_faults() != [])
         assert store.journal.unacknowledged_faults()[0]["code"] == "safety.software_stop"
+
+
+def test_stop_while_somebody_acknowledges_stays_latched(tmp_path: Path) -> None:
+    """The journal delays the acknowledgement, and the cell is stopped meanwhile: nobody has looked since that stop."""
+    with quick_service(tmp_path, ADDRESS, with_keys=False) as (server, _, _, _):
+        store, runner = server.service.store, server.service.runner
+        runner.halt("a")
+        wait_for(lambda: store.journal.unacknowledged_faults() != [])
+        other = sqlite3.connect(store.data / "rig.db", isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        acknowledging = threading.Thread(target=lambda: runner.acknowledge("b"))
+        acknowledging.start()
+        time.sleep(0.2)
+        runner.halt("c")
+        other.execute("ROLLBACK")
+        other.close()
+        acknowledging.join(60)
+
+        latch = runner.status().latched
+        assert latch is not None
+        assert latch.detail.startswith("c stopped")
+        session_id = runner.create(Recipe())[0].id
+        with pytest.raises(RigError, match=str(ErrorCode.SAFETY_NOT_ACKNOWLEDGED)):
+            runner.act(session_id, Trigger.START, "b")
+        wait_for(lambda: [one["detail"] for one in store.journal.unacknowledged_faults()] == [latch.detail])
+
+        runner.acknowledge("b")
+        assert runner.status().latched is None
+        assert store.journal.unacknowledged_faults() == []
