@@ -20,7 +20,7 @@ from acquisition.devices import RecoveryStep, Rig, StopToken
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.cell_config import Tool
-from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.errors import NOT_WRITTEN, ErrorCode, RigError
 from acquisition.models.problem_table import problem
 from acquisition.runner import calibration_checks, new_session, preconditions
 from acquisition.runner.compute import Compute, Preempted
@@ -77,7 +77,7 @@ class Runner:
         self._taking_over = threading.Lock()  # a halt never takes it
         self._stops = StopRecord(store, monitor, self._loop)
         self.halts = 0  # number of halts so far: a decision made before a halt is void
-        self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
+        self._requests: queue.Queue[Callable[[], object]] = queue.Queue()
         self._next_connection = 0.0
         self.moves = OperatorMoves(store, rig, self.choices, compute, self._access())
         self._thread = threading.Thread(target=self._serve, name="runner", daemon=True)
@@ -281,20 +281,23 @@ class Runner:
         return target
 
     def _stop(self, session_id: str, actor: str) -> State:
-        if self._running == session_id:  # before asking the journal, which another program may hold
+        halted = self._running == session_id
+        if halted:  # before asking the journal, which another program may hold
             self._token.set()
             self._rig.halt()
-        _, state = self._store.journal.trigger(session_id, Trigger.STOP, actor)
+        try:
+            _, state = self._store.journal.trigger(session_id, Trigger.STOP, actor)
+        except RigError as error:
+            if halted and error.code in NOT_WRITTEN:  # else the session, whose loop has ended, would count as running
+                self._requests.put(lambda: self._stops.stop_session(session_id, actor))
+            raise
         if state is State.STOPPING:
             # A resume may have put another token in place between the halt and the entry. And if the loop ended before
             # the entry, or never ran, nothing else would record that the arm is at rest.
             self._token.set()
             self._rig.halt()
-            self._requests.put(lambda: self._finish_stop(session_id))
+            self._requests.put(lambda: self._loop.trigger(session_id, Trigger.AT_REST))
         return state
-
-    def _finish_stop(self, session_id: str) -> None:
-        self._loop.trigger(session_id, Trigger.AT_REST)
 
     def _serve(self) -> None:
         while not self._closing.is_set():

@@ -75,10 +75,14 @@ class StopRecord:
 
         recorded = _tried(record)
         if holder is not None:
-            self._entries.trigger(holder.id, Trigger.STOP, actor)
-            self._entries.trigger(holder.id, Trigger.AT_REST)
+            self.stop_session(holder.id, actor)
         if not recorded:
             self._entries.until_written(record)
+
+    def stop_session(self, session_id: str, actor: str) -> None:
+        """Records that `actor` has stopped a session, whose devices have been halted."""
+        self._entries.trigger(session_id, Trigger.STOP, actor)
+        self._entries.trigger(session_id, Trigger.AT_REST)
 
     def acknowledge(self, actor: str) -> None:
         """Records who acknowledges, then opens the latch. A refused acknowledgement changes nothing, and what stops

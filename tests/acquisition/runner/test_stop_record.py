@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -115,3 +116,31 @@ def test_stop_while_somebody_acknowledges_stays_latched(tmp_path: Path) -> None:
         runner.acknowledge("b")
         assert runner.status().latched is None
         assert store.journal.unacknowledged_faults() == []
+
+
+def test_session_stopped_on_a_full_disk_ends_once_there_is_space(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its stop is refused, because it cannot be entered, but it has been halted: it must not count as running."""
+    with quick_service(tmp_path, ADDRESS, with_keys=False) as (server, arm, _, _):
+        store, runner = server.service.store, server.service.runner
+        compute: Any = runner._compute  # pyright: ignore[reportPrivateUsage]
+        plan_route, planning, planned = compute._plan_route, threading.Event(), threading.Event()
+
+        def waits(*known: Any) -> Any:
+            planning.set()
+            assert planned.wait(60)
+            return plan_route(*known)
+
+        monkeypatch.setattr(compute, "_plan_route", waits)
+        session_id = runner.create(Recipe(pilot_lights=3, planned_lights=1))[0].id
+        runner.act(session_id, Trigger.START, "a")
+        assert planning.wait(60)
+        with full(store):
+            with pytest.raises(RigError, match=str(ErrorCode.STORE_DISK_FULL)):
+                runner.act(session_id, Trigger.STOP, "a")
+            planned.set()
+            time.sleep(0.1)
+        wait_for(lambda: store.journal.session(session_id).state is State.STOPPED)
+        assert not arm.moves
+        assert runner.act(session_id, Trigger.STOP, "a") is State.STOPPED
