@@ -121,9 +121,9 @@ class OperatorMoves:
         access.require_clear()
         access.make_ready()
         access.require_clear()
-        here = self._rig.arm.reading.joints
-        path: JointPath = self._compute.run(access.closing, "plan_retreat", here, *self._known)
-        access.put(lambda: self._follow_home(here, path, token, actor))
+        here, known = self._rig.arm.reading.joints, self._known
+        path: JointPath = self._compute.run(access.closing, "plan_retreat", here, *known)
+        access.put(lambda: self._follow_home(here, known, path, token, actor))
 
     def _take_over(self, token: StopToken) -> None:
         """Makes `token` the one that a halt sets; sets it at once if somebody halts meanwhile."""
@@ -132,8 +132,12 @@ class OperatorMoves:
         if self._access.halts() != halts:
             token.set()
 
-    def _follow_home(self, here: tuple[float, ...], path: JointPath, token: StopToken, actor: str) -> None:
-        """Follows the path home in the runner's thread, unless something else has begun since it was planned."""
+    def _follow_home(
+        self, here: tuple[float, ...], known: tuple[CellConfig, Calibration], path: JointPath, token: StopToken,
+        actor: str,
+    ) -> None:  # fmt: skip
+        """Follows the path home in the runner's thread, unless something else has begun since it was planned, or it was
+        planned from other joints or with another tool than now."""
         outcome = "another request came first"
         journal = self._store.journal
         if self._access.is_current(token) and journal.holder() is None:
@@ -143,6 +147,9 @@ class OperatorMoves:
                     raise Halted
                 if not session.same_joints(self._rig.arm.reading.joints, here):
                     raise RigError(ErrorCode.ARM_MOVE_FAILED, "The arm has been moved since the path was planned")
+                if self._known != known:
+                    detail = "Another tool or calibration has been stated since the path was planned: park again"
+                    raise RigError(ErrorCode.RIG_CHANGED, detail)
                 take.follow_path(self._rig, path.path, path.speeds, token)
                 outcome = "at home"
             except Halted:

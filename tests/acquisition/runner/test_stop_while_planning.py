@@ -87,6 +87,20 @@ def test_fault_while_the_way_home_is_planned_ends_it_acknowledged_or_not(
     assert not arm.moves
 
 
+def test_tool_stated_while_the_way_home_is_planned_ends_it(quick: Quick, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The path is certified for the tool of before, and somebody stands at the arm who has just mounted another."""
+    runner, store, arm = quick
+    with parking_that_plans(runner, monkeypatch):
+        runner.state_tool("board", "b")
+    wait_for(lambda: parkings(store))
+    assert parkings(store)[0].startswith("rig.changed")
+    assert not arm.moves
+
+    runner.moves.park("a")
+    wait_for(lambda: len(parkings(store)) == 2)
+    assert parkings(store)[1] == "at home"
+
+
 def test_jog_whose_release_came_first_moves_nothing(quick: Quick) -> None:
     runner, _, arm = quick
     runner.moves.release("press-0001")
