@@ -55,28 +55,40 @@ class Compute:
         """Processor time, s, of all jobs that ended, by name; unlike elapsed time it does not grow with other load."""
         return dict(self._processor_s)
 
-    def run(self, stop: threading.Event, job: str, *arguments: Any, preemptible: bool = False) -> Any:
+    def run(
+        self, stop: threading.Event, job: str, *arguments: Any, preemptible: bool = False,
+        while_waiting: threading.Event | None = None,
+    ) -> Any:  # fmt: skip
         """Runs the function `job` of `acquisition.runner.jobs` and returns what it returns.
 
         A `preemptible` job is killed when a job comes that is not. Raises what the job raises; Halted when the token is
-        set meanwhile (the job is killed) or the process is closed; Preempted; and RigError compute.lost when the
-        process ended during the job, and its successor too.
+        set meanwhile (the job is killed, or its turn is no longer awaited), when `while_waiting` is set before its
+        turn, or when the process is closed; Preempted; and RigError compute.lost when the process ended during the job,
+        and its successor too.
         """
+        ending = stop if while_waiting is None else while_waiting
         if preemptible:
-            return self._run(stop, job, arguments, preemptible)
+            return self._run(stop, job, arguments, preemptible, ending)
         with self._counting:
             self._urgent += 1
         try:
-            return self._run(stop, job, arguments, preemptible)
+            return self._run(stop, job, arguments, preemptible, ending)
         finally:
             with self._counting:
                 self._urgent -= 1
 
-    def _run(self, stop: threading.Event, job: str, arguments: tuple[Any, ...], preemptible: bool) -> Any:
-        with self._busy:
+    def _run(
+        self, stop: threading.Event, job: str, arguments: tuple[Any, ...], preemptible: bool, ending: threading.Event
+    ) -> Any:
+        while not self._busy.acquire(timeout=_POLL_S):  # another one's job may take a minute
+            if stop.is_set() or ending.is_set():
+                raise Halted
+        try:
             if preemptible and self._urgent:
                 raise Preempted
             succeeded, result = self._exchange(stop, job, arguments, preemptible)
+        finally:
+            self._busy.release()
         if succeeded:
             return result
         raise result

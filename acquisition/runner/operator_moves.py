@@ -250,8 +250,11 @@ class OperatorMoves:
             access.refuse_held()
             access.require_clear()
             known = (jog.motion, *self._known)
-            # The jog's token does not end this job: that would kill the compute process, whose start takes seconds.
-            path: JointPath = self._compute.run(access.closing, "jog_step", self._present_joints(), *known)
+            # The jog's token ends the wait for other jobs, but not this job: that would kill the compute process, whose
+            # start takes seconds.
+            path: JointPath = self._compute.run(
+                access.closing, "jog_step", self._present_joints(), *known, while_waiting=token
+            )
             access.require_clear()
             if token.is_set():
                 raise Halted

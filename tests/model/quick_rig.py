@@ -181,7 +181,10 @@ class QuickCamera:
 class QuickCompute(Compute):
     """Jobs of the right shape, in this process."""
 
-    def run(self, stop: threading.Event, job: str, *arguments: Any, preemptible: bool = False) -> Any:
+    def run(
+        self, stop: threading.Event, job: str, *arguments: Any, preemptible: bool = False,
+        while_waiting: threading.Event | None = None,
+    ) -> Any:  # fmt: skip
         """Does the job named."""
         if stop.wait(JOB_S):
             raise Halted
@@ -254,7 +257,7 @@ def _place(cell: CellConfig, number: int) -> Any:
 
 @contextmanager
 def quick_service(
-    folder: Path, host: str, *, with_keys: bool = True, cell_file: Path = CELL_FILE
+    folder: Path, host: str, *, with_keys: bool = True, cell_file: Path = CELL_FILE, compute: Compute | None = None
 ) -> Generator[tuple[Server, QuickArm, str, dict[Role, str]]]:
     """A running service over a quick rig; with it its arm, its address, and a key for each role, if it asks for any."""
     cell = cell_config.load(cell_file)
@@ -263,7 +266,7 @@ def quick_service(
     secrets = {role: keys.add(keys.path_in(chosen.data), str(role), role) for role in Role if with_keys}
     arm = QuickArm(cell.arm.home)
     rig = Rig(arm, QuickLamp(arm), AccountedCamera(QuickCamera(arm, calibration), cell.camera), cell)
-    service = wiring.assemble(Store(chosen.data), rig, calibration, QuickCompute())
+    service = wiring.assemble(Store(chosen.data), rig, calibration, compute or QuickCompute())
     listening: list[str] = []
     ready = threading.Event()
 

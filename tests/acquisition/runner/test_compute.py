@@ -105,3 +105,23 @@ def test_compute_unknown_job_raises_step_failed(compute: Compute) -> None:
     with pytest.raises(RigError) as error:
         compute.run(threading.Event(), "no_such_job")
     assert error.value.code is ErrorCode.SESSION_STEP_FAILED
+
+
+@pytest.mark.parametrize("token", ["stop", "while_waiting"])
+def test_compute_token_ends_the_wait_for_another_ones_job(token: str) -> None:
+    idle, tokens, ends = Compute(), {"stop": threading.Event(), "while_waiting": threading.Event()}, list[str]()
+
+    def wait_its_turn() -> None:
+        with pytest.raises(Halted):
+            idle.run(tokens["stop"], "make_reach", while_waiting=tokens["while_waiting"])
+        ends.append("halted")
+
+    waiting = threading.Thread(target=wait_its_turn, daemon=True)
+    with idle._busy:
+        waiting.start()
+        waiting.join(0.1)
+        assert waiting.is_alive()
+        tokens[token].set()
+        waiting.join(10)
+        assert ends == ["halted"]
+    assert idle._process is None

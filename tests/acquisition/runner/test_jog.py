@@ -236,3 +236,16 @@ def test_hold_token_runs_out_and_is_not_revived(monkeypatch: pytest.MonkeyPatch)
     other.set()
     assert other.is_set()
     assert other.halted
+
+
+def test_jog_behind_another_ones_job_ends_with_its_hold(rig: Rig) -> None:
+    """Somebody has asked for the reach, which takes a minute: neither the button nor a stop waits for it."""
+    ready(rig)
+    before, hold = rig.at_rest(), f"press-{next(PRESSES):05}"
+    with rig.runner._compute._busy:
+        began = time.monotonic()
+        assert not rig.jog(hold)
+        rig.runner.moves.release(hold)
+        assert time.monotonic() - began < 30  # on a busy machine; without an end of the wait, never
+    assert rig.at_rest() == pytest.approx(before, abs=2e-3)
+    assert refusal(lambda: rig.jog(hold)) is ErrorCode.ARM_JOG_ENDED

@@ -14,6 +14,7 @@ import pytest
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.jog import JogMotion
 from acquisition.models.recipe import Recipe
+from acquisition.runner.compute import Compute
 from acquisition.runner.runner import Runner
 from acquisition.session_state import State, Trigger
 from acquisition.store import Store
@@ -196,3 +197,14 @@ def test_resume_of_a_session_that_has_just_come_to_rest_runs_it(quick: Quick, mo
     monkeypatch.setattr(store.journal, "session", lambda one: stale.pop() if stale else read(one))
     runner.act(session_id, Trigger.RESUME, "a")
     wait_for(lambda: read(session_id).state is State.COMPLETED)
+
+
+def test_stop_of_a_session_behind_another_ones_job_is_entered_at_once(tmp_path: Path) -> None:
+    """Somebody has asked for the reach, which takes a minute, and the session waits for its lights meanwhile."""
+    with quick_service(tmp_path, ADDRESS, with_keys=False, compute=Compute()) as (server, _, _, _):
+        runner, store = server.service.runner, server.service.store
+        with runner._compute._busy:  # pyright: ignore[reportPrivateUsage]
+            session_id = runner.create(Recipe())[0].id
+            runner.act(session_id, Trigger.START, "a")
+            runner.act(session_id, Trigger.STOP, "a")
+            wait_for(lambda: store.journal.session(session_id).state is State.STOPPED)
