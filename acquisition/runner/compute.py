@@ -31,6 +31,13 @@ _POLL_S = 0.02
 """Period, s, of checking for the stop token and for urgent jobs while a job runs."""
 _TRIES = 2
 """Number of processes that may end during a job before it is given up."""
+_DISK_CODES = {
+    errno.ENOSPC: ErrorCode.STORE_DISK_FULL,
+    errno.EDQUOT: ErrorCode.STORE_DISK_FULL,
+    errno.EROFS: ErrorCode.STORE_UNWRITABLE,
+    errno.EIO: ErrorCode.STORE_UNWRITABLE,
+}
+"""Codes of a job that the disk has ended: it can be done again. Any other OSError fails its step."""
 
 
 class Preempted(Exception):  # noqa: N818 - the job is restarted later, it is no error
@@ -189,8 +196,7 @@ def _serve(connection: Connection) -> None:
         except RigError as error:
             outcome = (False, error)
         except OSError as error:
-            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-            code = ErrorCode.STORE_DISK_FULL if full else ErrorCode.SESSION_STEP_FAILED
+            code = _DISK_CODES.get(error.errno or 0, ErrorCode.SESSION_STEP_FAILED)
             outcome = (False, RigError(code, f"{job}: {error}", job=job))
         except Exception as error:  # noqa: BLE001 - a job's fault is the step's failure, logged with its trace
             _log.exception("job %s failed", job)

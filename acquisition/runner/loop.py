@@ -24,6 +24,7 @@ from acquisition.runner.step_executor import StepExecutor
 from acquisition.session import SessionRecord, Stage
 from acquisition.session_state import Actor, State, Trigger
 from acquisition.store import Store
+from acquisition.store.folder import refusals
 
 _log = logging.getLogger(__name__)
 
@@ -126,7 +127,8 @@ class SessionLoop:
     def _run_step(self, session_id: str, token: StopToken) -> bool:
         """Runs one step and maps its failure to a state; False when there is no more to do."""
         try:
-            return self._next_step(session_id, token)
+            with refusals(self._store.data):
+                return self._next_step(session_id, token)
         except Halted:
             self._enter_halt(session_id)
         except RigError as error:

@@ -8,7 +8,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.runner import preconditions
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.store import SessionRow, Store
-from acquisition.store.folder import write_value
+from acquisition.store.folder import refusals, write_value
 from acquisition.store.session_table import new_session_id
 
 
@@ -30,9 +30,10 @@ def create(
     identity, new = new_session_id(time.time()), False
     folder = store.session_path(identity)
     try:
-        write_value(folder / "recipe.json", recipe)
-        write_value(folder / "cell.json", cell)
-        write_value(folder / "calibration.json", choices.calibration)
+        with refusals(store.data):
+            write_value(folder / "recipe.json", recipe)
+            write_value(folder / "cell.json", cell)
+            write_value(folder / "calibration.json", choices.calibration)
         row, new = store.journal.create_session(
             recipe, cell.model_dump_json(), cell.fingerprint, idempotency_key, identity
         )

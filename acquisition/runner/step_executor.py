@@ -48,7 +48,7 @@ from acquisition.runner.shots import ShotCapture, predicted_image_file
 from acquisition.runner.solve_requests import SolveRequest
 from acquisition.session import SessionRecord
 from acquisition.store import Store
-from acquisition.store.folder import write_bytes, write_manifest, write_value
+from acquisition.store.folder import refusals, write_bytes, write_manifest, write_value
 
 
 class StepExecutor:
@@ -216,11 +216,12 @@ class StepExecutor:
                 ErrorCode.REQUEST_INVALID,
                 "the mask lies outside the area where the object can be: draw it on the object",
             )
-        region_count = len(self._store.journal.artifacts(session_id, "region"))
-        name = "region.png" if region_count == 0 else f"region_{region_count + 1}.png"
-        digest = write_bytes(self._store.folder(session_id) / name, region.encode_mask(mask))
         pixels = int(np.count_nonzero(mask))
-        self._store.journal.add_region(session_id, name, digest, {"pixels": pixels}, actor)
+        with refusals(self._store.data):
+            region_count = len(self._store.journal.artifacts(session_id, "region"))
+            name = "region.png" if region_count == 0 else f"region_{region_count + 1}.png"
+            digest = write_bytes(self._store.folder(session_id) / name, region.encode_mask(mask))
+            self._store.journal.add_region(session_id, name, digest, {"pixels": pixels}, actor)
         return pixels
 
     def _plan_route(self, record: SessionRecord, step: PlanRoute, stop: StopToken) -> None:

@@ -11,7 +11,8 @@ import json
 import os
 import shutil
 import threading
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
@@ -44,7 +45,8 @@ def require_space(folder: Path, size: int) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> str:
-    """Writes a file atomically and durably; returns its SHA-256. Raises RigError store.disk_full, OSError."""
+    """Writes a file atomically and durably; returns its SHA-256. Raises RigError store.disk_full, OSError with the
+    file's name."""
     partial = path.with_name(f".{path.name}.{threading.get_ident()}.part")  # two threads may write the same file
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -59,8 +61,24 @@ def write_bytes(path: Path, content: bytes) -> str:
         partial.unlink(missing_ok=True)
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise RigError(ErrorCode.STORE_DISK_FULL, f"No space left to write {path.name}", file=path.name) from error
+        error.filename = error.filename or str(path)  # `fsync` and `write` know only a descriptor
         raise
     return hashlib.sha256(content).hexdigest()
+
+
+@contextmanager
+def refusals(data: Path) -> Generator[None]:
+    """Turns an OSError at a file below the data folder `data` into RigError store.unwritable, as the journal does: the
+    disk fails or is mounted read-only, or permissions are wrong. A file that is missing is another trouble."""
+    try:
+        yield
+    except OSError as error:
+        name = None if error.filename is None else Path(os.fsdecode(error.filename))
+        if name is None or not name.is_relative_to(data) or isinstance(error, FileNotFoundError):
+            raise
+        file = str(name.relative_to(data))
+        detail = f"{file} cannot be written: {error.strerror}"
+        raise RigError(ErrorCode.STORE_UNWRITABLE, detail, file=file) from error
 
 
 def write_value(path: Path, value: Value) -> str:

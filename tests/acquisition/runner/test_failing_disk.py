@@ -1,0 +1,60 @@
+"""A disk that refuses a file: the session pauses, and goes on from there; nothing is half made."""
+
+import errno
+import os
+from pathlib import Path
+
+import httpx
+import pytest
+
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
+from acquisition.session_state import ENDED, State, Trigger
+from tests.acquisition.runner.test_stop_while_planning import wait_for
+from tests.model.quick_rig import quick_service
+
+ADDRESS = "127.0.6.46"
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.EROFS, errno.EACCES])
+def test_image_that_cannot_be_written_pauses_its_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    fsync, refusals = os.fsync, [OSError(number, os.strerror(number))]
+
+    def refuses_once(descriptor: int) -> None:
+        if refusals and "/shots/" in os.readlink(f"/proc/self/fd/{descriptor}"):
+            raise refusals.pop()
+        fsync(descriptor)
+
+    with quick_service(tmp_path, ADDRESS, with_keys=False) as (server, _, _, _):
+        store, runner = server.service.store, server.service.runner
+        session_id = runner.create(Recipe(pilot_lights=3, planned_lights=1))[0].id
+        monkeypatch.setattr(os, "fsync", refuses_once)
+        runner.act(session_id, Trigger.START, "a")
+        wait_for(lambda: store.journal.session(session_id).state in {State.PAUSED, *ENDED})
+        row = store.journal.session(session_id)
+        assert row.state is State.PAUSED
+        assert row.reason is not None
+        assert row.reason["code"] == ErrorCode.STORE_UNWRITABLE
+        assert "/shots/" in row.reason["detail"]
+        runner.act(session_id, Trigger.RESUME, "a")
+        wait_for(lambda: store.journal.session(session_id).state in ENDED)
+        assert store.journal.session(session_id).state is State.COMPLETED
+        assert list(store.session_path(session_id).rglob("*.part")) == []
+
+
+def test_session_that_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with quick_service(tmp_path, ADDRESS, with_keys=False) as (server, _, url, _):
+        mkdir = Path.mkdir
+
+        def refuse(path: Path, *arguments: int, **options: bool) -> None:
+            if path.parent.name == "sessions":
+                raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+            mkdir(path, *arguments, **options)
+
+        monkeypatch.setattr(Path, "mkdir", refuse)
+        answer = httpx.post(f"{url}/v1/sessions", json={}, timeout=60)
+        assert answer.status_code == 503
+        assert answer.json()["code"] == ErrorCode.STORE_UNWRITABLE
+        assert server.service.store.journal.sessions(10) == []
