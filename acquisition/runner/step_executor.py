@@ -52,7 +52,7 @@ from acquisition.store.folder import refusals, write_bytes, write_manifest, writ
 
 
 class StepExecutor:
-    """Executes steps with the devices of one rig; used in the runner's thread only."""
+    """Executes steps with the devices of one rig; used in the runner's thread only, except `set_region`."""
 
     def __init__(self, store: Store, rig: Rig, choices: RigChoices, compute: Compute) -> None:
         self._store = store
@@ -63,6 +63,7 @@ class StepExecutor:
         self._board_shots = BoardShots(store, rig, choices, compute)
         self._lamp_shots = LampShots(store, rig, choices, compute)
         self._response_shots = ResponseShots(store, rig, choices, compute)
+        self._drawing = threading.Lock()
 
     @property
     def _calibration(self) -> Calibration:
@@ -217,7 +218,7 @@ class StepExecutor:
                 "the mask lies outside the area where the object can be: draw it on the object",
             )
         pixels = int(np.count_nonzero(mask))
-        with refusals(self._store.data):
+        with self._drawing, refusals(self._store.data):  # two masks at once must not have one file
             region_count = len(self._store.journal.artifacts(session_id, "region"))
             name = "region.png" if region_count == 0 else f"region_{region_count + 1}.png"
             digest = write_bytes(self._store.folder(session_id) / name, region.encode_mask(mask))

@@ -1,17 +1,21 @@
 """A disk that refuses a file: the session pauses, and goes on from there; nothing is half made."""
 
 import errno
+import hashlib
 import os
+import threading
 from pathlib import Path
 
+import cv2
 import httpx
+import numpy as np
 import pytest
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session_state import ENDED, State, Trigger
 from tests.acquisition.runner.test_stop_while_planning import wait_for
-from tests.model.quick_rig import quick_service
+from tests.model.quick_rig import PIXELS, quick_service
 
 ADDRESS = "127.0.6.46"
 
@@ -58,3 +62,24 @@ def test_session_that_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: 
         assert answer.status_code == 503
         assert answer.json()["code"] == ErrorCode.STORE_UNWRITABLE
         assert server.service.store.journal.sessions(10) == []
+
+
+def test_regions_drawn_at_once_have_a_file_each(tmp_path: Path) -> None:
+    with quick_service(tmp_path, ADDRESS, with_keys=False) as (server, _, _, _):
+        store, runner = server.service.store, server.service.runner
+        session_id = runner.create(Recipe(pilot_lights=3, planned_lights=1))[0].id
+        masks = list[bytes]()
+        for rows in range(4, 12):
+            mask = np.zeros((PIXELS, PIXELS), np.uint8)
+            mask[PIXELS // 2 - rows : PIXELS // 2 + rows, 8:-8] = 255
+            masks.append(cv2.imencode(".png", mask)[1].tobytes())
+        drawing = [threading.Thread(target=runner.set_region, args=(session_id, mask, "a")) for mask in masks]
+        for thread in drawing:
+            thread.start()
+        for thread in drawing:
+            thread.join(60)
+
+        drawn = store.journal.artifacts(session_id, "region")
+        digests = [hashlib.sha256((store.folder(session_id) / one.path).read_bytes()).hexdigest() for one in drawn]
+        assert len({one.path for one in drawn}) == len(masks)
+        assert digests == [one.sha256 for one in drawn]
