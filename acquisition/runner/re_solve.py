@@ -233,7 +233,7 @@ class ReSolveService:
                 )
             request = pending[number]
             journal.record_action(session_id, "cancel-solve", actor, f"result {number}")
-            if self._running is not None and self._key(self._running) == self._key(request):
+            if self._running is not None and self._running.key == request.key:
                 self._halting.set()  # its thread announces it, once the process has ended
             else:
                 self._fail(request, _cancelled(number))
@@ -296,21 +296,19 @@ class ReSolveService:
                 return request
         return None
 
-    @staticmethod
-    def _key(request: SolveRequest) -> tuple[str, int]:
-        return request.session_id, request.number
-
     def _serve(self) -> None:
         while not self._closing.is_set():
             try:
                 request = self._queue.get(timeout=POLL_S)
             except queue.Empty:
                 continue
-            if self._begin(request):
-                try:
+            try:
+                if self._begin(request):
                     self._carry_out(request)
-                finally:
-                    self._finish(request)
+            except RigError:  # the journal cannot be read at present
+                _log.exception("solving session %s again cannot begin yet", request.session_id)
+                self._closing.wait(POLL_S)
+                self._queue.put(request)
 
     def _carry_out(self, request: SolveRequest) -> None:
         """Carries out a request and announces its outcome, except when the service ends."""
@@ -327,6 +325,8 @@ class ReSolveService:
         except Exception as error:  # noqa: BLE001 - the thread must live on; the event says what failed
             _log.exception("solving session %s again failed", request.session_id)
             self._end(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
+        finally:
+            self._finish(request)
 
     def _end(self, request: SolveRequest, error: RigError) -> None:
         """Announces a failure; waits while the journal cannot be written, else the request would stay pending."""

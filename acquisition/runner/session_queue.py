@@ -97,19 +97,20 @@ class SessionQueue:
     # ----------------------------------------------------------------------------------------------------- the thread
 
     def _follow(self) -> None:
-        newest = 0
         while not self._closing.is_set():
-            newest = self._store.journal.last_event_id()
             try:
+                newest = self._store.journal.last_event_id()
                 with self._lock:
                     self._advance()
+                self._store.journal.wait_for_event(newest, _POLL_S)
             except RigError:  # the disk is full, say: nothing begins before its entry is written
                 _log.exception("the queue cannot go on yet")
+                self._closing.wait(_POLL_S)
             except Exception:  # noqa: BLE001 - the thread must live on, and say that it has failed
                 _log.exception("the queue has failed")
                 with suppress(RigError):  # a full disk: it fails, and stops, again
                     self._stop(problem(ErrorCode.SERVICE_FAULT, "The queue has failed: see the service's log"))
-            self._store.journal.wait_for_event(newest, _POLL_S)
+                self._closing.wait(_POLL_S)
 
     def _advance(self) -> None:
         """Records the outcome of the present entry, and begins the next one if that is allowed."""

@@ -25,6 +25,11 @@ class SolveRequest:
     software: str = ""
     calibration: str | None = None
 
+    @property
+    def key(self) -> tuple[str, int]:
+        """Identifies the request: its session and its number."""
+        return self.session_id, self.number
+
 
 def submitted(journal: Journal, session_id: str | None, *, with_finished: bool = False) -> list[SolveRequest]:
     """Returns the solve requests of one session or of all sessions: those without an outcome, or all of them."""

@@ -7,6 +7,7 @@ On request a stream also carries joint readings, which are not journalled (`join
 """
 
 import asyncio
+import logging
 import threading
 import time
 from collections.abc import AsyncGenerator, Callable, Sequence
@@ -25,6 +26,8 @@ from api.rest.dependencies import CallerOf, refuse_unknown_query
 from api.rest.joint_readings import JointReadings
 from api.rest.open_streams import OpenStreams
 from api.rest.schemas import EventResource, as_datetime
+
+_log = logging.getLogger(__name__)
 
 KEEP_ALIVE_S = 10.0
 """Time between two keep-alive comments of a stream without events, s."""
@@ -149,9 +152,13 @@ class EventFeed:
     def _watch(self, loop: asyncio.AbstractEventLoop) -> None:
         newest = self._newest
         while not self._stopping.is_set():
-            if self._journal.wait_for_event(newest, _POLL_S):
-                newest = self._journal.last_event_id()
-                loop.call_soon_threadsafe(self._announce, newest)
+            try:
+                if self._journal.wait_for_event(newest, _POLL_S):
+                    newest = self._journal.last_event_id()
+                    loop.call_soon_threadsafe(self._announce, newest)
+            except RigError:  # a disk that fails for a moment must not silence all streams for good
+                _log.exception("the journal cannot be followed")
+                self._stopping.wait(_POLL_S)
 
     def _announce(self, newest: int) -> None:
         self._newest = newest

@@ -4,6 +4,7 @@ import errno
 import hashlib
 import os
 import threading
+from collections import Counter
 from pathlib import Path
 
 import cv2
@@ -11,9 +12,11 @@ import httpx
 import numpy as np
 import pytest
 
-from acquisition.models.errors import ErrorCode
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
+from acquisition.models.result import SolveSettings
 from acquisition.session_state import ENDED, State, Trigger
+from acquisition.store.queue_table import EntryState
 from tests.acquisition.runner.test_stop_while_planning import wait_for
 from tests.model.quick_rig import PIXELS, quick_service
 
@@ -62,6 +65,43 @@ def test_session_that_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: 
         assert answer.status_code == 503
         assert answer.json()["code"] == ErrorCode.STORE_UNWRITABLE
         assert server.service.store.journal.sessions(10) == []
+
+
+def test_journal_that_cannot_be_read_for_a_while_ends_no_thread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Streams, the queue and further solves go on afterwards."""
+    with quick_service(tmp_path, ADDRESS, with_keys=False) as (server, _, url, _):
+        service = server.service
+        journal, runner = service.store.journal, service.runner
+        session_id = runner.create(Recipe(pilot_lights=3, planned_lights=1))[0].id
+        runner.act(session_id, Trigger.START, "a")
+        wait_for(lambda: journal.session(session_id).state is State.COMPLETED)
+        request, _ = service.resolving.submit(session_id, SolveSettings(), None, "a")
+        wait_for(lambda: len(journal.artifacts(session_id, "result")) == 3)
+        refused = Counter[str]()
+
+        def refuse(*_: object) -> None:
+            refused[threading.current_thread().name] += 1
+            raise RigError(ErrorCode.STORE_UNWRITABLE, "The journal cannot be written: disk I/O error")
+
+        with monkeypatch.context() as disk:
+            disk.setattr(journal, "_one", refuse)
+            disk.setattr(journal, "_all", refuse)
+            service.resolving._queue.put(request)
+            wait_for(lambda: {"event-feed", "queue", "resolving"} <= set(refused))
+        alive = {thread.name for thread in threading.enumerate()}
+        assert {"event-feed", "queue", "resolving", "runner", "safety-monitor"} <= alive
+
+        with httpx.stream("GET", f"{url}/v1/events", timeout=60) as events:
+            parts = events.iter_text()
+            next(parts)
+            service.resolving.submit(session_id, SolveSettings(), 0, "a")
+            assert "resolve.accepted" in next(part for part in parts if "event:" in part)
+        wait_for(lambda: len(journal.artifacts(session_id, "result")) == 4)
+        entry, _ = journal.add_queue_entry("vase", Recipe(pilot_lights=3), "a", unattended=True, idempotency_key=None)
+        service.queue.resume("a")
+        wait_for(lambda: journal.queue_entry(entry.id).state is EntryState.DONE)
 
 
 def test_regions_drawn_at_once_have_a_file_each(tmp_path: Path) -> None:
