@@ -37,7 +37,7 @@ from api.client.event_following import (
 )  # fmt: skip
 from api.client.progress_bar import SessionProgressBar
 from api.client.responses import ProblemError, not_ready, parsed, raise_problem, require_completed, unreachable
-from api.client.transport import LEAST_TIMEOUT_S, TIMEOUT_S
+from api.client.transport import COMPUTED, LEAST_TIMEOUT_S, TIMEOUT_S
 from api.rest.calibration import RigCalibration, ToolResource
 from api.rest.calibration_schemas import EstimateResource
 from api.rest.key_schemas import CallerResource, KeyResource
@@ -212,17 +212,19 @@ class Client(Connection):
     def replace_plan(self, session_id: str, number: int, lights: Sequence[Vector3]) -> PassResource:
         """Replaces the lights of a plan that waits for review by these positions (m, view frame)."""
         address = f"/v1/sessions/{session_id}/passes/{number}/plan"
-        return parsed(self._send("PUT", address, json={"lights": list(map(list, lights))}), PassResource)
+        body = {"lights": list(map(list, lights))}
+        return parsed(self._send("PUT", address, json=body, timeout=COMPUTED), PassResource)
 
     def forecast_plan(self, session_id: str, number: int, lights: Sequence[Vector3]) -> LightForecast:
         """Forecasts σ of a plan that waits for review with its lights at these positions; nothing is committed."""
         address = f"/v1/sessions/{session_id}/passes/{number}/plan/forecast"
-        return parsed(self._send("POST", address, json={"lights": list(map(list, lights))}), LightForecast)
+        body = {"lights": list(map(list, lights))}
+        return parsed(self._send("POST", address, json=body, timeout=COMPUTED), LightForecast)
 
     def dry_run(self, recipe: Recipe) -> DryRunResource:
         """Plans the first pass of a recipe (lights, path, duration); nothing moves."""
         body = recipe.model_dump(mode="json")
-        return parsed(self._send("POST", "/v1/dry-runs", json=body), DryRunResource)
+        return parsed(self._send("POST", "/v1/dry-runs", json=body, timeout=COMPUTED), DryRunResource)
 
     def results(self, session_id: str) -> list[ResultResource]:
         """Returns the results so far, oldest first."""
@@ -266,7 +268,8 @@ class Client(Connection):
         """
         result = self.result(session_id, number)
         digests = {item.name: item.sha256 for item in result.artefacts}
-        return self._fetch(f"/v1/sessions/{session_id}/results/{number}/{name}", path, digests.get(name))
+        address = f"/v1/sessions/{session_id}/results/{number}/{name}"
+        return self._fetch(address, path, digests.get(name), COMPUTED)
 
     def archive(self, session_id: str, path: Path) -> Path:
         """Downloads the session's folder as one zip file; `path` is written atomically."""

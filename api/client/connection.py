@@ -10,7 +10,7 @@ import httpx
 
 from acquisition.models.errors import ErrorCode
 from api.client.responses import ModelT, ProblemError, parsed, raise_problem
-from api.client.transport import CLOSED_MEANWHILE, authorization_headers, connection, may_repeat
+from api.client.transport import CLOSED_MEANWHILE, TIMEOUT_S, authorization_headers, connection, may_repeat
 from api.rest.schemas import Page, Problem
 
 
@@ -48,12 +48,14 @@ class Connection:
             next_address = page.next
         return items
 
-    def _fetch(self, address: str, path: Path, sha256: str | None) -> Path:
+    def _fetch(
+        self, address: str, path: Path, sha256: str | None, timeout: httpx.Timeout | float = TIMEOUT_S
+    ) -> Path:  # fmt: skip
         """Downloads to a hidden file beside `path`, and renames it once its digest is checked."""
         partial = path.with_name(f".{path.name}.part")
         digest = hashlib.sha256()
         try:
-            with self._http.stream("GET", address) as response:
+            with self._http.stream("GET", address, timeout=timeout) as response:
                 if response.is_error:
                     response.read()
                     raise_problem(response)

@@ -10,6 +10,13 @@ TIMEOUT_S = 30.0
 """Time limit of a request, s; longer than devices may delay a start, and than the pause between two keep-alive comments
 of the event stream."""
 
+COMPUTED_TIMEOUT_S = 300.0
+"""Time limit of an answer that is computed first, s: a plan, a forecast, or a file that is made on its first request.
+On a fresh machine the reach that a plan needs takes a minute, and up to eight such requests wait for one another."""
+
+COMPUTED = httpx.Timeout(TIMEOUT_S, read=COMPUTED_TIMEOUT_S)
+"""Time limits of a request whose answer is computed first."""
+
 LEAST_TIMEOUT_S = 5.0
 """Time limit of a request whose answer is waited for until a deadline, at and shortly before that deadline, s: a busy
 machine may need a second."""

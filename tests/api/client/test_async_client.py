@@ -10,6 +10,7 @@ from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -21,6 +22,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.session_state import State
 from api import AsyncClient, Client, ProblemError
 from api.client.transport import TIMEOUT_S
+from api.rest.schemas import Problem
 
 
 def test_async_client_session_from_creation_to_deletion(administered: Any) -> None:
@@ -200,3 +202,52 @@ def test_client_never_repeats_what_is_no_mere_question(own: Any) -> None:
     with closing_the_first(own.url) as url, Client(url) as client, pytest.raises(httpx.RemoteProtocolError):
         client.create()
     assert list(own.client.sessions()) == []
+
+
+@pytest.mark.parametrize("call", ["dry_run", "replace_plan", "forecast_plan", "download"])
+def test_client_waits_longer_for_what_is_computed(tmp_path: Path, call: str) -> None:
+    """The time limit of any other request, here 0.2 s, is shorter than the answer takes."""
+
+    class Computes(BaseHTTPRequestHandler):
+        def answer(self) -> None:
+            computed = self.path.endswith(".exr") or not self.path.endswith("/results/0")
+            time.sleep(1.0 if computed else 0.0)
+            body = json.dumps(PROBLEM if computed else RESULT).encode()
+            self.send_response(409 if computed else 200)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        do_GET = do_POST = do_PUT = answer  # noqa: N815 - names of the base class
+
+        def log_message(self, *_: Any) -> None:
+            pass
+
+    server = HTTPServer(("127.0.0.1", 0), Computes)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    calls: dict[str, Callable[[Client], Any]] = {
+        "dry_run": lambda client: client.dry_run(Recipe()),
+        "replace_plan": lambda client: client.replace_plan("x", 1, [(0.0, 0.0, -0.4)]),
+        "forecast_plan": lambda client: client.forecast_plan("x", 1, [(0.0, 0.0, -0.4)]),
+        "download": lambda client: client.download("x", 0, "maps.exr", tmp_path / "maps.exr"),
+    }
+    try:
+        with Client(f"http://127.0.0.1:{server.server_port}") as client:
+            client._http.timeout = 0.2  # pyright: ignore[reportPrivateUsage]
+            with pytest.raises(ProblemError) as refused:
+                calls[call](client)
+        assert refused.value.code is ErrorCode.RIG_BUSY
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+PROBLEM = Problem.of(ErrorCode.RIG_BUSY, "A session is working").model_dump(mode="json")
+RESULT = {
+    "number": 0, "passes": [0], "created": "2026-11-30T12:00:00Z", "seconds": 1.0, "artefacts": [], "links": {},
+    "summary": {
+        "images": 4, "object_pixels": 9, "solved_pixels": 9, "mean_sigma_deg": 1.0, "median_sigma_deg": 1.0,
+        "predicted_sigma_deg": None, "predicted_median_deg": None, "fewer_than_three_lights": 0.0,
+        "intensity_factors": [], "noise": {},
+    },
+}  # fmt: skip
