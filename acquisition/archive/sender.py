@@ -7,6 +7,7 @@ standard input does, and so with the service. No answer of the service depends o
 """
 
 import logging
+import math
 import os
 import sys
 import threading
@@ -17,11 +18,12 @@ from acquisition.archive.archive import Archive
 from acquisition.formats.session_files import JOURNAL
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.journal import Journal
+from acquisition.store.outbox_table import LONGEST_WAIT_S
 
 POLL_S = 2.0
 """Period, s, of checking for sessions that have ended."""
-FIRST_WAIT_S, LONGEST_WAIT_S = 10.0, 3600.0
-"""Time, s, after which a failed push is tried again: doubled each time, up to an hour."""
+FIRST_WAIT_S = 10.0
+"""Time, s, after which a failed push is tried again: doubled each time, up to `LONGEST_WAIT_S`, an hour."""
 CHECK_S = 30.0
 """Period, s, of checking that the archive can be used, whether a session waits or not."""
 NICENESS = 15
@@ -31,7 +33,7 @@ _log = logging.getLogger(__name__)
 
 def wait_s(tries: int) -> float:
     """Returns the time, s, until the next try after `tries` failed ones."""
-    return min(FIRST_WAIT_S * 2.0**tries, LONGEST_WAIT_S)
+    return FIRST_WAIT_S * 2.0**tries if tries < math.log2(LONGEST_WAIT_S / FIRST_WAIT_S) else LONGEST_WAIT_S
 
 
 def check(journal: Journal, address: str, catalogue: str | None) -> None:

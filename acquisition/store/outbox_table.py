@@ -5,6 +5,7 @@ label. Nothing is entered here when a session ends, so no session depends on the
 due.
 """
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +17,9 @@ from acquisition.store.rows import SessionRow, session_from_row
 ARCHIVED: EventType = "session.archived"
 ARCHIVE_FAILED: EventType = "session.archive_failed"
 """Types of the events about archiving itself, which make no session due."""
+
+LONGEST_WAIT_S = 3600.0
+"""Longest time, s, from a failed push to the next try."""
 
 
 @dataclass(frozen=True)
@@ -88,11 +92,15 @@ class OutboxTable(QueueTable):
             return True
 
     def due(self, now: float) -> Due | None:
-        """Returns the session that has waited longest of those that may be tried at `now`, s since 1970, or None."""
+        """Returns the session that has waited longest of those that may be tried at `now`, s since 1970, or None.
+
+        One whose next try lies further ahead than LONGEST_WAIT_S may be tried too: the clock has been set back since.
+        """
         row = self._one(
             "SELECT session.*, event_id, tries FROM awaiting_archive JOIN session ON session.id = session_id"
-            " WHERE next_try_at <= ? ORDER BY session.ended_at LIMIT 1",
-            now,
+            " WHERE next_try_at NOT BETWEEN ? AND ? ORDER BY session.ended_at LIMIT 1",
+            math.nextafter(now, math.inf),
+            now + LONGEST_WAIT_S,
         )
         return None if row is None else Due(session_from_row(row), int(row["event_id"]), int(row["tries"]))
 

@@ -121,9 +121,20 @@ def test_damaged_session_does_not_hold_up_the_next(tmp_path: Path, journal: Jour
 
 
 def test_waits_grow_to_an_hour():
-    waits = [sender.wait_s(tries) for tries in range(20)]
+    waits = [sender.wait_s(tries) for tries in (*range(20), 10_000)]  # an archive may be away for a year
     assert waits == sorted(waits)
     assert (waits[0], waits[-1]) == (sender.FIRST_WAIT_S, sender.LONGEST_WAIT_S)
+
+
+def test_session_is_tried_again_after_the_clock_was_set_back(tmp_path: Path, journal: Journal):
+    session_id = completed(tmp_path, journal)
+    now, due = time.time(), journal.due(time.time())
+    assert due is not None
+    journal.not_archived(due, "the archive is away", now + sender.LONGEST_WAIT_S)
+    assert journal.due(now) is None
+    a_year_before = journal.due(now - 365 * 86_400)
+    assert a_year_before is not None
+    assert a_year_before.session.id == session_id
 
 
 def test_prune_keeps_what_the_archive_does_not_have(tmp_path: Path, journal: Journal):
