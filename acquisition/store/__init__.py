@@ -93,10 +93,12 @@ class Store:
         return self.journal.record(session_id, self.folder(session_id))
 
     def _discard_partial(self) -> None:
-        """Removes the half-written results, exports and session files that a killed service has left."""
+        """Removes the half-written results, exports, estimates, calibrations and session files that a killed service
+        has left."""
         sessions = self.data / "sessions"
-        for pattern in ("*/results/.*", "*/results/*/exports/.*"):
-            for folder in sessions.glob(pattern):
+        results = (f"sessions/*/{name}" for name in ("results/.*", "results/*/exports/.*", "estimates/.*"))
+        for pattern in (*results, "calibrations/.*"):
+            for folder in self.data.glob(pattern):
                 shutil.rmtree(folder, ignore_errors=True)
         holder = self.journal.holder()
         if holder is not None:

@@ -205,6 +205,19 @@ def test_delete_session_is_told_to_whoever_follows_it(store: Store) -> None:
     assert store.journal.events(0, session_id=other)[-1].type == "session.created"
 
 
+def test_store_removes_what_a_killed_service_has_half_written(tmp_path: Path) -> None:
+    half, whole = list[Path](), list[Path]()
+    for place in ("sessions/x/results", "sessions/x/results/0/exports", "sessions/x/estimates", "calibrations"):
+        half.append(tmp_path / place / ".0.abcd1234" / "calibration.json")
+        whole.append(tmp_path / place / "0" / "calibration.json")
+    for file in (*half, *whole):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("{}")
+    Store(tmp_path).close()
+    assert [file for file in half if file.parent.exists()] == []
+    assert [file for file in whole if not file.exists()] == []
+
+
 def test_write_bytes_full_disk_leaves_no_partial_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
