@@ -264,6 +264,7 @@ class Runner:
         self.preview.preempt()
         identity = self._in_thread(self._readiness.make_ready)
         self._monitor.require_clear()
+        journal.session(session_id)  # one that was deleted while the devices connected must get no folder again
         preconditions.require_same_arm(folder, identity)
         if row.state is State.INTERRUPTED and not from_here:
             preconditions.require_near_path(journal.last_path(session_id), self._rig.arm.reading.joints)

@@ -3,8 +3,10 @@
 import errno
 import hashlib
 import os
+import shutil
 import threading
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -12,6 +14,7 @@ import httpx
 import numpy as np
 import pytest
 
+from acquisition.devices import Finding
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
@@ -123,3 +126,22 @@ def test_regions_drawn_at_once_have_a_file_each(tmp_path: Path) -> None:
         digests = [hashlib.sha256((store.folder(session_id) / one.path).read_bytes()).hexdigest() for one in drawn]
         assert len({one.path for one in drawn}) == len(masks)
         assert digests == [one.sha256 for one in drawn]
+
+
+def test_session_deleted_while_it_starts_gets_no_folder_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with quick_service(tmp_path, ADDRESS, with_keys=False) as (server, arm, _, _):
+        store, runner = server.service.store, server.service.runner
+        session_id = runner.create(Recipe())[0].id
+        preflight, folder = arm.preflight, store.session_path(session_id)
+
+        def deleted_meanwhile() -> Sequence[Finding]:
+            if folder.exists():
+                store.journal.delete_session(session_id)
+                shutil.rmtree(folder)
+            return preflight()
+
+        monkeypatch.setattr(arm, "preflight", deleted_meanwhile)
+        with pytest.raises(RigError) as refused:
+            runner.act(session_id, Trigger.START, "a")
+        assert refused.value.code is ErrorCode.SESSION_NOT_FOUND
+        assert not folder.exists()
