@@ -9,6 +9,7 @@ from acquisition.formats.folders import image_checks, image_files
 from acquisition.formats.folders.image_files import FolderImages
 from acquisition.formats.folders.refusal import refusal
 from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.listing import first_few
 from acquisition.normals.images.image_set import DistantLights, ImageSet, NearLights
 from acquisition.normals.solve import SETTINGS as SOLVE_CHECK
 
@@ -71,6 +72,11 @@ def image_set(
     clipped_from = NO_SATURATION_LEVEL if merged else image_values.SATURATION_SHARE
     image_checks.refuse_unusable(images, area, clipped_from)
     warnings = [*warnings, *image_checks.refuse_same(images, area, irradiance)]
+    if images.turned:
+        warnings.append(
+            f"{first_few(images.turned)}: viewers turn or mirror these images, by a tag in the file. They are solved "
+            "as stored: mask, lights and camera must fit that. Save images upright, without the tag."
+        )
     if merged:
         warnings.append(ABOVE_ONE)
     if images.kind == "uint8":

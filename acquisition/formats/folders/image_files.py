@@ -16,6 +16,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import tifffile
+from PIL.Image import Exif
+from PIL.JpegImagePlugin import JpegImageFile
 from PIL.PngImagePlugin import PngImageFile
 
 from acquisition.formats.folders.refusal import content, refusal
@@ -30,7 +32,11 @@ DECODER_THREADS = 2
 
 TIFF_NAMES = (".tif", ".tiff")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-EXR_SIGNATURE = b"v/1\x01"
+JPEG_SIGNATURE, EXR_SIGNATURE = b"\xff\xd8", b"v/1\x01"
+TIFF_SIGNATURES = (b"II*\0", b"MM\0*")
+ORIENTATION = 274
+"""Number of the tag of TIFF and Exif that says how viewers turn or mirror an image; 1: not at all."""
+
 READ_FORMATS = "PNG, TIFF, JPEG, BMP, PGM or PPM"
 """Image formats that can be read, as text for people."""
 
@@ -46,6 +52,7 @@ class PixelLocation:
     offset: int
     dtype: str
     shape: tuple[int, ...]  # (H, W) or (H, W, 3)
+    orientation: int = 1  # that of its file's tag; the pixels are as they are stored
 
     @property
     def kind(self) -> str:
@@ -94,6 +101,11 @@ class FolderImages:
         return self.locations[0].kind
 
     @property
+    def turned(self) -> list[str]:
+        """Names of the images that viewers turn or mirror, by a tag in the file."""
+        return [name for name, one in zip(self.names, self.locations, strict=True) if one.orientation != 1]
+
+    @property
     def full_scale(self) -> float:
         """The stored value of 1.0."""
         return FULL_SCALE[self.kind] if self.stated_full_scale is None else self.stated_full_scale
@@ -136,7 +148,10 @@ def open_images(
 
 
 def decode(path: Path) -> np.ndarray:
-    """Decodes one image file, (H, W) or (H, W, 3) RGB, in the type it is stored in. Raises folder.invalid."""
+    """Decodes one image file, (H, W) or (H, W, 3) RGB, as it is stored: in its type, whatever orientation it states.
+
+    Raises RigError folder.invalid.
+    """
     stored = content(path)
     if stored.startswith(PNG_SIGNATURE):  # OpenCV accepts some that are not intact
         try:
@@ -150,7 +165,51 @@ def decode(path: Path) -> np.ndarray:
         raise refusal(
             path, f"is not an image in a format that can be read ({READ_FORMATS}), or is damaged: copy it again"
         )
+    if stored.startswith(TIFF_SIGNATURES):  # which OpenCV turns; files of other formats it does not, so read
+        pixels = np.ascontiguousarray(_as_stored(pixels, orientation(path)))
     return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB) if pixels.ndim == 3 and pixels.shape[2] == 3 else np.asarray(pixels)
+
+
+def orientation(path: Path) -> int:
+    """Reads how viewers turn or mirror a TIFF, JPEG or PNG file (1 to 8, as in Exif); 1: not at all, or not stated."""
+    try:
+        with path.open("rb") as file:
+            signature = file.read(len(PNG_SIGNATURE))
+            file.seek(0)
+            if signature.startswith(TIFF_SIGNATURES):
+                with tifffile.TiffFile(file) as tiff:
+                    stated = tiff.pages.first.tags.valueof(ORIENTATION, 1)
+            elif signature.startswith((PNG_SIGNATURE, JPEG_SIGNATURE)):
+                image = (PngImageFile if signature == PNG_SIGNATURE else JpegImageFile)(file)
+                exif = Exif()
+                exif.load(image.info.get("exif", b""))
+                stated = exif.get(ORIENTATION, 1)
+            else:
+                return 1
+    except (OSError, SyntaxError, TypeError, ValueError, LookupError, struct.error, tifffile.TiffFileError):
+        return 1  # a damaged tag states nothing; whether the pixels can be read, their decoder says
+    return stated if stated in range(1, 9) else 1
+
+
+def _as_stored(upright: np.ndarray, stated: int) -> np.ndarray:
+    """Turns an image (H, W) or (H, W, C) back that was decoded upright, by the `stated` orientation of its file."""
+    match stated:
+        case 2:
+            return upright[:, ::-1]
+        case 3:
+            return upright[::-1, ::-1]
+        case 4:
+            return upright[::-1]
+        case 5:
+            return upright.swapaxes(0, 1)
+        case 6:
+            return np.rot90(upright)
+        case 7:
+            return upright[::-1, ::-1].swapaxes(0, 1)
+        case 8:
+            return np.rot90(upright, -1)
+        case _:
+            return upright
 
 
 def read_mask(path: Path, size: tuple[int, int]) -> BoolArray:
@@ -198,7 +257,7 @@ def _locate(path: Path, scratch: Path, black_level: int) -> PixelLocation:
                 file=str(path),
             ) from error
         raise
-    return PixelLocation(scratch, 0, pixels.dtype.name, pixels.shape)
+    return PixelLocation(scratch, 0, pixels.dtype.name, pixels.shape, orientation(path))
 
 
 def _plain_tiff(path: Path) -> PixelLocation | None:
@@ -218,7 +277,8 @@ def _plain_tiff(path: Path) -> PixelLocation | None:
                 return None
             _refuse_format(path, page.dtype, page.shape)
             kind = page.dtype.newbyteorder(file.byteorder)
-            location = PixelLocation(path, int(page.dataoffsets[0]), kind.str, tuple(map(int, page.shape)))
+            shape = tuple(map(int, page.shape))
+            location = PixelLocation(path, int(page.dataoffsets[0]), kind.str, shape, orientation(path))
     except (OSError, ValueError, LookupError, ArithmeticError, struct.error, tifffile.TiffFileError) as error:
         raise refusal(path, f"is not a TIFF file, or is damaged ({error}): copy it again") from error
     if path.stat().st_size < location.offset + int(np.prod(location.shape)) * kind.itemsize:
