@@ -1,5 +1,6 @@
 """Ground-truth normals of a folder's object: from a file of normals, or from the outline of a sphere."""
 
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -74,9 +75,7 @@ def _load(path: Path) -> np.ndarray:
     try:
         match path.suffix:
             case ".mat":
-                from scipy.io import loadmat  # noqa: PLC0415 - a tenth of a second that few folders need
-
-                return np.asarray(loadmat(path, variable_names=[VARIABLE])[VARIABLE])
+                return _mat(path)
             case ".npy":
                 return np.load(path, allow_pickle=False)
             case ".exr":
@@ -89,6 +88,16 @@ def _load(path: Path) -> np.ndarray:
         raise refusal(path, "is in MATLAB's format 7.3: save it with -v7") from error
     except (OSError, ValueError, TypeError, EOFError, IndexError, tifffile.TiffFileError) as error:
         raise refusal(path, f"cannot be read: {error}; copy it again, or remove it") from error
+
+
+def _mat(path: Path) -> np.ndarray:
+    from scipy.io import loadmat  # noqa: PLC0415 - a tenth of a second that few folders need
+    from scipy.io.matlab import MatReadError  # noqa: PLC0415
+
+    try:
+        return np.asarray(loadmat(path, variable_names=[VARIABLE])[VARIABLE])
+    except (MatReadError, zlib.error) as error:
+        raise ValueError(str(error)) from error
 
 
 def _exr(path: Path) -> np.ndarray:
@@ -109,6 +118,8 @@ def _exr(path: Path) -> np.ndarray:
 def _normals(path: Path, values: np.ndarray, height: int, width: int) -> Float32Array:
     if values.shape != (height, width, 3):
         raise refusal(path, f"has shape {values.shape}, not {(height, width, 3)}: use the normals of these images")
+    if values.dtype.kind not in "iuf":
+        raise refusal(path, f"holds values of the type {values.dtype}: store the normals as real numbers")
     normals = np.nan_to_num(values.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     if not np.any(length > 0):

@@ -22,7 +22,7 @@ def read(
     Raises RigError folder.invalid naming the file that is wrong.
     """
     (line, first), *rest = text_table.lines(path) or [(1, "")]
-    if not first.isdigit():
+    if not first.isdecimal():
         raise refusal(path, f"line {line} is {first[:40]!r}: write the number of images there")
     if int(first) != len(rest):
         raise refusal(

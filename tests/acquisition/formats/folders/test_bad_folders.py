@@ -9,6 +9,7 @@ import numpy as np
 import OpenEXR
 import pytest
 import tifffile
+from scipy.io import savemat
 
 from acquisition.formats import folders
 from acquisition.models.errors import ErrorCode, RigError
@@ -114,6 +115,7 @@ def every(folder: Path, pixels: np.ndarray) -> None:
 
 N = small.SIZE
 GREY = np.full((N, N), 20_000, np.uint16)
+DITHER = np.random.default_rng(0).random((N, N, 3))
 TABLES = ("filenames.txt", "light_directions.txt", "light_intensities.txt")
 DILIGENT: dict[str, tuple[Damage, str, str]] = {
     "another size": (image("003.png", np.full((N, N + 1, 3), 9_000, np.uint16)), "003.png", "41 × 40"),
@@ -164,10 +166,20 @@ DILIGENT: dict[str, tuple[Damage, str, str]] = {
         "normals_gt.npy", "read",
     ),
     "truth no matlab file": (lambda f: (f / "Normal_gt.mat").write_bytes(b"x" * 300), "Normal_gt.mat", "read"),
+    "truth short": (lambda f: (f / "Normal_gt.mat").write_bytes(b"x" * 15), "Normal_gt.mat", "read"),
+    "truth empty": (lambda f: (f / "Normal_gt.mat").touch(), "Normal_gt.mat", "read"),
+    "truth damaged": (
+        lambda f: (savemat(f / "Normal_gt.mat", {"Normal_gt": DITHER}, do_compression=True), flip("Normal_gt.mat")(f)),
+        "Normal_gt.mat", "read",
+    ),
+    "truth of words": (
+        lambda f: np.save(f / "normals_gt.npy", np.full((N, N, 3), "up")), "normals_gt.npy", "real numbers",
+    ),
 }  # fmt: skip
 LP: dict[str, tuple[Damage, str, str]] = {
     "count": (line("lights.lp", 0, "7"), "lights.lp", "7 images, but 6 rows"),
     "no count": (line("lights.lp", 0, None), "lights.lp", "line 1"),
+    "count that is no number": (line("lights.lp", 0, "6²"), "lights.lp", "line 1"),
     "empty": (lambda folder: (folder / "lights.lp").write_text(""), "lights.lp", "line 1"),
     "short row": (line("lights.lp", 2, "0 1"), "lights.lp", "line 3"),
     "NaN": (line("lights.lp", 2, "img 1.png 0 inf 1"), "lights.lp", "line 3"),
