@@ -234,6 +234,13 @@ def _refuse(request: SolveRequest) -> None:
             ErrorCode.FOLDER_INVALID, f"{request.out}: {what}, which would be deleted: name another folder",
             file=str(request.out),
         )  # fmt: skip
+    if Path.cwd().is_relative_to(out):
+        raise RigError(
+            ErrorCode.FOLDER_INVALID,
+            f"--out {request.out}: is the folder in which this command runs, and would be replaced as a whole: name a "
+            "folder below it, or run the command elsewhere",
+            file=str(request.out),
+        )
     refuse_in_session(request.out, "--out")
     export.refuse_foreign(request.out, SUMMARY)
 

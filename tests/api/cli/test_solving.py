@@ -241,6 +241,17 @@ def test_solve_out_that_is_a_link_is_written_where_it_leads(tmp_path: Path) -> N
     assert (tmp_path / "disk" / solving.SUMMARY).is_file()
 
 
+def test_solve_out_that_is_the_current_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would be deleted under the command and under its user's shell."""
+    folder, here = small.diligent(tmp_path / "in"), tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    with pytest.raises(RigError, match="in which this command runs"):
+        solving.run(request(folder, solver="ls", out=Path()))
+    solving.run(request(folder, solver="ls", out=Path("normals")))
+    assert [path.name for path in here.iterdir()] == ["normals"]
+
+
 @pytest.mark.parametrize("broken", ["image", "directions", "mask", "truth"])
 def test_solve_bad_folder_writes_nothing(broken: str, tmp_path: Path) -> None:
     folder, out = small.diligent(tmp_path / "in"), tmp_path / "out"
