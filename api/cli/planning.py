@@ -24,6 +24,7 @@ from acquisition.models.light_plan import LightPlan
 from acquisition.models.result import MEAN_ERROR_PER_SIGMA, ModelFinding
 from acquisition.normals.alternatives import lamp_alternatives
 from acquisition.normals.equivalent_session import EquivalentSession
+from acquisition.normals.images.image_set import ImageSet
 from acquisition.plan import design_problem
 from acquisition.plan.candidate_lights import CandidateLights
 from api.cli.plan_candidates import Offer, offered, reach, too_few
@@ -81,6 +82,9 @@ def run(request: PlanRequest) -> dict[str, Any]:
     console = Console(stderr=True, markup=False)
     with tempfile.TemporaryDirectory(prefix="lightpose-") as scratch, console.status("reading"):
         capture = read(request, Path(scratch))
+        warnings: list[str] = capture.images.notes["warnings"] if isinstance(capture.images, ImageSet) else []
+        for sentence in warnings:  # first, because they may be the cause of a refusal
+            console.print(f"• {sentence}", highlight=False)
         pilot = _pilot(request, len(capture.lights))
         offer = offered(request, capture, pilot)
         if offer is not None and request.count > len(offer.numbers):
@@ -97,6 +101,7 @@ def run(request: PlanRequest) -> dict[str, Any]:
     outcome["findings"] = [finding.model_dump() for finding in findings]
     outcome["seconds"] = round(time.monotonic() - started, 3)
     _show(console, capture, outcome)
+    outcome["notes"] += warnings
     if request.out is not None:
         _write(outcome, request.out)
     return outcome

@@ -45,7 +45,7 @@ def read(
     warnings = ["An .lp file has no light intensities: they are assumed equal at first and estimated from the images."]
     if object_mask is None:
         warnings.append(
-            f"There is no {assembly.MASK}: pixels that no light reaches are left out, see mask_proposed.png."
+            f"There is no {assembly.MASK}: pixels that no light reaches are left out (mask_proposed.png of a result)."
         )
     warnings += assembly.lossy(names)
     lights = DistantLights(np.array(directions), np.ones((len(names), images.channels)))

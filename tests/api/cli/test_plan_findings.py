@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import pytest
 
 from acquisition.models.errors import ErrorCode, RigError
@@ -40,6 +41,25 @@ def test_plan_out_replaces_a_plan(tmp_path: Path) -> None:
     for count in (2, 1):
         planned(small.lp(tmp_path / "in"), count, out=out)
     assert len(json.loads(out.read_text())["lights"]) == 1
+
+
+def test_plan_tells_what_is_wrong_with_the_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither shows in the findings, and both change the forecast."""
+    folder = small.lp(tmp_path / "in")
+    for path in folder.glob("*.png"):
+        cv2.imwrite(str(path), cv2.imread(str(path), cv2.IMREAD_UNCHANGED) // 16)
+    notes = planned(folder, 1)["notes"]
+    for said in ("full_scale 4095", "no light intensities"):
+        assert any(said in note for note in notes)
+    assert " ".join(capsys.readouterr().err.split()).count("full_scale 4095") == 1
+
+
+def test_plan_refused_because_of_a_copied_file_tells_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = small.lp(tmp_path / "in")
+    (folder / "img 5.png").write_bytes((folder / "img 4.png").read_bytes())
+    with pytest.raises(RigError, match="a bad one can look like wrong axes"):
+        planned(folder, 1)
+    assert "img 4.png, img 5.png hold the same values" in " ".join(capsys.readouterr().err.split())
 
 
 def test_plan_of_corrected_axes_is_refused(tmp_path: Path) -> None:
