@@ -118,6 +118,7 @@ def from_afar(images: ImageSet) -> ImageSet:
         ),
         camera=Camera(np.array([[focal, 0.0, middle[0]], [0.0, focal, middle[1]], [0.0, 0.0, 1.0]])),
         rough_depth_m=CAMERA_M,
+        metric=False,
     )
 
 

@@ -85,6 +85,7 @@ def windowed_images(images: ImageSet) -> Images:
             shot=1 / (images.full_well_e * images.channels * lights.intensity),
             floor=floor,
             labels=images.labels,
+            metric=images.metric,
         )
     )
 

@@ -90,7 +90,10 @@ def solve(hypothesis: Hypothesis) -> Solution:
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
             "with the stated positions of lamps and object, no pixel of the object is lit by two lamps: check the "
-            "lamps' positions, the object's rough depth and their units",
+            "lamps' positions, the object's rough depth and their units"
+            if hypothesis.masked.images.metric
+            else "with the stated directions, no pixel of the object is lit by two lights and not clipped: check the "
+            "directions, the intensities, the mask and the images' values",
         )
     fit = sample.fit(sample.solution, nominal.noise)
     priors = replace(priors, shadows=state.shadows)
@@ -104,12 +107,15 @@ def remaining(solution: Solution) -> list[ModelFinding]:
     findings: list[ModelFinding] = []
     noise, fit = solution.scene.noise, solution.fit
     if solution.at_end_of_range:
+        what, moved = "directions or intensities of the lamps differ", ""
+        if solution.hypothesis.masked.images.metric:
+            what = "lamp positions, lamp intensities or the object's distance differ"
+            moved = f", object by {figure(1000 * abs(solution.moved_m), 0)} mm"
         findings.append(
             ModelFinding(
                 kind="lamps",
-                message="lamp positions, lamp intensities or the object's distance differ from the stated values "
-                f"(intensities by {percent(noise.intensity)}, object by "
-                f"{figure(1000 * abs(solution.moved_m), 0)} mm): do not trust the normals",
+                message=f"{what} from the stated values (intensities by {percent(noise.intensity)}{moved}): do not "
+                "trust the normals",
                 corrected=False,
             )
         )

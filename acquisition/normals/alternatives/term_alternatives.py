@@ -316,13 +316,13 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     # Noise that neighbours share is that of a block of the coarse grid, not a pixel's own.
     gain = max(surface_diffusion.noise_gain(length_px), surface_diffusion.noise_gain(leak.length_px))
     sharpened = changed_images.sharpened(hypothesis.masked.images, *_full_surface(present), length_px, gain)
-    length_mm = (
-        1000 * length_px * float(np.mean(present.state.depth_m)) / hypothesis.nominal.calibration.camera_matrix[0][0]
-    )
+    focal = hypothesis.nominal.calibration.camera_matrix[0][0]
+    length_mm = 1000 * length_px * float(np.mean(present.state.depth_m)) / focal
+    length, unit = (length_mm, "mm") if hypothesis.masked.images.metric else (length_px, "pixels")
     message = (
-        f"light spreads by {length_mm:.1f} mm below the surface, or the images are out of focus: they are sharpened"
+        f"light spreads by {length:.1f} {unit} below the surface, or the images are out of focus: they are sharpened"
     )
-    return [Alternative(translucency.KIND, message, hypothesis.reread(sharpened), AS_GOOD, length_mm)]
+    return [Alternative(translucency.KIND, message, hypothesis.reread(sharpened), AS_GOOD, length)]
 
 
 def _full_surface(present: Solution) -> tuple[SurfaceGraph, Float32Array]:

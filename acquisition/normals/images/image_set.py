@@ -123,6 +123,8 @@ class ImageSet:
     """(H, W, 3) true normals, view frame."""
     rough_depth_m: float | None = None
     """The object's rough depth along OpenCV's z."""
+    metric: bool = True
+    """Whether lengths are known; False: near lights and camera stand for directions, at arbitrary distances."""
     full_well_e: float = FULL_WELL_E
     """Electrons at full scale, for a first guess of shot noise."""
     read_noise_e: float = READ_NOISE_E

@@ -47,6 +47,7 @@ class Images:
     `read` returns the rows [start, stop), counted from the window's first. `shot` and `floor` (F,) are the sensor's
     part of the variance of y, shot·y + floor. If the sensor is unknown they are zero and the quantisation variance, and
     the rest is estimated from the residuals. `labels` (F,) name the images in messages; empty: their numbers, from 0.
+    `metric` is false if lights and camera stand at distances that nobody stated, so that messages name no lengths.
     """
 
     read: Callable[[int, int], ImageBlock]
@@ -56,6 +57,7 @@ class Images:
     shot: FloatArray
     floor: FloatArray
     labels: tuple[str, ...] = ()
+    metric: bool = True
 
     def label(self, number: int) -> str:
         """Returns the name of an image in messages: its number, counted from 0, and its file if it has one."""

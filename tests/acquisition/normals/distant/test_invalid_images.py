@@ -70,3 +70,26 @@ def test_solve_light_count_mismatch_is_refused() -> None:
 
 def test_solve_empty_mask_is_refused() -> None:
     assert "mask" in refused(replace(good(), mask=np.zeros((SIZE, SIZE), np.bool_))).detail
+
+
+def test_solve_findings_about_directions_name_no_lengths() -> None:
+    """Directions off by about 11°. Nobody stated distance or size of the object, so no lengths are told."""
+    normals, mask = ball()
+    rng, directions = np.random.default_rng(1), few_lights()
+    stated = directions + 0.2 * rng.standard_normal(directions.shape)
+    noise = 0.001 * rng.standard_normal((8, SIZE, SIZE))
+    result = distant.solve(image_set(lambert(normals, directions) + noise, stated, mask))
+    told = {one.kind: one.message for one in result.findings}
+    assert "directions or intensities of the lamps differ from the stated values" in told["lamps"]
+    assert " pixels below the surface" in told["translucent surface"]
+    assert not [message for message in told.values() if " mm" in message or "distance" in message]
+
+
+def test_solve_directions_that_light_nothing_are_refused_without_positions() -> None:
+    """All values are black or clipped."""
+    images = good()
+    normals, mask = ball()
+    bright = np.where(lambert(normals, few_lights()) > 0.3, 1.0, 0.0)
+    told = refused(replace(image_set(bright, few_lights(), mask), names=images.names)).detail
+    assert "with the stated directions" in told
+    assert "depth" not in told
