@@ -289,6 +289,7 @@ def _facts(
         why=solved.why,
         seconds=dict(seconds),
         error_deg=error,
+        intensities={"session": "calibrated", ".lp": "assumed"}.get(images.notes["format"], "stated"),
         warnings=tuple(images.notes.get("warnings", ())),
     )
 

@@ -38,7 +38,7 @@ MAX_SAMPLES = 4000
 """Approximate number of underlit pixels at which candidate lights are rated."""
 
 MAX_INTENSITY_DEVIATION = 0.03
-"""Relative deviation of a lamp's intensity from the calibration above which it is reported."""
+"""Relative deviation of a lamp's intensity from the known one above which it is reported."""
 
 MIN_PROBABILITY = 0.01
 """Probability of an image's misfit in a sound capture below which the image is named."""
@@ -126,7 +126,8 @@ def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
         if abs(factor - 1) > MAX_INTENSITY_DEVIATION:
             than = "brighter" if factor > 1 else "dimmer"
             warnings.append(
-                f"{name}: its light was {_percent(abs(factor - 1))} {than} than calibrated; this is corrected."
+                f"{name}: its light was {_percent(abs(factor - 1))} {than} than {context.intensities}; this is "
+                "corrected."
             )
     return warnings
 

@@ -20,5 +20,6 @@ class ReportContext:
     predicted_sigma_deg: float | None = None  # mean σ that the plan expected
     error_deg: Mapping[str, float] = field(default_factory=dict[str, float])  # against known truth; empty: none is
     drawings: tuple[tuple[str, str], ...] = ()  # how the images were taken: what each shows, and an SVG element
+    intensities: str = "calibrated"  # how the lamps' intensities were known: calibrated, stated, assumed
     warnings: tuple[str, ...] = ()  # sentences of the images' reader
     calibration_checked: str = ""  # when, and with which result; empty: no cell of its own is known

@@ -6,14 +6,16 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import tifffile
 from typer.testing import CliRunner
 
-from acquisition.formats import export
+from acquisition.formats import export, folders
 from acquisition.formats.folders.session_folder import read as read_session
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import SolveSettings
@@ -68,6 +70,21 @@ def test_solve_folder_without_truth_has_null_errors(tmp_path: Path) -> None:
     assert outcome["normals"] > 500
     assert any("no light intensities" in sentence for sentence in outcome["warnings"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
+
+
+@pytest.mark.parametrize(("make", "known"), [(small.lp, "assumed"), (small.diligent, "stated")])
+def test_solve_brighter_light_is_told_against_what_was_known(
+    make: Callable[[Path], Path], known: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing of such folders is calibrated, and an .lp file states no intensity at all."""
+    folder = make(tmp_path / "in")
+    name = folders.read(folder, tmp_path).names[2]
+    pixels = cv2.imread(str(folder / name), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(folder / name), np.round(pixels * 1.1).astype(np.uint16))
+    solving.run(request(folder))
+    told = " ".join(capsys.readouterr().err.split())
+    assert re.search(f"{name}: its light was [0-9.]+ % brighter than {known}; this is corrected", told)
+    assert "than calibrated" not in told
 
 
 def test_solve_near_light_folder_gives_absolute_albedo(tmp_path: Path) -> None:
