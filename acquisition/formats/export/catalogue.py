@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import image_values, photometry
 from acquisition.formats.export import exr, light_files, map_files, mesh
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import NormalMap
@@ -74,20 +74,34 @@ class Source:
 def _diligent(source: Source, path: Path) -> None:
     """Writes a DiLiGenT-style folder, which most photometric-stereo programs read: 001.png … (16 bits of full scale),
     filenames, directions, intensities and mask.png. The format has distant lights only: near ones are given as at the
-    object's centre, and `README.txt` says so."""
+    object's centre, and `README.txt` says so. Merged exposures, which have values above full scale, are scaled down
+    with their lights."""
     path.mkdir()
     images = source.solved_images
     names = [f"{number:03d}.png" for number in range(1, images.count + 1)]
+    scale = 1.0
+    if images.saturated_from > 1:  # rounded, the greatest value must not count as clipped
+        scale = max(scale, _greatest(images) / image_values.SATURATION_SHARE * (1 + 2 / 65535))
     for index, name in enumerate(names):
-        values = np.clip(images.values(index, 0, images.height), 0, 1)
+        values = np.clip(images.values(index, 0, images.height) / np.float32(scale), 0, 1)
         map_files.png(path / name, np.round(values * 65535).astype(np.uint16))
     (path / "filenames.txt").write_text("\n".join(names) + "\n", encoding="utf-8")
     power = np.broadcast_to(light_files.intensities(images, source.centre), (images.count, 3))
     np.savetxt(path / "light_directions.txt", source.directions, fmt="%.9f")
-    np.savetxt(path / "light_intensities.txt", power, fmt="%.9g")
+    np.savetxt(path / "light_intensities.txt", power / scale, fmt="%.9g")
     map_files.mask_png(path / "mask.png", images.mask)
     if not isinstance(images.lights, DistantLights):
         (path / "README.txt").write_text(NEAR_LIGHT, encoding="utf-8")
+
+
+def _greatest(images: ImageSet) -> float:
+    """Returns the greatest value within the mask, as a fraction of full scale."""
+    greatest = 0.0
+    for rows in row_blocks(images.height):
+        inside = images.mask[rows]
+        for index in range(images.count if np.any(inside) else 0):
+            greatest = max(greatest, float(np.max(images.values(index, rows.start, rows.stop)[inside])))
+    return greatest
 
 
 def _integration(source: Source, path: Path) -> None:

@@ -259,3 +259,27 @@ def test_refuse_foreign_own_folder_as_written_is_accepted(tmp_path: Path) -> Non
     (tmp_path / "maps" / "link").symlink_to(tmp_path)
     with pytest.raises(RigError, match="maps/link, which this program did not write"):
         export.refuse_foreign(tmp_path, "ours.json")
+
+
+@pytest.mark.parametrize("gain", [255.0, 1.0])
+def test_diligent_folder_of_merged_exposures_keeps_their_values(gain: float, tmp_path: Path) -> None:
+    """Values above full scale, of which none is clipped, are not in the folder's 16-bit images either."""
+    folder = small.diligent(tmp_path / "in", colour=False)
+    for path in folder.glob("0*.png"):
+        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        tifffile.imwrite(path.with_suffix(".tiff"), (gain * pixels / 65535).astype(np.float32))
+        path.unlink()
+    names = folder / "filenames.txt"
+    names.write_text(names.read_text().replace(".png", ".tiff"))
+    np.save(folder / "normals_gt.npy", small.sphere()[0])
+    images = folders.read(folder, tmp_path)
+    source = export.Source(truth_as_result(images, np.zeros(images.mask.shape)), images)
+    again = folders.read(made("diligent", source, tmp_path / "out"), tmp_path)
+    for number in range(images.count):
+        # of RGB intensities, a grey image has the mean
+        one, two = (
+            each.values(number, 0, each.height) / each.lights.intensities[number].mean()  # type: ignore[union-attr]
+            for each in (images, again)
+        )
+        np.testing.assert_allclose(one, two, atol=2e-5 * gain)
+        assert again.values(number, 0, again.height).max() < again.saturated_from
