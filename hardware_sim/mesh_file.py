@@ -64,12 +64,13 @@ def read(path: Path, size_mm: float | None = None) -> Mesh:
     solid.merge_vertices()
     solid.update_faces(_three_corners(np.asarray(solid.faces)))
     _check_closed(path, solid)
-    a, b, c = np.moveaxis(np.asarray(solid.triangles, dtype=float), 1, 0)
-    volume = float(np.einsum("fi,fi->", np.cross(a, b), c)) / 6
-    if abs(volume) < LEAST_VOLUME * (extent * scale) ** 3:
+    least = LEAST_VOLUME * (extent * scale) ** 3
+    volume = float(np.sum(_signed_volumes(solid)))
+    if abs(volume) < least:
         raise _refused(path, "has no volume: its triangles lie on top of one another", "give the solid a thickness")
     if volume < 0:
         solid.invert()
+    _check_same_side(path, solid, least)
     triangles = np.asarray(solid.triangles, dtype=float)
     normals = smooth_normals(triangles, np.asarray(solid.faces), np.asarray(solid.face_adjacency))
     double = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
@@ -159,6 +160,46 @@ def _check_closed(path: Path, mesh: trimesh.Trimesh) -> None:
             "has triangles that face inward beside triangles that face outward",
             "make its normals consistent (often “recalculate outside”) in the program that made it",
         )
+
+
+def _signed_volumes(mesh: trimesh.Trimesh) -> FloatArray:
+    """Volumes (F,) of the tetrahedra of triangles and origin, whose sum is a body's volume, m³."""
+    a, b, c = np.moveaxis(np.asarray(mesh.triangles, dtype=float), 1, 0)
+    return np.einsum("fi,fi->f", np.cross(a, b), c) / 6
+
+
+def _check_same_side(path: Path, mesh: trimesh.Trimesh, least: float) -> None:
+    """Raises RigError request.invalid if a body faces inward that is not a hollow of another one.
+
+    Bodies of a volume below `least`, m³, have no inside.
+    """
+    pairs, count = np.asarray(mesh.face_adjacency), len(mesh.faces)
+    links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    bodies, body = connected_components(links, directed=False)
+    volumes = np.bincount(body, _signed_volumes(mesh), bodies)
+    triangles = np.asarray(mesh.triangles, dtype=float)
+    turned = sum(
+        _winding_number(triangles[body != number], triangles[body == number][0, 0]) < 0.5
+        for number in np.flatnonzero(volumes < -least)
+    )
+    if turned:
+        raise _refused(
+            path,
+            f"has {turned} of {bodies} bodies that face inward beside others that face outward",
+            "make its normals consistent (often “recalculate outside”) in the program that made it",
+        )
+
+
+def _winding_number(triangles: FloatArray, point: FloatArray) -> float:
+    """How often closed triangles (F, 3, 3) enclose a point (3,): the sum of their solid angles over 4π.
+
+    A. Van Oosterom and J. Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 1983.
+    """
+    a, b, c = np.moveaxis(triangles - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(one, axis=1) for one in (a, b, c))
+    ab, bc, ca = (np.einsum("fi,fi->f", one, other) for one, other in ((a, b), (b, c), (c, a)))
+    volume = np.einsum("fi,fi->f", np.cross(a, b), c)
+    return float(np.sum(np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)) / (2 * np.pi))
 
 
 def _refused(path: Path, why: str, remedy: str) -> RigError:

@@ -100,6 +100,33 @@ def test_read_inside_out_is_turned(tmp_path: Path) -> None:
     assert np.einsum("fi,fci->fc", mesh.face_normals, mesh.corner_normals).min() > 0.8
 
 
+def ball(radius: float, x: float, inverted: bool) -> trimesh.Trimesh:
+    body = trimesh.creation.icosphere(2, radius)
+    body.apply_translation((x, 0, 0))
+    if inverted:
+        body.invert()
+    return body
+
+
+@pytest.mark.parametrize("flip", [False, True])
+def test_read_hollow_is_kept_and_a_body_inside_it_too(tmp_path: Path, flip: bool) -> None:
+    """A ball in a hollow of a ball, outside in as well."""
+    shells = [ball(30, 0, flip), ball(20, 2, not flip), ball(10, 2, flip), ball(5, 40, flip)]
+    mesh = mesh_file.read(saved(trimesh.util.concatenate(shells), tmp_path / "hollow.ply"))
+    assert len(mesh.triangles) == sum(len(shell.faces) for shell in shells)
+    a, b, c = np.moveaxis(mesh.triangles, 1, 0)
+    expected = (1 if not flip else -1) * sum(shell.volume for shell in shells)
+    assert np.einsum("fi,fi->", np.cross(a, b), c) / 6 == pytest.approx(1e-9 * expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("small_is_turned", [True, False])
+def test_read_body_inside_out_beside_another_is_refused(tmp_path: Path, small_is_turned: bool) -> None:
+    """As of mirrored parts of an assembly: it would be dark, and its true normals would point into it."""
+    bodies = [ball(30, 0, not small_is_turned), ball(10, 41, small_is_turned), ball(5, -40, not small_is_turned)]
+    with pytest.raises(RigError, match="1 of 3 bodies that face inward beside others"):
+        mesh_file.read(saved(trimesh.util.concatenate(bodies), tmp_path / "assembly.stl"))
+
+
 def obj(*lines: str) -> bytes:
     return "\n".join(lines).encode()
 
