@@ -35,6 +35,9 @@ READY_WITHIN_S = 600.0
 
 STATUS_EVERY_S = 0.05
 
+CELL_FILE, CALIBRATION_FILE, CALIBRATION_TRUTH_FILE = "cell.toml", "calibration.json", "calibration_truth.json"
+"""Names of the files of a simulated cell; cells that no simulator wrote do not have the last one."""
+
 
 @dataclass(frozen=True)
 class CellOptions:
@@ -68,8 +71,9 @@ class Cell:
     """A running cell, as a context manager whose entry returns when controller and camera accept connections.
 
     The constructor raises RigError request.invalid for an object that cannot be made, an unknown profile, or a size or
-    speed out of range, and config.invalid for a bad cell file or an object that protrudes from its keep-out. Entry
-    raises device.disconnected if the controller does not start, and service.fault, with the reason, for the world.
+    speed out of range, folder.invalid for a folder with the files of another cell, and config.invalid for a bad cell
+    file or an object that protrudes from its keep-out. Entry raises request.invalid for an unwritable record,
+    device.disconnected if the controller does not start, and service.fault, with the reason, for the world.
     """
 
     def __init__(self, options: CellOptions, folder: Path) -> None:
@@ -77,11 +81,12 @@ class Cell:
         cell_file = options.cell_file or nominal.default_cell_file()
         spec = object_spec.as_spec(options.spec)
         _check(options)
+        _refuse_other_cell(folder)
         object_spec.check(spec, options.seed, cell_file)
         self.address = options.address
         self.folder = folder
-        self.cell_file = folder / "cell.toml"
-        self.calibration_file = folder / "calibration.json"
+        self.cell_file = folder / CELL_FILE
+        self.calibration_file = folder / CALIBRATION_FILE
         self.truth_file = folder / "truth.npz"
         self.config = nominal.write(folder, options.address, options.pixels, cell_file, options.polyscope)
         self._options, self._spec = options, spec
@@ -92,6 +97,8 @@ class Cell:
     def __enter__(self) -> "Cell":
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         options = self._options
+        if options.record is not None:
+            _refuse_unwritable(options.record)
         self._controller = real_time_controller.start(
             options.address,
             ControllerOptions(
@@ -228,6 +235,32 @@ def _check(options: CellOptions) -> None:
         raise RigError(ErrorCode.REQUEST_INVALID, f"speed is {options.speed}: it must lie between 0.1 and 100")
     if not 32 <= options.pixels <= 4096:
         raise RigError(ErrorCode.REQUEST_INVALID, f"pixels is {options.pixels}: it must lie between 32 and 4096")
+
+
+def _refuse_unwritable(record: Path) -> None:
+    """Raises RigError request.invalid for a record that cannot be written, with which the controller does not start."""
+    place = record if record.exists() else record.absolute().parent
+    if place.is_dir() == record.exists() or not os.access(place, os.W_OK):  # a file or a new file in a folder
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"--record {record}: cannot be written: name a file in an existing folder",
+            file=str(record),
+        )
+
+
+def _refuse_other_cell(folder: Path) -> None:
+    """Raises RigError folder.invalid if the folder holds files of a cell that no simulator wrote.
+
+    Their calibration may have been measured. A simulated cell that did not start has no truth, but is nominal.
+    """
+    held = [name for name in (CELL_FILE, CALIBRATION_FILE) if (folder / name).exists()]
+    if held and not (folder / CALIBRATION_TRUTH_FILE).exists() and not nominal.is_nominal(folder / CALIBRATION_FILE):
+        raise RigError(
+            ErrorCode.FOLDER_INVALID,
+            f"{folder}: holds {' and '.join(held)} of another cell, which the simulated cell would replace: name a new "
+            "folder",
+            file=str(folder),
+        )
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:

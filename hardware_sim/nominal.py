@@ -13,6 +13,8 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 
 FULL_PIXELS = 1024
+MADE_AT = "2026-11-01T00:00:00Z"
+"""The time at which the nominal calibration says that it was made."""
 ROBOT_API_PORT = 30080
 """Port of a simulated PolyScope X's Robot API. The real one, 80, may need a right that users of the simulator lack."""
 
@@ -50,10 +52,18 @@ def calibration(pixels: int, over_m: tuple[float, float] = (0.55, 0.0)) -> Calib
             },
             "intensity_sigma": 0.01,
             "lamp_position_sigma_m": 0.001,
-            "made_at": "2026-11-01T00:00:00Z",
+            "made_at": MADE_AT,
             "valid_days": 3650.0,
         }
     )
+
+
+def is_nominal(path: Path) -> bool:
+    """Whether a calibration file holds nominal values, as `write` leaves them; False: others, or there is none."""
+    try:
+        return json.loads(path.read_bytes())["made_at"] == MADE_AT
+    except (OSError, ValueError, LookupError, TypeError):
+        return False
 
 
 def default_cell_file() -> Path:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.trace import read_trace
 
+CELL_FILE = nominal.default_cell_file()
 PIXELS = 64
 LIT = (2.8246, -0.8646, 1.0528, -2.6806, -0.7081, 1.4343)
 """The lamp on the dome, some 30° from the view axis."""
@@ -148,6 +150,37 @@ def test_cell_invalid_option_is_refused_before_start(tmp_path: Path, changes: di
         Cell(CellOptions("127.0.2.31", **arguments), tmp_path / "cell")
     assert caught.value.code == ErrorCode.REQUEST_INVALID
     assert not (tmp_path / "cell").exists()
+
+
+@pytest.mark.parametrize("held", ["cell.toml", "calibration.json"])
+def test_cell_files_of_another_cell_are_refused_and_kept(held: str, tmp_path: Path) -> None:
+    """As of `lightpose sim --cell copy.toml --folder .` beside a cell's own file: its calibration was measured."""
+    measured = nominal.calibration(64).model_copy(update={"made_at": datetime(2026, 11, 30, 9, tzinfo=UTC)})
+    content = {"cell.toml": CELL_FILE.read_text(), "calibration.json": measured.model_dump_json()}[held]
+    (tmp_path / held).write_text(content)
+    with pytest.raises(RigError, match=f"holds {held} of another cell") as caught:
+        Cell(CellOptions("127.0.2.31", "sphere", 1, "ideal", 1.0, pixels=64), tmp_path)
+    assert caught.value.code == ErrorCode.FOLDER_INVALID
+    assert [path.name for path in tmp_path.iterdir()] == [held]
+    assert (tmp_path / held).read_text() == content
+
+
+def test_cell_files_of_a_simulated_cell_are_replaced(tmp_path: Path) -> None:
+    """One that did not start, or one with a calibration that its sessions found."""
+    for _ in range(2):
+        Cell(CellOptions("127.0.2.31", "sphere", 1, "ideal", 1.0, pixels=64), tmp_path)
+    (tmp_path / "calibration.json").write_text("{}")
+    (tmp_path / "calibration_truth.json").write_text("{}")
+    Cell(CellOptions("127.0.2.31", "sphere", 1, "ideal", 1.0, pixels=64), tmp_path)
+    assert nominal.is_nominal(tmp_path / "calibration.json")
+
+
+@pytest.mark.parametrize("record", ["nowhere/ticks", "", "cell.toml/ticks"])
+def test_cell_record_that_cannot_be_written_is_named(record: str, tmp_path: Path) -> None:
+    """The controller would not start, as if another program used its ports."""
+    options = CellOptions("127.0.2.31", "sphere", 1, "ideal", 1.0, pixels=64, record=tmp_path / record)
+    with pytest.raises(RigError, match=f"--record .*{record}: cannot be written"), Cell(options, tmp_path):
+        pass
 
 
 def test_cell_missing_file_is_named(tmp_path: Path) -> None:
