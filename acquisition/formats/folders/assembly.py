@@ -1,6 +1,7 @@
 """Assembly of the image set that every reader returns, from pixels, lights and masks. The images are checked here."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from acquisition.formats.folders.image_files import FolderImages
 from acquisition.formats.folders.refusal import refusal
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.listing import first_few
+from acquisition.models.rounding import percent
 from acquisition.normals.images.image_set import DistantLights, ImageSet, NearLights
 from acquisition.normals.solve import SETTINGS as SOLVE_CHECK
 
@@ -24,6 +26,9 @@ ABOVE_ONE = (
     "The float32 files hold values above 1, and no full scale is stated: no pixel counts as clipped, as in merged "
     "exposures. If pixels clip, state the value (full_scale in lights.json, or else --full-scale), or σ is wrong."
 )
+
+TOLD_GREY_SHARE = 0.01
+"""Share of grey pixels of a mask's object from which a warning tells of them."""
 
 LOSSY = (".jpg", ".jpeg")
 
@@ -64,6 +69,7 @@ def image_set(
     area = np.ones(images.size, np.bool_) if mask is None else mask
     if mask is not None:
         _refuse_few_pixels(images, mask)
+        warnings = [*warnings, *_grey_mask(images.folder / MASK)]
     merged = False
     if images.stated_full_scale is not None:
         image_checks.refuse_above_full_scale(images, area)
@@ -100,6 +106,17 @@ def image_set(
         evaluation_mask=mask_in(images, EVALUATION_MASK),
         notes={"format": kind, "warnings": warnings},
     )
+
+
+def _grey_mask(path: Path) -> list[str]:
+    """Returns a warning of a mask with grey pixels, as soft edges and JPEG leave them."""
+    share = image_files.grey_share(path)
+    if share < TOLD_GREY_SHARE:
+        return []
+    return [
+        f"{path.name} is not only black and white: {percent(share)} of what counts as object is grey. All that is not "
+        "quite black counts; if that is more than the object, draw it without soft edges, and not as JPEG."
+    ]
 
 
 def _refuse_few_pixels(images: FolderImages, mask: BoolArray) -> None:

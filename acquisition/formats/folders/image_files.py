@@ -217,16 +217,26 @@ def read_mask(path: Path, size: tuple[int, int]) -> BoolArray:
 
     Raises RigError folder.invalid when it is missing, empty, or of another size than the images.
     """
-    pixels = decode(path)
-    if pixels.ndim == 3 and pixels.shape[2] == 4:
-        pixels = np.minimum(np.max(pixels[..., :3], axis=2), pixels[..., 3])
-    elif pixels.ndim == 3:
-        pixels = np.max(pixels, axis=2)
+    pixels = _brightest_channel(decode(path))
     if pixels.shape != size:
         raise refusal(path, f"is {_size(pixels.shape)}, the images are {size[1]} × {size[0]}: use a mask of their size")
     if not np.any(pixels):
         raise refusal(path, "is empty: draw the object white on black")
     return pixels > 0
+
+
+def grey_share(path: Path) -> float:
+    """Share of a mask's object that is neither black nor white, that is, as bright as its brightest pixel."""
+    pixels = _brightest_channel(decode(path))
+    return float(np.mean(pixels[pixels > 0] < np.max(pixels))) if np.any(pixels) else 0.0
+
+
+def _brightest_channel(pixels: np.ndarray) -> np.ndarray:
+    """Values (H, W) of a mask: of its brightest channel, or of alpha where that is lower."""
+    if pixels.ndim == 2:
+        return pixels
+    brightest = np.max(pixels[..., :3], axis=2)
+    return np.minimum(brightest, pixels[..., 3]) if pixels.shape[2] == 4 else brightest
 
 
 def _locate(path: Path, scratch: Path, black_level: int) -> PixelLocation:
