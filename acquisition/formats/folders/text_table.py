@@ -1,6 +1,7 @@
 """Parsing of text tables with one row for each image. Errors name the line."""
 
 import math
+import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,11 @@ def rows(path: Path, columns: tuple[int, ...], count: int, listing: str) -> Floa
 
 
 def listed_file(folder: Path, name: str) -> Path:
-    """Returns the file that a list in `folder` names. Lists of another machine may name the folders of that machine."""
-    named = folder / name
-    return named if named.is_file() else folder / name.replace("\\", "/").rsplit("/", maxsplit=1)[-1]
+    """Returns the file that a list in `folder` names. Lists of another machine may name the folders of that machine,
+    and macOS composes accented letters of file names otherwise than most programs do."""
+    alone = name.replace("\\", "/").rsplit("/", maxsplit=1)[-1]
+    spelled = (unicodedata.normalize(form, one) for one in (name, alone) for form in ("NFC", "NFD"))
+    for one in (name, alone, *spelled):
+        if (folder / one).is_file():
+            return folder / one
+    return folder / alone
