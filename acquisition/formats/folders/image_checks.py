@@ -98,7 +98,8 @@ def unfilled_bits(images: FolderImages, black_level: int = 0) -> str | None:
         return None
     return (
         f"No value of the 16-bit files exceeds {top}: if the camera has {bits} bits, state full_scale {end} (in "
-        "lights.json, or else with --full-scale); without it no pixel counts as clipped and σ is wrong."
+        "lights.json, or else with --full-scale); without it no pixel counts as clipped, σ is wrong and "
+        "the normals are less accurate, of dark images by many degrees."
     )
 
 
