@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from api.cli.error_exit import explain_errors
+from api.cli.termination import cleaned_up_at_sigterm
 
 app = typer.Typer()
 
@@ -43,11 +44,12 @@ def solve_folder(
     """Solves a folder of images to normals with an uncertainty for each pixel; grades them if the truth is known."""
     from api.cli import solving
 
-    outcome = explain_errors(
-        lambda: solving.run(
-            solving.solve_request(folder, solver, near, out, sphere, exports or [], keep_steps, full_scale)
+    with cleaned_up_at_sigterm():
+        outcome = explain_errors(
+            lambda: solving.run(
+                solving.solve_request(folder, solver, near, out, sphere, exports or [], keep_steps, full_scale)
+            )
         )
-    )
     if as_json:
         print(json.dumps(outcome), flush=True)
 
@@ -78,11 +80,12 @@ def plan_folder(
     """Plans further lights for a folder of images, for any dome, ring or robot; moves nothing."""
     from api.cli import planning
 
-    outcome = explain_errors(
-        lambda: planning.run(
-            planning.plan_request(folder, count, candidates, radius_mm, max_slant_deg, pilot, out, full_scale)
+    with cleaned_up_at_sigterm():
+        outcome = explain_errors(
+            lambda: planning.run(
+                planning.plan_request(folder, count, candidates, radius_mm, max_slant_deg, pilot, out, full_scale)
+            )
         )
-    )
     if as_json:
         print(json.dumps(outcome), flush=True)
 
