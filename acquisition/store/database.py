@@ -9,7 +9,7 @@ import json
 import sqlite3
 import threading
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
@@ -115,6 +115,18 @@ class Database:
         self._migrate()
 
     def _migrate(self) -> None:
+        """Brings the schema up to date, one version per transaction, beside other processes that do the same."""
+        while (version := self._schema()) < len(MIGRATIONS):
+            script = resources.files("acquisition.store").joinpath(MIGRATIONS[version]).read_text(encoding="utf-8")
+            with self._transaction() as connection:
+                # The version is read again now that no other process can write: a migration must not be applied twice.
+                if self._schema() == version:
+                    for statement in _statements(script):
+                        connection.execute(statement)
+                    connection.execute(f"PRAGMA user_version = {version + 1}")
+
+    def _schema(self) -> int:
+        """Returns the version of the schema. Raises RigError store.corrupt for that of a newer release."""
         (version,) = self._connection.execute("PRAGMA user_version").fetchone()
         if version > len(MIGRATIONS):
             raise RigError(
@@ -122,9 +134,7 @@ class Database:
                 f"The database was written by a newer release (schema {version}): use that release",
                 schema=version,
             )
-        for number, name in enumerate(MIGRATIONS[version:], start=version + 1):
-            script = resources.files("acquisition.store").joinpath(name).read_text(encoding="utf-8")
-            self._connection.executescript(f"BEGIN; {script}; PRAGMA user_version = {number}; COMMIT;")
+        return int(version)
 
     @contextmanager
     def _transaction(self) -> Generator[sqlite3.Connection]:
@@ -182,6 +192,18 @@ def _refusals() -> Generator[None]:
             raise
         detail = f"The journal cannot be written: {error}"
         raise RigError(ErrorCode.STORE_UNWRITABLE, detail, file="rig.db") from error
+
+
+def _statements(script: str) -> Iterator[str]:
+    """Yields the statements of an SQL script: `executescript` would end the transaction that it is called in."""
+    statement = ""
+    for line in script.splitlines(keepends=True):
+        statement += line
+        if sqlite3.complete_statement(statement):
+            yield statement
+            statement = ""
+    if statement.strip():
+        yield statement
 
 
 def placeholders(values: Any) -> str:

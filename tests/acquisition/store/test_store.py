@@ -7,6 +7,8 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,8 @@ from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.session_state import State, Trigger
-from acquisition.store import FolderFrames, Store
+from acquisition.store import FolderFrames, Journal, Store
+from acquisition.store.database import MIGRATIONS
 from acquisition.store.folder import sha256_of, write_bytes, write_frame, write_manifest
 
 
@@ -160,6 +163,29 @@ def test_database_of_newer_schema_is_refused(tmp_path: Path) -> None:
     connection.close()
     with pytest.raises(RigError, match="newer release"):
         Store(tmp_path)
+
+
+@pytest.mark.parametrize("schema", range(1, len(MIGRATIONS)))
+def test_journal_opened_by_several_at_once_is_migrated_once(tmp_path: Path, schema: int) -> None:
+    database, openers = tmp_path / "rig.db", 4
+    connection = sqlite3.connect(database)
+    for name in MIGRATIONS[:schema]:
+        connection.executescript((resources.files("acquisition.store") / name).read_text(encoding="utf-8"))
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute(f"PRAGMA user_version = {schema}")
+    connection.close()
+    together = threading.Barrier(openers)
+
+    def opened(_: int) -> None:
+        together.wait()
+        Journal(database).close()
+
+    with ThreadPoolExecutor(openers) as pool:
+        list(pool.map(opened, range(openers)))
+
+    with sqlite3.connect(database) as connection:
+        assert connection.execute("PRAGMA user_version").fetchone() == (len(MIGRATIONS),)
+    Journal(database).close()
 
 
 def test_store_unusable_folder_or_database_is_named(tmp_path: Path) -> None:
