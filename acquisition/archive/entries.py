@@ -8,10 +8,11 @@ that is pushed twice has one. Results are entries of their own, because they are
 import hashlib
 import json
 import math
-from typing import Any, Literal
+from pathlib import PurePosixPath
+from typing import Annotated, Any, Literal
 
 from packaging.version import InvalidVersion, Version
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from acquisition.models.base import Value
 from acquisition.models.result import SolveSettings
@@ -19,6 +20,22 @@ from acquisition.models.result import SolveSettings
 SESSIONS = "sessions"
 _DIGITS = 6
 """Digits of each number of a version in its sort key."""
+
+
+def _inside(path: str) -> str:
+    """Refuses a path that leaves the folder that files are fetched into: several cells write one archive's entries."""
+    place = PurePosixPath(path)
+    if not place.parts or place.is_absolute() or ".." in place.parts:
+        raise ValueError(f"{path!r} is no path within a folder")
+    return path
+
+
+def _version(text: str) -> str:
+    version_order(text)
+    return text
+
+
+RelativePath = Annotated[str, AfterValidator(_inside)]
 
 
 class FileEntry(Value):
@@ -50,7 +67,7 @@ class SessionEntry(Value):
 
     format: Literal[1] = 1
     facts: SessionFacts
-    files: dict[str, FileEntry]
+    files: dict[RelativePath, FileEntry]
 
     @property
     def key(self) -> str:
@@ -87,12 +104,12 @@ class ResultEntry(Value):
 
     format: Literal[1] = 1
     session: str
-    solver: str = Field(description="Version of lightpose that solved it")
+    solver: Annotated[str, AfterValidator(_version)] = Field(description="Version of lightpose that solved it")
     identity: SolveIdentity
     origin: Literal["cell", "archive"]
     sigma_deg: float | None
     solved_at: float = Field(description="s since 1970")
-    files: dict[str, FileEntry]
+    files: dict[RelativePath, FileEntry]
 
     @property
     def name(self) -> str:

@@ -1,22 +1,35 @@
 """A session's folder as entries of the archive: its files are hashed and checked against the folder's own manifests.
 
 A folder is refused if a file differs from its manifest, because a damaged file must not be handed on as sound. Results
-whose folder is not complete (a solve that was killed) are left out.
+whose folder is not complete (a solve that was killed) are left out, and so are copies of results and the files that
+file managers create: they would make another session of the same capture.
 """
 
 import json
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from acquisition.archive.entries import FileEntry, ResultEntry, SessionEntry, SessionFacts, SolveIdentity, result_name
+from acquisition.archive.entries import (
+    FileEntry,
+    ResultEntry,
+    SessionEntry,
+    SessionFacts,
+    SolveIdentity,
+    result_name,
+    version_order,
+)
 from acquisition.formats import session_files
 from acquisition.formats.folders.refusal import refusal, text
+from acquisition.formats.own_files import LITTER
 from acquisition.models import calibration_recipe
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
-from acquisition.models.errors import in_words
+from acquisition.models.errors import RigError, in_words
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.store.folder import sha256_of
@@ -30,10 +43,12 @@ def read(folder: Path, label: str | None = None, notes: str | None = None) -> tu
     Raises RigError folder.invalid naming the file that is missing, damaged or unreadable.
     """
     stated = _manifest(folder)
-    entry = SessionEntry(facts=_facts(folder, stated, label, notes), files=_files(folder, stated))
+    with _readable(folder):
+        entry = SessionEntry(facts=_facts(folder, stated, label, notes), files=_files(folder, stated))
     results: dict[str, ResultEntry] = {}
-    for path in sorted((folder / RESULTS).glob("*/manifest.json"), key=lambda path: int(path.parent.name)):
-        result = _result(path.parent, entry, stated)
+    for path in _manifests_of_results(folder):
+        with _readable(path.parent):
+            result = _result(path.parent, entry, stated)
         results[result.name] = result  # of two with the same settings, the newer one
     return entry, list(results.values())
 
@@ -43,12 +58,31 @@ def result_names(folder: Path, key: str) -> list[str]:
 
     Raises RigError folder.invalid naming the manifest that is missing or unreadable.
     """
-    manifests = sorted((folder / RESULTS).glob("*/manifest.json"))
+    manifests = _manifests_of_results(folder)
     if not manifests:
         return []
     capture = _manifest(folder)
-    stated = [(path, _manifest(path.parent)) for path in manifests]
-    return sorted({result_name(key, _solver(one), _identity(path, one, capture).hash) for path, one in stated})
+    names: set[str] = set()
+    for path in manifests:
+        stated = _manifest(path.parent)
+        with _readable(path.parent):
+            names.add(result_name(key, _solver(stated), _identity(path, stated, capture).hash))
+    return sorted(names)
+
+
+def _manifests_of_results(folder: Path) -> list[Path]:
+    """Returns the manifests of a session's results, by number; a result that a person has copied has no number."""
+    found = (path for path in (folder / RESULTS).glob("*/manifest.json") if path.parent.name.isdecimal())
+    return sorted(found, key=lambda path: int(path.parent.name))
+
+
+@contextmanager
+def _readable(folder: Path) -> Generator[None]:
+    """Turns what a manifest lacks or states in another form into RigError folder.invalid."""
+    try:
+        yield
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise _no_manifest(folder, error) from error
 
 
 def _facts(folder: Path, stated: dict[str, Any], label: str | None, notes: str | None) -> SessionFacts:
@@ -80,8 +114,10 @@ def _files(folder: Path, stated: dict[str, Any]) -> dict[str, FileEntry]:
     found: dict[str, FileEntry] = {}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
-        if not path.is_file() or name.startswith(f"{RESULTS}/") or name.endswith(".part"):
+        if not path.is_file() or path.name in LITTER or name.startswith(f"{RESULTS}/") or name.endswith(".part"):
             continue
+        if name != os.fsencode(path.relative_to(folder)).decode(errors="replace"):
+            raise refusal(folder, f"holds {name!r}, whose name is not UTF-8: rename it, or move it elsewhere")
         found[name] = _checked(path, stated["files"].get(name))
     missing = [name for name in stated["files"] if not name.startswith(f"{RESULTS}/") and name not in found]
     if missing:
@@ -144,6 +180,12 @@ def _manifest(folder: Path) -> dict[str, Any]:
         files, software = stated["files"], stated["software"]["lightpose"]
         if not isinstance(files, dict) or not isinstance(software, str):
             raise TypeError("files or software are of another type")
+        version_order(software)
     except (ValueError, KeyError, TypeError) as error:
-        raise refusal(path, f"is not the manifest of an ended session: {error}") from error
+        raise _no_manifest(folder, error) from error
     return stated
+
+
+def _no_manifest(folder: Path, error: Exception) -> RigError:
+    what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+    return refusal(folder / session_files.MANIFEST, f"is not the manifest of an ended session: {what}")

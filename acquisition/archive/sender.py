@@ -75,6 +75,10 @@ def send_next(journal: Journal, data: Path, address: str, catalogue: str | None)
     except OSError as error:  # the session was deleted meanwhile, or its disk fails
         journal.not_archived(due, f"{type(error).__name__}: {error}", time.time() + wait_s(due.tries))
         return False
+    except Exception as error:  # noqa: BLE001 - the other sessions must not wait for this one
+        journal.not_archived(due, f"{type(error).__name__}: {error}", time.time() + wait_s(due.tries))
+        _log.exception("session %s cannot be archived", due.session.id)
+        return True  # a sender that is started again would meet the same session first
     journal.archived(due, pushed.key)
     _log.info("session %s is archived: %d of %d files were new", due.session.id, pushed.new_files, pushed.files)
     return True

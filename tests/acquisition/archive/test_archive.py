@@ -1,6 +1,8 @@
 """An archive in a folder: pushed once, found, fetched, verified; what is damaged is named and the rest goes on."""
 
+import hashlib
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -8,14 +10,16 @@ from pathlib import Path
 import pytest
 
 from acquisition.archive import catalogue as catalogues
-from acquisition.archive import claims, where
+from acquisition.archive import claims, reading, where
 from acquisition.archive.archive import Archive
 from acquisition.archive.catalogue import Catalogue
 from acquisition.archive.contents import ContentStore
+from acquisition.archive.entries import session_name
 from acquisition.models.errors import ErrorCode, RigError
 from tests.acquisition.archive import session_copies
 
 MakeSession = Callable[..., Path]
+SECRET = hashlib.sha256(b"").hexdigest()
 
 
 def object_files(archive: Archive) -> list[Path]:
@@ -84,6 +88,66 @@ def test_push_with_lost_frame_is_refused(archive: Archive, session_folder: MakeS
     (folder / "passes/0/shots/2.tiff").unlink()
     with pytest.raises(RigError, match=r"shots/2\.tiff: is missing"):
         archive.push(folder)
+
+
+def test_push_of_files_that_file_managers_made_is_the_same_session(archive: Archive, session_folder: MakeSession):
+    folder = session_folder()
+    first = archive.push(folder)
+    (folder / "passes" / ".DS_Store").write_bytes(b"places of icons")
+    again = archive.push(folder)
+    assert (again.key, again.new, again.new_files) == (first.key, False, 0)
+
+
+def test_push_leaves_out_a_copy_of_a_result(archive: Archive, session_folder: MakeSession):
+    folder = session_folder()
+    shutil.copytree(folder / "results" / "1", folder / "results" / "1 (copy)")
+    pushed = archive.push(folder)
+    assert len(archive.results(pushed.key)) == 2
+    names = sorted(result.name for result in archive.results(pushed.key))
+    assert reading.result_names(folder, pushed.key) == names
+
+
+@pytest.mark.parametrize(
+    ("file", "changed"),
+    [
+        ("manifest.json", {"shots": None}),
+        ("manifest.json", {"session_id": ...}),
+        ("results/1/manifest.json", {"software": {"lightpose": "my-build"}}),
+        ("results/1/manifest.json", {"passes": ["one"]}),
+        ("results/1/manifest.json", {"files": {"../../../secret": {"sha256": SECRET, "bytes": 0}}}),
+    ],
+)
+def test_push_of_another_manifest_is_refused(
+    archive: Archive, session_folder: MakeSession, file: str, changed: dict[str, object]
+):
+    folder = session_folder()
+    stated = json.loads((folder / file).read_text()) | changed
+    (folder / file).write_text(json.dumps({name: value for name, value in stated.items() if value is not ...}))
+    (folder.parent / "secret").touch()
+    with pytest.raises(RigError, match=r"manifest\.json: is not") as refused:
+        archive.push(folder)
+    assert refused.value.code is ErrorCode.FOLDER_INVALID
+    assert archive.verify() == []
+
+
+def test_push_of_a_file_whose_name_is_no_text_is_refused(archive: Archive, session_folder: MakeSession):
+    folder = session_folder()
+    Path(os.fsdecode(os.fsencode(folder) + b"/caf\xe9.txt")).touch()
+    with pytest.raises(RigError, match="rename it") as refused:
+        archive.push(folder)
+    assert refused.value.code is ErrorCode.FOLDER_INVALID
+
+
+@pytest.mark.parametrize("path", ["../outside", "/outside", "passes/../../outside", "", "."])
+def test_entry_of_a_file_outside_of_its_folder_is_damaged(archive: Archive, session_folder: MakeSession, path: str):
+    pushed = archive.push(session_folder())
+    name = session_name(pushed.key)
+    entry = json.loads(archive.contents.read(name) or b"")
+    entry["files"][path] = next(iter(entry["files"].values()))
+    archive.contents.write(name, json.dumps(entry).encode())
+    with pytest.raises(RigError) as refused:
+        archive.session(pushed.key)
+    assert refused.value.code is ErrorCode.ARCHIVE_DAMAGED
 
 
 def test_push_with_new_label_renames_the_object(archive: Archive, session_folder: MakeSession):

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from acquisition.archive import sender
-from acquisition.archive.archive import Archive
+from acquisition.archive.archive import Archive, Pushed
 from acquisition.archive.contents import ContentStore
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
@@ -118,6 +118,21 @@ def test_damaged_session_does_not_hold_up_the_next(tmp_path: Path, journal: Jour
     send_all(tmp_path, journal)
     assert archive_rows(tmp_path) == [(sound, "sound")]
     assert "shots/1.tiff" in str(journal.outbox_status().reason)
+
+
+def test_unexpected_error_does_not_hold_up_the_next(tmp_path: Path, journal: Journal, monkeypatch: pytest.MonkeyPatch):
+    odd, sound = completed(tmp_path, journal, "odd"), completed(tmp_path, journal, "sound")
+    push = Archive.push
+
+    def failing(archive: Archive, folder: Path, label: str | None = None, notes: str | None = None) -> Pushed:
+        if folder.name == odd:
+            raise ZeroDivisionError("a fault of the program")
+        return push(archive, folder, label, notes)
+
+    monkeypatch.setattr(Archive, "push", failing)
+    send_all(tmp_path, journal)
+    assert archive_rows(tmp_path) == [(sound, "sound")]
+    assert journal.outbox_status().reason == "ZeroDivisionError: a fault of the program"
 
 
 def test_waits_grow_to_an_hour():
