@@ -73,12 +73,14 @@ def solve(
     workers: int,
     tiling: Tiling = DEFAULT_TILING,
     progress: Callable[[int], None] = lambda done: None,
+    returned: Callable[[str], None] = lambda why: None,
 ) -> SolveReport:
     """Solves sessions (keys) with the settings of `identity`, on a scheduler's workers or on `workers` local ones.
 
     Captures as large as `tiling` states are divided between the workers. `progress` gets the number of sessions that
-    have ended. Raises RigError archive.no_scheduler when none answers within `CONNECT_S`, or one that restarts does not
-    come back within `PATIENCE_S`.
+    have ended; `returned` gets why a worker gave a session back, which is tried again without end. Raises RigError
+    archive.no_scheduler when none answers within `CONNECT_S`, or one that restarts does not come back within
+    `PATIENCE_S`.
     """
     call = uuid.uuid4().hex
     solver = version("lightpose")
@@ -90,7 +92,7 @@ def solve(
     ]
     if jobs:
         with _address(scheduler, workers) as address:
-            _Dispatch(address, jobs, progress).run()
+            _Dispatch(address, jobs, progress, returned).run()
     return report(archive, sessions, solver, identity.hash, call)
 
 
@@ -122,13 +124,16 @@ def _address(scheduler: str | None, workers: int) -> Generator[str]:
 class _Dispatch:
     """Submits jobs through one scheduler until each has ended; used in one thread."""
 
-    def __init__(self, address: str, jobs: Sequence[SolveJob], progress: Callable[[int], None]) -> None:
+    def __init__(
+        self, address: str, jobs: Sequence[SolveJob], progress: Callable[[int], None], returned: Callable[[str], None]
+    ) -> None:
         self._address = address
         self._waiting = deque(jobs)
         self._later: deque[tuple[float, SolveJob]] = deque()  # claimed by another; when to ask again
         self._pending: dict[Future[SolveOutcome], SolveJob] = {}
         self._killed: Counter[str] = Counter()
-        self._progress = progress
+        self._progress, self._returned = progress, returned
+        self._told = False  # why sessions come back, since one was solved
         self._total = len(jobs)
 
     def run(self) -> None:
@@ -167,7 +172,18 @@ class _Dispatch:
                 self._waiting.append(job)
             elif outcome.state in ("elsewhere", "returned"):
                 self._later.append((time.monotonic() + RETRY_S, job))
+            self._tell(outcome)
             future.release()
+
+    def _tell(self, outcome: SolveOutcome | None) -> None:
+        """States why a session came back, such as a full disk, once until one is solved: all may come back for it."""
+        if outcome is None:
+            return
+        if outcome.state == "done":
+            self._told = False
+        elif outcome.state == "returned" and not self._told:
+            self._told = True
+            self._returned(outcome.detail)
 
     def _outcome(self, future: Future[SolveOutcome], job: SolveJob) -> SolveOutcome | None:
         """Returns the outcome of a job whose future ended; None if it has to be submitted again."""

@@ -159,6 +159,7 @@ def solve(request: SolveRequest) -> dict[str, Any]:
         report = distributed.solve(
             archive, keys, identity, scheduler=request.scheduler, workers=request.local,
             progress=lambda done: bar.update(task, completed=done),
+            returned=lambda why: console.print(f"tried again until it can be done: {why}"),
         )  # fmt: skip
     _show_report(console, report)
     if request.report is not None:

@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 import pytest
 
-from acquisition.archive import exports, solving
+from acquisition.archive import distributed, exports, solving
 from acquisition.archive.archive import Archive
 from acquisition.archive.entries import SolveIdentity, result_name
-from acquisition.archive.solving import SolveJob
+from acquisition.archive.solving import SolveJob, SolveOutcome
 from acquisition.formats import export
 from acquisition.formats.folders import session_folder as folders
 from acquisition.models.errors import ErrorCode, RigError
@@ -119,3 +119,46 @@ def test_results_of_equal_times_are_sorted_by_passes(archive: Archive, session_f
         os.utime(manifest, (1e9, 1e9))
     results = archive.results(archive.push(folder).key)
     assert [result.identity.last_pass for result in results] == [0, None]
+
+
+class _Future:
+    """A task of Dask that has ended."""
+
+    status = "finished"
+
+    def __init__(self, outcome: SolveOutcome) -> None:
+        self._outcome = outcome
+
+    def result(self, timeout: float) -> SolveOutcome:
+        assert timeout > 0
+        return self._outcome
+
+    def release(self) -> None:
+        pass
+
+
+class _Scheduler:
+    """A client of Dask whose workers give a session back some times, then solve it."""
+
+    status = "running"
+
+    def __init__(self, *returned: str) -> None:
+        self._outcomes = [*(("returned", why) for why in returned), ("done", "")]
+
+    def map(self, _: object, jobs: list[SolveJob], **__: object) -> list[_Future]:
+        return [_Future(SolveOutcome(job.session, *self._outcomes.pop(0))) for job in jobs]
+
+    def close(self, timeout: float) -> None:
+        pass
+
+
+def test_solve_that_comes_back_says_why_once(
+    archive: Archive, session_folder: MakeSession, monkeypatch: pytest.MonkeyPatch
+):
+    scheduler = _Scheduler("disk full: 1.part", "disk full: 2.part")
+    monkeypatch.setattr(distributed, "_connect", lambda *_: scheduler)
+    monkeypatch.setattr(distributed, "RETRY_S", 0.0)
+    told: list[str] = []
+    key = archive.push(session_folder(results=False)).key
+    distributed.solve(archive, [key], SolveIdentity(), scheduler="tcp://none", workers=0, returned=told.append)
+    assert told == ["disk full: 1.part"]
