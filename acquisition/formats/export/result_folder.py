@@ -77,8 +77,8 @@ _FINDINGS: TypeAdapter[tuple[ModelFinding, ...]] = TypeAdapter(tuple[ModelFindin
 
 
 def lights_used(normal_map: NormalMap) -> np.ndarray:
-    """Number of lights that each pixel's normal is solved from (H, W), uint8."""
-    count = np.zeros(normal_map.mask.shape, np.uint8)
+    """Number of lights that each pixel's normal is solved from (H, W), uint8; uint16 of more than 255 images."""
+    count = np.zeros(normal_map.mask.shape, np.uint8 if len(normal_map.flags) <= np.iinfo(np.uint8).max else np.uint16)
     for flags in memory_mapped.iterate(normal_map.flags):
         count += flags & 1
     return count

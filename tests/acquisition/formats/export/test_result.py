@@ -1,6 +1,6 @@
 """A stored result reads back exactly; its images encode the maps."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import cv2
@@ -93,6 +93,15 @@ def test_write_images_equal_the_maps(normal_map: NormalMap, tmp_path: Path) -> N
         stored = tifffile.imread(folder / f"{name}.tiff")
         assert stored.dtype == np.float32
         np.testing.assert_array_equal(stored, getattr(normal_map, name))
+
+
+@pytest.mark.parametrize("images", [255, 258])
+def test_lights_used_of_many_images_is_their_number(normal_map: NormalMap, tmp_path: Path, images: int) -> None:
+    flags = np.full((images, *normal_map.mask.shape), LIT, np.uint8)
+    export.write(replace(normal_map, flags=flags), tmp_path / "result")
+    stored = cv2.imread(str(tmp_path / "result/lights_used.png"), cv2.IMREAD_UNCHANGED)
+    assert stored is not None
+    assert np.all(stored == images)
 
 
 def test_write_second_result_removes_all_files_of_the_first(normal_map: NormalMap, tmp_path: Path) -> None:
