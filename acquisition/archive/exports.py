@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Literal
 
 import bagit
-import cv2
 import numpy as np
 from rocrate.rocrate import ROCrate
 
@@ -16,7 +15,7 @@ from acquisition.archive.archive import Archive
 from acquisition.archive.entries import ResultEntry, SessionEntry
 from acquisition.formats import export
 from acquisition.formats.atomic_write import atomic_folder
-from acquisition.formats.export import light_files
+from acquisition.formats.export import light_files, map_files
 from acquisition.formats.folders import session_folder
 from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.errors import ErrorCode, RigError
@@ -117,7 +116,7 @@ def _relight(archive: Archive, entry: SessionEntry, results: list[ResultEntry], 
     names = tuple(f"{number:03d}.png" for number in range(1, images.count + 1))
     for number, name in enumerate(names):
         pixels = np.asarray(images.rows(number, 0, images.height), np.float64) / images.full_scale
-        cv2.imwrite(str(out / name), np.round(255 * np.clip(pixels, 0, 1)).astype(np.uint8))
+        map_files.png(out / name, np.round(255 * np.clip(pixels, 0, 1)).astype(np.uint8))
     light_files.write_lp(out / "lights.lp", names, source.directions)
     export.make("lights.dome", source, out)
     for path in sorted(scratch.rglob("*"), reverse=True):

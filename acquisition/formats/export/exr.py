@@ -5,6 +5,8 @@ The albedo is linear and states its primaries. For a monochrome camera, or a mos
 primaries are not known and not stated.
 """
 
+import errno
+import os
 from pathlib import Path
 
 import numpy as np
@@ -55,4 +57,10 @@ def _write(path: Path, normal_map: NormalMap, channels: dict[str, np.ndarray], *
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | texts
     if map_files.is_srgb(normal_map):
         header |= {"chromaticities": colour.SRGB_CHROMATICITIES}
-    OpenEXR.File(header, channels).write(str(path))
+    try:
+        OpenEXR.File(header, channels).write(str(path))
+    except RuntimeError as error:  # OpenEXR's own, also of a full disk
+        full = os.strerror(errno.ENOSPC) in str(error)
+        raise OSError(errno.ENOSPC if full else errno.EIO, str(error)) from error
+    if path.stat().st_size == 0:  # of a file of one block it reports nothing
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))

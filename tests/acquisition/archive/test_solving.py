@@ -1,10 +1,12 @@
 """Solves of archived sessions: equal to a local one, beside the old results, each once; exports read back."""
 
+import errno
 import json
 import os
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import bagit
 import cv2
@@ -111,6 +113,25 @@ def test_export_relight_names_images_and_lights(archive: Archive, session_folder
         assert image is not None
         assert image.shape == (48, 48)
     assert sorted(path.suffix for path in (tmp_path / "out").iterdir()) == [".dome", ".lp", *[".png"] * 5]
+
+
+def test_export_relight_whose_images_cannot_be_written_is_not_made(
+    archive: Archive, session_folder: MakeSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """OpenCV returns False on a full disk and leaves no image, while the small files beside it still fit."""
+    key = archive.push(session_folder()).key
+    opened = Path.open
+
+    def full(path: Path, mode: str = "r", *more: Any, **options: Any) -> Any:
+        if path.name == "003.png" and "w" in mode:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        return opened(path, mode, *more, **options)
+
+    monkeypatch.setattr(Path, "open", full)
+    monkeypatch.setattr(cv2, "imwrite", lambda *_: False)
+    with pytest.raises(OSError, match="No space left"):
+        exports.write(archive, key, "relight", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_results_of_equal_times_are_sorted_by_passes(archive: Archive, session_folder: MakeSession) -> None:

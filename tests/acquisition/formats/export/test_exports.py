@@ -1,5 +1,6 @@
 """Exports for other programs, read back with independent libraries."""
 
+import errno
 import json
 import subprocess
 from dataclasses import replace
@@ -283,3 +284,12 @@ def test_diligent_folder_of_merged_exposures_keeps_their_values(gain: float, tmp
         )
         np.testing.assert_allclose(one, two, atol=2e-5 * gain)
         assert again.values(number, 0, again.height).max() < again.saturated_from
+
+
+@pytest.mark.parametrize("name", ["maps.exr", "albedo.exr", "mesh.ply", "albedo.png"])
+def test_file_on_a_full_disk_is_an_error_of_the_disk(near: export.Source, tmp_path: Path, name: str) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left") as full:
+        export.make(name, near, tmp_path / "out")
+    assert full.value.errno == errno.ENOSPC
