@@ -312,7 +312,12 @@ def within_graded_slant(normals: Float32Array, ray: Float32Array) -> BoolArray:
 
 
 def mean_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None = None) -> float:
-    """Mean σ in degrees over the facing pixels, of `region` (H, W) where one is given.
+    """Mean σ in degrees as `facing_sigma_deg` gives it. Raises RigError normals.infeasible when no pixel has one."""
+    return float(np.mean(facing_sigma_deg(normal_map, calibration, region), dtype=np.float64))
+
+
+def facing_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None = None) -> Float32Array:
+    """σ in degrees (K,) of the facing pixels, of `region` (H, W) where one is given.
 
     Raises RigError normals.infeasible when there are none.
     """
@@ -323,7 +328,7 @@ def mean_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: Bool
     if not len(sigma):
         where = "of the object" if region is None else "of the region of interest"
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, f"no pixel {where} has a normal: draw the region on the object")
-    return float(np.mean(sigma, dtype=np.float64))
+    return sigma
 
 
 @numba.njit(

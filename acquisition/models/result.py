@@ -106,7 +106,7 @@ class ResultSummary(Value):
         description="Median angular error that the plan expected, degrees; null: no prediction"
     )
     fewer_than_three_lights: float = Field(
-        description="Share of the solved pixels that fewer than three lights reach, 0 to 1"
+        description="Share of the object's pixels, solved or not, that fewer than three lights reach, 0 to 1"
     )
     intensity_factors: list[float] = Field(
         description="For each image, the estimated factor on the lamp's intensity, about 1"

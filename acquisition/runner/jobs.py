@@ -363,20 +363,21 @@ def solve_normals(
     begun = time.monotonic()
     normal_map = solve_in_cell(observations, cell, calibration, settings)
     seconds = {"solve": time.monotonic() - begun}
+    sigma = photometry.facing_sigma_deg(normal_map, calibration)
     discard_partial(folder)
     with export.atomic_folder(folder) as partial:
         export.write_into(normal_map, partial)
         facts = _facts(normal_map, observations, cell, calibration, forecast, folder, seconds)
+        facts = replace(facts, facing_sigma_deg=float(np.mean(sigma, dtype=np.float64)))
         if check is not None:
             facts = replace(facts, calibration_checked=check.sentence, warnings=tuple(check.warnings))
         report.write(normal_map, facts, partial)
-    sigma = normal_map.sigma_deg[normal_map.mask]
     lights_used = export.lights_used(normal_map)[normal_map.silhouette]
     return ResultSummary(
         images=len(observations.shots),
         object_pixels=int(np.count_nonzero(normal_map.silhouette)),
         solved_pixels=int(np.count_nonzero(normal_map.mask)),
-        mean_sigma_deg=photometry.mean_sigma_deg(normal_map, calibration),
+        mean_sigma_deg=float(np.mean(sigma, dtype=np.float64)),
         median_sigma_deg=float(np.median(sigma)),
         region_sigma_deg=None
         if region_file is None

@@ -17,7 +17,8 @@ class ReportContext:
     solver: str = ""
     why: str = ""  # why that solver was chosen
     seconds: Mapping[str, float] = field(default_factory=dict[str, float])
-    predicted_sigma_deg: float | None = None  # mean σ that the plan expected
+    facing_sigma_deg: float | None = None  # mean σ of the pixels that the plan counts; none: not evaluated
+    predicted_sigma_deg: float | None = None  # mean σ that the plan expected of them
     error_deg: Mapping[str, float] = field(default_factory=dict[str, float])  # against known truth; empty: none is
     drawings: tuple[tuple[str, str], ...] = ()  # how the images were taken: what each shows, and an SVG element
     intensities: str = "calibrated"  # how the lamps' intensities were known: calibrated, stated, assumed

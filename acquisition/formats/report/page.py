@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from acquisition import geometry
+from acquisition import geometry, photometry
 from acquisition.formats.report import advice, pictures
 from acquisition.formats.report.context import ReportContext
 from acquisition.formats.report.pictures import ReducedMaps
@@ -119,14 +119,16 @@ def _figures(normal_map: NormalMap, context: ReportContext) -> str:
         f"residuals are {fit.misfit:.2f} times the stated noise; {percent(fit.probability, 0)} of sound captures "
         "fit as badly"
     )  # fmt: skip
-    predicted = context.predicted_sigma_deg
+    facing, predicted = context.facing_sigma_deg, context.predicted_sigma_deg
+    counted = f"mean σ within {photometry.GRADED_SLANT_DEG:.0f}° of the viewing ray"
     rows = [
         ("images", f"{len(normal_map.flags)}"),
         ("normals", f"{pixels:,}".replace(",", " ") + f" ({percent(pixels / object_pixels)} of the object)"),
         ("σ of all solved pixels", stated),
         ("expected error", expected),
         ("fit of the images", fitted),
-        ("mean σ predicted by the plan", "" if predicted is None else f"{predicted:.2f}°"),
+        (counted, "" if facing is None else f"{facing:.2f}°"),
+        (f"{counted}, as the plan predicted it", "" if predicted is None else f"{predicted:.2f}°"),
         ("error against the truth", ", ".join(f"{name} {value:.2f}°" for name, value in context.error_deg.items())),
         ("calibration checked", context.calibration_checked),
         ("solver", ": ".join(filter(None, (context.solver, context.why)))),

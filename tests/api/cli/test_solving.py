@@ -15,6 +15,7 @@ import pytest
 import tifffile
 from typer.testing import CliRunner
 
+from acquisition import photometry
 from acquisition.formats import export, folders
 from acquisition.formats.folders.session_folder import read as read_session
 from acquisition.models.errors import ErrorCode, RigError
@@ -341,6 +342,11 @@ def test_solve_replay_and_summary_have_same_mean_sigma(tmp_path: Path, capsys: p
     assert solved["sigma_mean_deg"] == replayed["sigma_deg"] == pytest.approx(summary.mean_sigma_deg, rel=1e-6)
     stored = export.read(result)
     assert np.mean(stored.sigma_deg[stored.mask]) != pytest.approx(summary.mean_sigma_deg, rel=1e-5)
+    facing = photometry.facing(stored, observations.calibration)
+    assert summary.median_sigma_deg == float(np.median(stored.sigma_deg[facing]))
+    assert summary.median_sigma_deg != float(np.median(stored.sigma_deg[stored.mask]))
+    report = (result / "report.html").read_text(encoding="utf-8")
+    assert f"<th>mean σ within 78° of the viewing ray<td>{summary.mean_sigma_deg:.2f}°" in report
     said = capsys.readouterr().err
     assert "a [b]" in said
     assert said.count(f"{summary.mean_sigma_deg:.3f}°") == 3
