@@ -11,6 +11,7 @@ import bagit
 import numpy as np
 from rocrate.rocrate import ROCrate
 
+from acquisition import mosaic
 from acquisition.archive.archive import Archive
 from acquisition.archive.entries import ResultEntry, SessionEntry
 from acquisition.formats import export
@@ -18,7 +19,10 @@ from acquisition.formats.atomic_write import atomic_folder
 from acquisition.formats.export import light_files, map_files
 from acquisition.formats.folders import session_folder
 from acquisition.formats.session_files import refuse_in_session
+from acquisition.models.base import Float32Array
+from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.normals.images import colour_albedo
 
 Form = Literal["folder", "bagit", "relight"]
 _TYPES = {".tiff": "image/tiff", ".png": "image/png", ".json": "application/json", ".html": "text/html"}
@@ -94,7 +98,10 @@ def _bag_info(entry: SessionEntry) -> dict[str, str]:
 
 
 def _relight(archive: Archive, entry: SessionEntry, results: list[ResultEntry], out: Path) -> None:
-    """Writes images as PNG with 8 bits, less their lamp-off frames, with `lights.lp` and `lights.dome`."""
+    """Writes images as PNG with 8 bits, less their lamp-off frames, with `lights.lp` and `lights.dome`.
+
+    Those of a mosaic sensor are interpolated to RGB.
+    """
     if entry.facts.kind != "capture":
         raise RigError(
             ErrorCode.FOLDER_INVALID,
@@ -106,19 +113,33 @@ def _relight(archive: Archive, entry: SessionEntry, results: list[ResultEntry], 
             f"Session {entry.facts.session_id} has no result, whose mask is needed: solve it first",
         )
     scratch = out / ".session"
+    chosen = max(
+        results, key=lambda result: (result.identity.last_pass is None, result.age)
+    )  # of all images, if any is
     archive.fetch(entry.files, scratch)
-    archive.fetch(results[-1].files, scratch)
+    archive.fetch(chosen.files, scratch)
     capture = session_folder.read(scratch)
-    normal_map = export.read(next(scratch.glob(str(Path(next(iter(results[-1].files))).parent))))
-    observations = capture.observations(max(shot.key.pass_number for shot in capture.shots))
+    normal_map = export.read(next(scratch.glob(str(Path(next(iter(chosen.files))).parent))))
+    last = chosen.identity.last_pass
+    observations = capture.observations(max(shot.key.pass_number for shot in capture.shots) if last is None else last)
     images = session_folder.images(observations, capture.calibration, normal_map.silhouette)
     source = export.Source(normal_map, images)
     names = tuple(f"{number:03d}.png" for number in range(1, images.count + 1))
     for number, name in enumerate(names):
-        pixels = np.asarray(images.rows(number, 0, images.height), np.float64) / images.full_scale
-        map_files.png(out / name, np.round(255 * np.clip(pixels, 0, 1)).astype(np.uint8))
+        pixels = np.asarray(images.rows(number, 0, images.height), np.float32) / np.float32(images.full_scale)
+        map_files.png(out / name, _picture(pixels, capture.calibration))
     light_files.write_lp(out / "lights.lp", names, source.directions)
     export.make("lights.dome", source, out)
     for path in sorted(scratch.rglob("*"), reverse=True):
         path.unlink() if path.is_file() else path.rmdir()
     scratch.rmdir()
+
+
+def _picture(pixels: Float32Array, calibration: Calibration) -> np.ndarray:
+    """An image of 8 bits, linear, of a frame (H, W) from 0 to 1: grey, or RGB of a mosaic sensor's sites."""
+    channel = mosaic.of_calibration(calibration, slice(0, pixels.shape[0]), slice(0, pixels.shape[1]))
+    if channel is not None:
+        balanced = pixels / mosaic.white(calibration)[channel]
+        channels = mosaic.interpolated(balanced, channel, np.ones(pixels.shape, np.bool_))
+        pixels = colour_albedo.in_srgb(channels, calibration)
+    return np.round(255 * np.clip(pixels, 0, 1)).astype(np.uint8)

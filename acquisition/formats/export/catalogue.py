@@ -21,6 +21,10 @@ NEAR_LIGHT = (
     "The lamps stood near the object. Directions and intensities are those at its centre; away from it both differ, "
     "so a solver for distant light is wrong by degrees at the edges. Positions in mm are in lights.dome.\n"
 )
+MOSAIC = (
+    "The images hold the sites of a mosaic sensor, one colour channel at each pixel. Solve each pixel by itself: the\n"
+    "albedo of neighbours differs with their channel, so do not blur or resize.\n"
+)
 
 
 @dataclass(frozen=True)
@@ -74,8 +78,8 @@ class Source:
 def _diligent(source: Source, path: Path) -> None:
     """Writes a DiLiGenT-style folder, which most photometric-stereo programs read: 001.png … (16 bits of full scale),
     filenames, directions, intensities and mask.png. The format has distant lights only: near ones are given as at the
-    object's centre, and `README.txt` says so. Merged exposures, which have values above full scale, are scaled down
-    with their lights."""
+    object's centre, and `README.txt` says so, as it does of a mosaic's sites. Merged exposures, which have values above
+    full scale, are scaled down with their lights."""
     path.mkdir()
     images = source.solved_images
     names = [f"{number:03d}.png" for number in range(1, images.count + 1)]
@@ -90,8 +94,10 @@ def _diligent(source: Source, path: Path) -> None:
     np.savetxt(path / "light_directions.txt", source.directions, fmt="%.9f")
     np.savetxt(path / "light_intensities.txt", power / scale, fmt="%.9g")
     map_files.mask_png(path / "mask.png", images.mask)
-    if not isinstance(images.lights, DistantLights):
-        (path / "README.txt").write_text(NEAR_LIGHT, encoding="utf-8")
+    said = [] if isinstance(images.lights, DistantLights) else [NEAR_LIGHT]
+    said += [MOSAIC] if images.channels == 1 and source.normal_map.albedo_rgb is not None else []
+    if said:
+        (path / "README.txt").write_text("\n".join(said), encoding="utf-8")
 
 
 def _greatest(images: ImageSet) -> float:

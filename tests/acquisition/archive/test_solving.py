@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import shutil
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -22,6 +23,7 @@ from acquisition.formats.folders import session_folder as folders
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.runner.session_solve import solve_in_cell
+from acquisition.store.folder import write_manifest
 
 MakeSession = Callable[..., Path]
 SETTINGS = SolveSettings(depth_rounds=1)
@@ -113,6 +115,42 @@ def test_export_relight_names_images_and_lights(archive: Archive, session_folder
         assert image is not None
         assert image.shape == (48, 48)
     assert sorted(path.suffix for path in (tmp_path / "out").iterdir()) == [".dome", ".lp", *[".png"] * 5]
+
+
+@pytest.mark.parametrize(("whole", "images"), [(True, 5), (False, 4)])
+def test_export_relight_with_a_newer_result_of_fewer_images(
+    archive: Archive, session_folder: MakeSession, tmp_path: Path, whole: bool, images: int
+):
+    folder = session_folder()
+    os.utime(folder / "results/0/manifest.json", (4e9, 4e9))
+    if not whole:
+        shutil.rmtree(folder / "results/1")
+    exports.write(archive, archive.push(folder).key, "relight", tmp_path / "out")
+    assert len(list((tmp_path / "out").glob("*.png"))) == images
+    lights = json.loads((tmp_path / "out/lights.dome").read_text())
+    assert len(lights["positions3d"]) == len(lights["ledAdjust"]) == images
+
+
+def test_export_relight_of_a_mosaic_sensor_has_its_colours(
+    archive: Archive, session_folder: MakeSession, tmp_path: Path
+):
+    folder = session_folder()
+    exports.write(archive, archive.push(folder).key, "relight", tmp_path / "grey")
+    calibration = json.loads((folder / "calibration.json").read_text())
+    calibration["sensor"]["mosaic"] = "rggb"
+    (folder / "calibration.json").write_text(json.dumps(calibration))
+    stated = json.loads((folder / "manifest.json").read_text())
+    write_manifest(folder, {name: stated[name] for name in ("session_id", "software", "shots")})
+    exports.write(archive, archive.push(folder).key, "relight", tmp_path / "colours")
+    for number in range(1, 6):
+        grey, image = (
+            cv2.imread(str(tmp_path / kind / f"{number:03d}.png"), cv2.IMREAD_UNCHANGED) for kind in ("grey", "colours")
+        )
+        assert grey is not None
+        assert image is not None
+        assert image.shape == (48, 48, 3)
+        for channel, row, column in ((2, 0, 0), (1, 0, 1), (1, 1, 0), (0, 1, 1)):  # OpenCV's order: B G R
+            np.testing.assert_array_equal(image[row::2, column::2, channel], grey[row::2, column::2])
 
 
 def test_export_relight_whose_images_cannot_be_written_is_not_made(

@@ -178,6 +178,14 @@ def test_diligent_export_near_light_is_stated_in_readme(near: export.Source, tmp
     assert folders.read(folder, tmp_path).count == near.images.count
 
 
+def test_diligent_export_of_mosaic_sites_is_stated_in_readme(near: export.Source, tmp_path: Path) -> None:
+    assert near.images.channels == 1
+    of_sites = made("diligent", near, tmp_path / "sites") / "README.txt"
+    grey = replace(near, normal_map=replace(near.normal_map, albedo_rgb=None))
+    assert "mosaic" in of_sites.read_text()
+    assert "mosaic" not in (made("diligent", grey, tmp_path / "grey") / "README.txt").read_text()
+
+
 def test_diligent_export_of_twelve_bits_fills_the_scale(near: export.Source, tmp_path: Path) -> None:
     """A session's values: what was clipped stays clipped, and albedo keeps its scale."""
     twelve = replace(near.images, rows=lambda *rows: near.images.rows(*rows) // 16, full_scale=4095.0)  # type: ignore[arg-type]
