@@ -12,7 +12,7 @@ from acquisition.formats.folders.refusal import refusal
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.listing import first_few
 from acquisition.models.rounding import percent
-from acquisition.normals.images.image_set import DistantLights, ImageSet, NearLights
+from acquisition.normals.images.image_set import FULL_WELL_E, DistantLights, ImageSet, NearLights
 from acquisition.normals.solve import SETTINGS as SOLVE_CHECK
 
 MASK, EVALUATION_MASK = "mask.png", "eval_mask.png"
@@ -104,6 +104,7 @@ def image_set(
         mask=area,
         mask_given=mask is not None,
         evaluation_mask=mask_in(images, EVALUATION_MASK),
+        full_well_e=FULL_WELL_E * images.full_scale / image_checks.exposed_scale(images, area),
         notes={"format": kind, "warnings": warnings},
     )
 

@@ -12,7 +12,7 @@ from acquisition.models.base import BoolArray, FloatArray
 from acquisition.normals.images.normalised_images import row_blocks
 
 BLACK_LEVEL = 0.0005
-"""Fraction of full scale below which an image's brightest pixels count as black."""
+"""Fraction of the `exposed_scale` below which an image's brightest pixels count as black."""
 
 MAX_SATURATED_SHARE = 0.9
 """Share of clipped pixels above which an image is refused."""
@@ -42,6 +42,7 @@ def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float
 
     Raises RigError folder.invalid naming the image.
     """
+    black = BLACK_LEVEL * exposed_scale(images, mask) / images.full_scale
     for index, name in enumerate(images.names):
         path = listed_file(images.folder, name)
         if images.kind == "float32":
@@ -55,7 +56,7 @@ def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float
                         "write the image again, or remove these pixels from the mask",
                     )
         values = _sample(images, index, mask).astype(np.float32) / images.full_scale
-        if float(np.quantile(values, 0.999)) <= BLACK_LEVEL:
+        if float(np.quantile(values, 0.999)) <= black:
             raise refusal(path, "is black within the mask: capture it again, or remove its row from the list")
         if float(np.mean(values >= saturated_from)) > MAX_SATURATED_SHARE:
             raise refusal(path, "is overexposed within the mask: shorten the exposure, or remove its row from the list")
@@ -98,9 +99,24 @@ def unfilled_bits(images: FolderImages, black_level: int = 0) -> str | None:
         return None
     return (
         f"No value of the 16-bit files exceeds {top}: if the camera has {bits} bits, state full_scale {end} (in "
-        "lights.json, or else with --full-scale); without it no pixel counts as clipped, σ is wrong and "
-        "the normals are less accurate, of dark images by many degrees."
+        "lights.json, or else with --full-scale); without it no pixel counts as clipped, and where some are, σ is "
+        "wrong and the normals are less accurate."
     )
+
+
+def exposed_scale(images: FolderImages, mask: BoolArray) -> float:
+    """Returns the value to which a camera without a stated full scale has probably been exposed: of float32 files the
+    brightest one within the mask, of 16-bit files the end of the camera's range that it lies in.
+
+    Without a stated full scale, a first guess of the noise has no other scale. The type's own makes dark images, of 10
+    bits or of floating point in another unit, noisier than they are by any factor.
+    """
+    if images.stated_full_scale is not None or images.kind == "uint8":
+        return images.full_scale
+    brightest = max(float(np.max(_sample(images, index, mask))) for index in range(len(images.names)))
+    if images.kind == "float32":
+        return brightest
+    return next((float(end) for end in CONVERTERS.values() if brightest <= end), images.full_scale)
 
 
 def excessive_scale(images: FolderImages) -> str | None:

@@ -24,7 +24,6 @@ from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import BoolArray, FloatArray, Value, Vector3
 from acquisition.models.errors import RigError
 from acquisition.normals.images.image_set import (
-    FULL_WELL_E,
     INTENSITY_SIGMA,
     POSITION_SIGMA_M,
     READ_NOISE_E,
@@ -59,7 +58,7 @@ class _ForeignValue(Value):
 class _Camera(_ForeignValue):
     K: Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
     distortion: list[float] = Field(default_factory=list[float])
-    full_well_e: float = Field(default=FULL_WELL_E, gt=0)
+    full_well_e: float | None = Field(default=None, gt=0)
     read_noise_e: float = Field(default=READ_NOISE_E, ge=0)
 
 
@@ -135,7 +134,7 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         saturated_from=images.saturated_from - given.black_level / stored.full_scale,
         camera=Camera(matrix, distortion[:5]),
         rough_depth_m=given.depth_mm / 1000,
-        full_well_e=given.camera.full_well_e,
+        full_well_e=given.camera.full_well_e or images.full_well_e,
         read_noise_e=given.camera.read_noise_e,
     )
 
