@@ -6,7 +6,10 @@ that a person corrects later have columns of their own.
 
 import re
 import secrets
+import sqlite3
 import time
+from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 from acquisition.models.calibration_recipe import AnyRecipe
@@ -26,6 +29,16 @@ def new_session_id(now: float) -> str:
 def is_session_id(name: str) -> bool:
     """Returns whether a folder is named as `new_session_id` names sessions."""
     return re.fullmatch(r"\d{8}-\d{6}-[0-9a-f]{6}", name) is not None
+
+
+def corrections(journal: Path) -> dict[str, tuple[str | None, str | None]]:
+    """Returns the labels and notes that people have corrected, by session (None: the recipe's). The journal stays as it
+    is, also one of an earlier release. Raises sqlite3.Error when it cannot be read."""
+    with closing(sqlite3.connect(f"{journal.resolve().as_uri()}?mode=ro", uri=True)) as connection:
+        columns = {str(name) for _, name, *_ in connection.execute("PRAGMA table_info(session)")}
+        if not {"label", "notes"} <= columns:
+            return {}
+        return {one: (label, notes) for one, label, notes in connection.execute("SELECT id, label, notes FROM session")}
 
 
 class SessionTable(Database):

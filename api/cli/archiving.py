@@ -4,10 +4,12 @@ The solver, Dask and the exports' libraries take seconds to import. Only the com
 the user's input has been checked.
 """
 
+import sqlite3
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -20,6 +22,7 @@ from acquisition.formats.session_files import JOURNAL, refuse_in_session
 from acquisition.models.errors import ErrorCode, RigError, wrong_fields
 from acquisition.models.listing import first_few
 from acquisition.models.result import SolveSettings
+from acquisition.store import session_table
 from api.cli import archive_report
 
 try:
@@ -57,11 +60,14 @@ def push(address: str, catalogue: str | None, folders: list[Path]) -> dict[str, 
     pushed: list[dict[str, Any]] = []
     refused: dict[str, str] = {}
     console = _console()
+    corrections = cache(partial(_corrections, console=console))
     with _opened(address, catalogue) as archive, _bar(console) as bar:
         for folder in bar.track(_sessions(folders), description="pushing"):
             try:
                 _require_session(folder)
-                done = archive.push(folder)
+                place = folder.resolve()
+                label, notes = corrections(place.parent.parent).get(place.name, (None, None))
+                done = archive.push(folder, label, notes)
             except RigError as error:
                 if error.code is not ErrorCode.FOLDER_INVALID:
                     raise
@@ -197,6 +203,17 @@ def _sessions(folders: list[Path]) -> list[Path]:
         else:
             found.append(folder)
     return found
+
+
+def _corrections(data: Path, console: Console) -> dict[str, tuple[str | None, str | None]]:
+    """Returns the labels and notes in a data folder that a person has corrected, by session; nothing elsewhere."""
+    if not (data / JOURNAL).is_file():
+        return {}
+    try:
+        return session_table.corrections(data / JOURNAL)
+    except sqlite3.Error as error:
+        console.print(f"{data / JOURNAL} cannot be read, so labels and notes are those of the recipes: {error}")
+        return {}
 
 
 def _require_session(folder: Path) -> None:

@@ -14,7 +14,10 @@ from typer.testing import CliRunner
 
 from acquisition.archive.archive import Archive
 from acquisition.archive.catalogue import Catalogue, in_folder, meta
+from acquisition.models.recipe import Recipe
+from acquisition.store.journal import Journal
 from api.cli.commands import app
+from tests.acquisition.archive import session_copies
 
 MakeSession = Callable[..., Path]
 
@@ -68,6 +71,22 @@ def test_push_data_folder_takes_its_completed_sessions(tmp_path: Path, empty: Pa
     session_folder("sessions/20261121-190041-aaaaaa")
     (tmp_path / "sessions" / "20261121-190041-running").mkdir()
     assert figures("push", empty, tmp_path)["new"] == 1
+
+
+@pytest.mark.parametrize("given", ["data", "data/sessions/{}"])
+def test_push_takes_the_label_that_a_person_has_corrected(
+    tmp_path: Path, empty: Path, monkeypatch: pytest.MonkeyPatch, given: str
+):
+    (tmp_path / "data").mkdir()
+    journal = Journal(tmp_path / "data" / "rig.db")
+    session_id = journal.create_session(Recipe(label="vase"), "{}", "fingerprint")[0].id
+    journal.describe_session(session_id, "amphora", "red", "a person")
+    journal.close()
+    session_copies.make(tmp_path / "data" / "sessions" / session_id, label="vase")
+    monkeypatch.chdir(tmp_path)
+    assert figures("push", empty, given.format(session_id))["new"] == 1
+    (session,) = figures("list", empty)["sessions"]
+    assert (session["object"], session["notes"]) == ("amphora", "red")
 
 
 def test_push_of_a_folder_that_is_no_session_says_what_it_lacks(tmp_path: Path, empty: Path):
