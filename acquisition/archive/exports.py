@@ -3,6 +3,9 @@
 Their maintainers' libraries write the formats: `bagit` (RFC 8493, Library of Congress) and `rocrate` (RO-Crate 1.1).
 """
 
+import errno
+from collections.abc import Generator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
@@ -32,14 +35,14 @@ def write(archive: Archive, key: str, form: Form, out: Path) -> None:
     """Writes one session with all its results into a new folder; it appears as a whole or not at all.
 
     `folder` is a folder as `lightpose solve` reads it, `bagit` the same as a bag's payload with RO-Crate metadata, and
-    `relight` the images with 8 bits and their lights. Raises RigError folder.invalid when `out` exists,
-    archive.damaged, archive.not_found.
+    `relight` the images with 8 bits and their lights. Raises RigError folder.invalid when `out` exists or cannot be
+    written, store.disk_full, archive.damaged, archive.not_found.
     """
-    if out.exists():
+    if out.exists() or out.is_symlink():
         raise RigError(ErrorCode.FOLDER_INVALID, f"{out} already exists: name a new folder", file=str(out))
     refuse_in_session(out, "--out")
     entry, results = archive.session(key), archive.results(key)
-    with atomic_folder(out) as partial:
+    with _told_if_unwritable(out), atomic_folder(out) as partial:
         if form == "relight":
             _relight(archive, entry, results, partial)
             return
@@ -52,6 +55,19 @@ def write(archive: Archive, key: str, form: Form, out: Path) -> None:
                 path.rename(partial / path.name)
             payload.rmdir()
             bagit.make_bag(str(partial), _bag_info(entry), checksums=["sha256"])
+
+
+@contextmanager
+def _told_if_unwritable(out: Path) -> Generator[None]:
+    """Turns errors of the disk into RigError store.disk_full or folder.invalid."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise RigError(ErrorCode.STORE_DISK_FULL, f"no space left for {out}: nothing was written there") from error
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{out}: cannot be written: {error}; name another folder", file=str(out)
+        ) from error
 
 
 def _crate(entry: SessionEntry, results: list[ResultEntry], folder: Path) -> None:

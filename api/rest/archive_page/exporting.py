@@ -15,7 +15,6 @@ from zipstream import ZIP_STORED, ZipStream
 from acquisition import process_priority
 from acquisition.archive import exports
 from acquisition.archive.archive import Archive
-from acquisition.models.errors import ErrorCode, RigError
 from api.rest.archive_page.reading import SCRATCH, ReadArchive
 from api.rest.turns import refuse_crowd
 
@@ -62,7 +61,5 @@ def _write(address: str, catalogue: str | None, key: str, form: Form, out: str) 
     archive = Archive(address, catalogue)
     try:
         exports.write(archive, key, form, Path(out))
-    except OSError as error:
-        raise RigError(ErrorCode.STORE_DISK_FULL, f"The export cannot be written: {error.strerror}") from error
     finally:
         archive.close()

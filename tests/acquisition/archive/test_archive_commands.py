@@ -134,6 +134,14 @@ def test_verify_damaged_archive_ends_with_status_one(filled: Path):
     assert [fault["what"] for fault in faults] == ["damaged"]
 
 
+@pytest.mark.parametrize("out", ["link", "file/out"])
+def test_export_to_what_is_no_folder_is_named(filled: Path, tmp_path: Path, out: str):
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "file").touch()
+    said = call("export", filled, "20261121-190041-a", "--out", tmp_path / out, status=2)
+    assert said.startswith("folder.invalid")
+
+
 def test_export_writes_a_folder(filled: Path, tmp_path: Path):
     call("export", filled, "20261121-190041-a", "--out", tmp_path / "out")
     assert (tmp_path / "out" / "recipe.json").is_file()

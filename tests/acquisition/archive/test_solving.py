@@ -167,8 +167,9 @@ def test_export_relight_whose_images_cannot_be_written_is_not_made(
 
     monkeypatch.setattr(Path, "open", full)
     monkeypatch.setattr(cv2, "imwrite", lambda *_: False)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(RigError) as refused:
         exports.write(archive, key, "relight", tmp_path / "out")
+    assert refused.value.code is ErrorCode.STORE_DISK_FULL
     assert not (tmp_path / "out").exists()
 
 
