@@ -277,7 +277,7 @@ class Runner:
             before, target = journal.trigger(session_id, action, actor)
             if before is target:  # an equal request came first and runs the session
                 return target
-            self._token, self._running = token, session_id
+            self._running, self._token = session_id, token
         self._requests.put(lambda: self._loop.run(session_id, token))
         return target
 
@@ -295,8 +295,9 @@ class Runner:
         if state is State.STOPPING:
             # A resume may have put another token in place between the halt and the entry. And if the loop ended before
             # the entry, or never ran, nothing else would record that the arm is at rest.
-            self._token.set()
-            self._rig.halt()
+            if self._running == session_id:  # else it has ended, and another one may run
+                self._token.set()
+                self._rig.halt()
             self._requests.put(lambda: self._loop.trigger(session_id, Trigger.AT_REST))
         return state
 

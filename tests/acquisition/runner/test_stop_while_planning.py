@@ -208,3 +208,39 @@ def test_stop_of_a_session_behind_another_ones_job_is_entered_at_once(tmp_path: 
             runner.act(session_id, Trigger.START, "a")
             runner.act(session_id, Trigger.STOP, "a")
             wait_for(lambda: store.journal.session(session_id).state is State.STOPPED)
+
+
+def test_stop_that_is_slow_does_not_stop_the_next_session(quick: Quick, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The thread that stops a session is delayed after its entry, until the session has ended and another one runs."""
+    runner, store, _ = quick
+    first, second = (runner.create(Recipe(pilot_lights=3, planned_lights=1, review_plan=True))[0].id for _ in range(2))
+    trigger, entered, goes_on = store.journal.trigger, threading.Event(), threading.Event()
+
+    def delayed(session_id: str, what: Trigger, *others: Any, **more: Any) -> Any:
+        states = trigger(session_id, what, *others, **more)
+        if what is Trigger.STOP:
+            entered.set()
+            assert goes_on.wait(60)
+        return states
+
+    compute: Any = runner._compute  # pyright: ignore[reportPrivateUsage]
+    plan_route, planned = compute._plan_route, threading.Event()
+
+    def waits(*known: Any) -> Any:
+        assert planned.wait(60)
+        return plan_route(*known)
+
+    monkeypatch.setattr(compute, "_plan_route", waits)
+    runner.act(first, Trigger.START, "a")
+    monkeypatch.setattr(store.journal, "trigger", delayed)
+    stop = threading.Thread(target=lambda: runner.act(first, Trigger.STOP, "a"))
+    stop.start()
+    assert entered.wait(60)
+    planned.set()
+    wait_for(lambda: store.journal.session(first).state is State.STOPPED)
+    planned.clear()
+    runner.act(second, Trigger.START, "b")
+    goes_on.set()
+    stop.join(60)
+    planned.set()
+    wait_for(lambda: store.journal.session(second).state is State.PAUSED)  # for its review
