@@ -363,6 +363,28 @@ def test_replay_changed_result_reports_difference(session: Path, tmp_path: Path)
     assert outcome["mean_deg"] > 5
 
 
+@pytest.mark.parametrize(("pixels", "over_sigma", "same"), [(1, 0.5, True), (1, 1.5, False), (40, 0.5, False)])
+def test_replay_few_normals_within_sigma_are_the_same(
+    pixels: int, over_sigma: float, same: bool, session: Path, tmp_path: Path
+) -> None:
+    """A pixel at the threshold of one of its measurements is solved otherwise after a rounding error."""
+    other = tmp_path / "other"
+    shutil.copytree(session, other)
+    result = other / "results" / "1"
+    stored = export.read(result)
+    rows, columns = (places[100 : 100 + pixels] for places in np.nonzero(stored.mask))
+    normals = stored.normals.copy()
+    for row, column in zip(rows, columns, strict=True):
+        normal = normals[row, column].astype(float)
+        aside = np.cross(normal, [0.0, 1.0, 0.0])
+        step = np.tan(np.radians(over_sigma * stored.sigma_deg[row, column]))
+        moved = normal + step * aside / np.linalg.norm(aside)
+        normals[row, column] = moved / np.linalg.norm(moved)
+    assert np.min(stored.sigma_deg[rows, columns]) > 4 * replaying.SAME_DEG
+    tifffile.imwrite(result / "normals.tiff", normals, photometric="rgb")
+    assert replaying.replay(other)["same"] is same
+
+
 def test_replay_uses_settings_of_stored_result(session: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(session, other)
