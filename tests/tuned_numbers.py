@@ -81,7 +81,8 @@ REASONS: dict[str, str] = {
         local_regression.STRIP_ROWS local_regression.CHUNK_COLUMNS markov_field.REACH markov_field.SAMPLED_ROWS
         markov_field.STRIP_ROWS""",
     "steps and tolerances of numerical methods": """
-        photometry.UNDISTORTION_ROUNDS reflectance_kernels.DIFFERENCE_STEP photon_transfer.CLIP_ITERATIONS
+        photometry.UNDISTORTION_ROUNDS photometry.UNDISTORTION_STEP reflectance_kernels.DIFFERENCE_STEP
+        photon_transfer.CLIP_ITERATIONS
         photon_transfer.IRLS_ITERATIONS poisson.ITERATIONS poisson.TOLERANCE poisson.JACOBI_SHARE
         residual_noise.ROUNDS alternation.EXTRA_ROUNDS alternation.CONVERGED_DEG
         alternation.INITIAL_DISCONTINUITY_ROUNDS alternation.MAX_SHIFT_STEP_M pixel_solution.PRELIMINARY_ITERATIONS

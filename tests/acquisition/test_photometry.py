@@ -78,13 +78,31 @@ def test_rays_distorted_lens_round_trips(known: Calibration) -> None:
     np.testing.assert_allclose(pixels[:, 0, 1], rows.ravel(), atol=2e-3)
 
 
+@pytest.mark.parametrize(
+    ("focal_widths", "lens"),
+    [(0.7, (-0.28, 0.08, 0, 0, -0.01)), (0.5, (-0.25, 0.05, 0, 0, 0)), (0.8, (0.3, 0.1, 0, 0, 0))],
+)
+def test_camera_rays_of_wide_lens_meet_their_pixels(focal_widths: float, lens: tuple[float, ...]) -> None:
+    width, height = 1280, 960
+    matrix = np.array([[focal_widths * width, 0, 640], [0, focal_widths * width, 480], [0, 0, 1]])
+    x, y = photometry.camera_rays(matrix, np.array(lens), slice(0, height), slice(0, width))[:, ::40, ::40].astype(
+        float
+    )
+    directions = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=-1)
+    pixels, _ = cv2.projectPoints(directions, np.zeros(3), np.zeros(3), matrix, np.array(lens))
+    rows, columns = np.mgrid[:height:40, :width:40]
+    np.testing.assert_allclose(pixels[:, 0], np.stack([columns.ravel(), rows.ravel()], axis=-1), atol=2e-3)
+
+
 @given(lens=st.tuples(st.floats(-0.3, 0.3), st.floats(-0.2, 0.2), *[st.floats(-0.01, 0.01)] * 2, st.floats(-0.1, 0.1)))
 @settings(max_examples=20)
 def test_camera_rays_any_lens_equal_opencv(lens: tuple[float, ...]) -> None:
     matrix, distortion = np.array([[90.0, 0, 40.5], [0, 80.0, 33.0], [0, 0, 1]]), np.array(lens)
     rows, columns = np.mgrid[7:60, 3:80].astype(float)
     pixels = np.stack([columns.ravel(), rows.ravel()], axis=-1)[:, None]
-    expected = cv2.undistortPoints(pixels, matrix, distortion)[:, 0].T.reshape(2, *rows.shape)
+    converged = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
+    expected = cv2.undistortPoints(pixels, matrix, distortion, criteria=converged)
+    expected = expected[:, 0].T.reshape(2, *rows.shape)
     ray = photometry.camera_rays(matrix, distortion, slice(7, 60), slice(3, 80))
     np.testing.assert_allclose(ray, expected, rtol=1e-6, atol=1e-6)
 

@@ -14,9 +14,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
+import cv2
 import numpy as np
 from pydantic import ConfigDict, Field
 
+from acquisition import photometry
 from acquisition.formats.folders import assembly, image_files
 from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal, value
@@ -39,6 +41,9 @@ MAX_OFF_AXIS_DEG = 70.0
 """Largest accepted angle between the optical axis and the middle of the images. Images that are cut out of larger ones
 need not contain the axis."""
 
+MAX_DISTORTION_ERROR_PX = 0.5
+"""Largest accepted distance of a pixel from where its undistorted ray is seen: far below 0.01 px if the distortion can
+be inverted there, else tens of pixels."""
 
 MAX_DISTANCE_RATIO = 50.0
 """Largest accepted ratio of a lamp's and the camera's distances from the object, either way. Beyond it, one of the two
@@ -107,6 +112,12 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
             f"camera.K has its centre far outside the {width} × {height} images, so their middle would be "
             f"{off_axis:.0f}° off the axis: correct it",
         )
+    if _distortion_error_px(matrix, distortion[:5], width, height) > MAX_DISTORTION_ERROR_PX:
+        raise refusal(
+            path,
+            f"camera.distortion {given.camera.distortion} cannot be inverted within the {width} × {height} images: "
+            "correct it (OpenCV's k1 k2 p1 p2 k3, of coordinates over the focal length)",
+        )
     warnings: list[str] = []
     unused = [*given.unknown(), *given.camera.unknown("camera."), *given.lights[0].unknown("lights.")]
     if unused:
@@ -137,6 +148,23 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         full_well_e=given.camera.full_well_e or images.full_well_e,
         read_noise_e=given.camera.read_noise_e,
     )
+
+
+def _distortion_error_px(matrix: FloatArray, distortion: FloatArray, width: int, height: int) -> float:
+    """Returns by how much pixels on the image's border, distorted again, miss themselves, at most."""
+    sides = (
+        (slice(0, 1), slice(0, width)), (slice(height - 1, height), slice(0, width)),
+        (slice(0, height), slice(0, 1)), (slice(0, height), slice(width - 1, width)),
+    )  # fmt: skip
+    greatest = 0.0
+    for rows, columns in sides:
+        rays = photometry.camera_rays(matrix, distortion, rows, columns).reshape(2, -1).astype(np.float64)
+        directions = np.concatenate([rays, np.ones((1, rays.shape[1]))]).T
+        again, _ = cv2.projectPoints(directions, np.zeros(3), np.zeros(3), matrix, distortion)
+        row, column = np.mgrid[rows, columns]
+        apart = again.reshape(-1, 2) - np.stack([column.ravel(), row.ravel()], axis=-1)
+        greatest = max(greatest, float(np.max(np.linalg.norm(np.nan_to_num(apart, nan=np.inf), axis=-1))))
+    return greatest
 
 
 def _place(
