@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
@@ -22,6 +23,9 @@ PROXY = "127.0.49.4"
 OUTAGE_MS = 4_000
 DELIVERED_MS = 1_500
 """Time of an outage after it was noticed, and in which what it held up arrives, ms."""
+
+SETTLED_MS = 1_500
+"""Time in which a request that a press has caused would have been sent, ms."""
 
 
 def test_page_stop_by_mouse_in_mid_move_halts_arm(opened: Callable[..., Page], lab: Lab) -> None:
@@ -99,3 +103,33 @@ def test_page_start_pressed_in_outage_moves_nothing(context: BrowserContext, con
         page.wait_for_timeout(DELIVERED_MS)
     assert lab.client.session(session.id).state is State.CREATED
     lab.client.stop(session.id)
+
+
+def test_page_stop_acts_for_screen_reader_and_voice(opened: Callable[..., Page], lab: Lab) -> None:
+    """They send a click without pointer and without key."""
+    page = opened(Role.VIEWER, "#/start")
+    session_id = lab.start(Recipe(pilot_lights=3, planned_lights=0, label="stopped by voice"))
+    with ControlClient(lab.cell.address) as control:
+        wait_until_moving(control, COMPUTED_WITHIN_MS / 1e3)
+        page.locator("#stop").evaluate("(button) => button.click()")
+        rests_after(control)
+    page.locator("#stop-told.heard").wait_for()
+    assert lab.client.wait(session_id).state is State.STOPPED
+
+
+def test_page_stop_is_sent_once_by_pointer_and_by_keys(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.VIEWER, "#/start")
+    sent: list[str] = []
+    page.on("request", lambda request: sent.append(request.url) if request.url.endswith("/rig/stop") else None)
+    for number, press in enumerate(
+        (page.locator("#stop").click, *(partial(press_key, page, key) for key in (" ", "Enter")))
+    ):
+        press()
+        page.locator("#stop-told.heard").wait_for()
+        page.wait_for_timeout(SETTLED_MS)
+        assert len(sent) == number + 1
+
+
+def press_key(page: Page, key: str) -> None:
+    """Presses and releases a key on STOP."""
+    page.locator("#stop").press(key)

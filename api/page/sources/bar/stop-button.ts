@@ -1,6 +1,7 @@
 /**
- * STOP: halts all motion. It acts when the button goes down, not when it comes up, and on Escape anywhere. It asks
- * nothing, and shows within a second whether the service has received it.
+ * STOP: halts all motion. It acts when the button goes down, not when it comes up, on Escape anywhere, and when a
+ * screen reader or voice control activates it. It asks nothing, and shows within a second whether the service has
+ * received it.
  */
 import { html } from "lit";
 import { customElement, state } from "lit/decorators.js";
@@ -52,6 +53,16 @@ export class StopButton extends PageElement {
     this.press();
   }
 
+  /** What helps a person to operate a browser sends a click alone, which no pointer has made (`detail` is 0). */
+  private activate(event: MouseEvent): void {
+    if (event.detail === 0) this.press();
+  }
+
+  /** The key has acted when it went down; coming up, it would click in some browsers. */
+  private onKeyUp(event: KeyboardEvent): void {
+    if (event.key === " ") event.preventDefault();
+  }
+
   override render() {
     return html`<button
         id="stop"
@@ -60,6 +71,8 @@ export class StopButton extends PageElement {
         aria-keyshortcuts="Escape"
         @pointerdown=${this.pointer}
         @keydown=${this.onKey}
+        @keyup=${this.onKeyUp}
+        @click=${this.activate}
       >
         ${t("stop.button")}<small aria-hidden="true">Esc</small>
       </button>
