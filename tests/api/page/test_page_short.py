@@ -133,3 +133,18 @@ def test_page_stop_is_sent_once_by_pointer_and_by_keys(opened: Callable[..., Pag
 def press_key(page: Page, key: str) -> None:
     """Presses and releases a key on STOP."""
     page.locator("#stop").press(key)
+
+
+def test_page_enter_in_field_starts_nothing(opened: Callable[..., Page], lab: Lab) -> None:
+    """A scanner of bar codes ends each label by Enter."""
+    before = {session.id for session in lab.client.sessions()}
+    page = opened(Role.OPERATOR, "#/start")
+    expect(page.locator("#start")).to_be_enabled()
+    page.get_by_label("Label").fill("0815")
+    page.get_by_label("Label").press("Enter")
+    page.get_by_label("Pilot lights").press("Enter")
+    page.wait_for_timeout(SETTLED_MS)
+    assert {session.id for session in lab.client.sessions()} == before
+    assert lab.client.rig().holder is None
+    expect(page.get_by_label("Label")).to_have_value("0815")
+    expect(page.locator("#recipe button[hidden]")).to_be_hidden()

@@ -45,7 +45,10 @@ export class RecipeForm extends PageElement {
 
   override render() {
     const rest = this.fields.filter((field) => !FIRST.includes(field.name));
-    return html`${FIRST.map((name) => this.fields.find((field) => field.name === name)).map((field) =>
+    // Enter in a field activates a form's first button. As this one is disabled, it does nothing: the arm must not begin
+    // to move because a label was typed, or scanned.
+    return html`<button disabled hidden></button>
+      ${FIRST.map((name) => this.fields.find((field) => field.name === name)).map((field) =>
         field ? this.field(field, this.values, field.name) : nothing,
       )}
       <details @invalid=${OPEN_FOR_INVALID}>
