@@ -7,6 +7,7 @@ import { html, nothing, type TemplateResult } from "lit";
 import { customElement, property } from "lit/decorators.js";
 import { PageElement } from "../parts/element";
 import { exact, t, tOr } from "../words/language";
+import { numberIn } from "./number-in";
 import type { Field } from "./recipe-schema";
 
 export type Values = Record<string, unknown>;
@@ -114,7 +115,7 @@ export class RecipeForm extends PageElement {
           min=${field.least ?? nothing}
           max=${field.most ?? nothing}
           ?required=${!field.optional}
-          .value=${value === null || value === undefined ? "" : String(value)}
+          .value=${numberIn(value)}
           @input=${(event: Event) => put(text(event) === "" ? null : Number(text(event)))}
         />`;
       case "lights":

@@ -1,0 +1,37 @@
+"""What a person brings along: figures typed digit by digit, long lists, long words, mistyped addresses, old keys."""
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from api.rest.keys import Role
+from tests.api.page.conftest import HANGING_S, Lab
+
+pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
+
+PAGE = 50
+"""Sessions that the list shows at first."""
+
+PULSE_ENDED_MS = 2_500
+"""Time after which a pulse that is not answered has been given up, ms."""
+
+HEIGHT = 700
+"""Of a small window, px."""
+
+KNOWN_WITHIN_S = 60.0
+"""Time in which the service reads a key that was added, s."""
+
+
+def test_page_keeps_decimal_point_while_it_is_typed(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.OPERATOR, "#/start")
+    page.locator("label.preset", has_text="Target accuracy").click()
+    field = page.locator("#recipe-target_sigma_deg")
+    expect(field).to_have_value("0.7")
+    field.press("End")
+    field.press("Backspace")
+    field.press("5")
+    expect(field).to_have_value("0.5")
+    page.locator("label.preset").first.click()
+    page.locator("label.preset", has_text="Target accuracy").click()
+    expect(field).to_have_value("0.7")  # a preset writes it again
