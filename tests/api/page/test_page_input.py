@@ -5,7 +5,9 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
+from acquisition.models.recipe import Recipe
 from api.rest.keys import Role
+from tests.api.page.chromium import until
 from tests.api.page.conftest import HANGING_S, Lab
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
@@ -35,3 +37,20 @@ def test_page_keeps_decimal_point_while_it_is_typed(opened: Callable[..., Page],
     page.locator("label.preset").first.click()
     page.locator("label.preset", has_text="Target accuracy").click()
     expect(field).to_have_value("0.7")  # a preset writes it again
+
+
+def test_page_list_stays_as_long_as_it_was_made(opened: Callable[..., Page], lab: Lab) -> None:
+    for number in range(PAGE + 5):
+        lab.client.create(Recipe(label=f"of many {number}"))
+    page = opened(Role.OPERATOR, "#/sessions")
+    page.get_by_label("Search").fill("of many")
+    rows = page.locator("tr[data-session]")
+    expect(rows).to_have_count(PAGE)
+    page.get_by_role("button", name="Show more").click()
+    expect(rows).to_have_count(PAGE + 5)
+    made = lab.client.create(Recipe(label="of many, the last"))
+    expect(page.get_by_role("link", name="of many, the last")).to_be_visible()
+    expect(rows).to_have_count(PAGE + 5)  # the oldest is a page further
+    until(page, f"window.lightpose.events.some((event) => event.session_id === '{made.id}')")
+    page.get_by_label("Search").fill("of many 1")
+    expect(rows).to_have_count(11)

@@ -15,8 +15,13 @@ import { sessionName } from "../words/names";
 
 const STATES = ["created", "running", "paused", "interrupted", "completed", "stopped", "failed"] as const;
 
-/** Sessions that were found, and whether by a search. */
+/** Sessions of a page of the list, and at most at once. */
+const PAGE = 50;
+const LARGEST_PAGE = 200;
+
+/** Sessions that were found, by what, and whether by a search. */
 interface Found extends Page<Session> {
+  filter: string;
   searched: boolean;
 }
 
@@ -26,22 +31,35 @@ export class SessionsScreen extends PageElement {
   @state() private deleting: string | null = null;
   protected readonly watching = new LiveController(this);
   private readonly reading = new Reading<Found>(this, () => this.read(), {
-    again: ({ type }) => type.startsWith("session."),
+    // Progress and stages are not shown here.
+    again: ({ type }) => /^(session\.(?!progress|stage)|normals\.)/.test(type),
   });
 
-  /** The list's address. The service filters, so that old sessions are found too. */
-  private get address(): string {
-    const query = new URLSearchParams({ limit: "50" });
+  /** What the service is asked for: it filters, so that old sessions are found too. */
+  private get filter(): string {
+    const query = new URLSearchParams();
     const { text, state: wanted, since } = this.wanted;
     if (text) query.set("label", text);
     if (wanted) query.set("state", wanted);
     if (since) query.set("since", new Date(`${since}T00:00`).toISOString());
-    return `/v1/sessions?${query.toString()}`;
+    return query.toString();
   }
 
+  /** Reads the list, at least as far as it is shown: an event must not take away what a person has asked for. */
   private async read(): Promise<Found> {
+    const { filter } = this;
     const searched = Object.values(this.wanted).some(Boolean);
-    return { ...(await get<Page<Session>>(this.address)), searched };
+    const { found } = this.reading;
+    const shown = found?.filter === filter ? found.items.length : 0;
+    const limit = Math.min(Math.max(PAGE, shown), LARGEST_PAGE);
+    const items: Session[] = [];
+    let next: string | null = `/v1/sessions?limit=${limit}&${filter}`;
+    do {
+      const page: Page<Session> = await get<Page<Session>>(next);
+      items.push(...page.items);
+      next = page.next;
+    } while (next !== null && items.length < shown);
+    return { items, next, filter, searched };
   }
 
   private async more(): Promise<void> {
