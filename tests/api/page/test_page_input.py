@@ -54,3 +54,17 @@ def test_page_list_stays_as_long_as_it_was_made(opened: Callable[..., Page], lab
     until(page, f"window.lightpose.events.some((event) => event.session_id === '{made.id}')")
     page.get_by_label("Search").fill("of many 1")
     expect(rows).to_have_count(11)
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_page_long_words_stay_in_window_and_off_stop(opened: Callable[..., Page], lab: Lab, width: int) -> None:
+    session_id = lab.start(Recipe(pilot_lights=3, planned_lights=0, label="W" * 200, notes="first\n" + "n" * 400))
+    page = opened(Role.OPERATOR, f"#/sessions/{session_id}")
+    page.set_viewport_size({"width": width, "height": HEIGHT})
+    expect(page.locator("#rig-state")).to_contain_text("WWW")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.locator("#rig-state").evaluate("(words) => words.scrollWidth <= words.clientWidth")
+    assert "first\n" in page.locator(".notes").inner_text()
+    box = page.locator("app-bar").bounding_box()
+    assert box is not None
+    assert box["height"] < HEIGHT / 2

@@ -13,6 +13,14 @@ import { sessionName, stageName } from "../words/names";
 import "./safety-notice";
 import "./stop-button";
 
+/** Maximum number of characters of a session's name in the bar, which must leave the window to the screens. */
+const LONGEST_NAME = 40;
+
+function shortened(name: string): string {
+  const characters = [...name];
+  return characters.length > LONGEST_NAME ? `${characters.slice(0, LONGEST_NAME - 1).join("")}…` : name;
+}
+
 @customElement("app-bar")
 export class AppBar extends PageElement {
   protected readonly watching = new LiveController(this, ["change", "tick"]);
@@ -92,7 +100,7 @@ export class AppBar extends PageElement {
       if (rig.faults.length) return t("bar.stopped");
       return rig.may_start ? t("bar.free") : t("bar.not_ready");
     }
-    const name = sessionName(holder);
+    const name = shortened(sessionName(holder));
     const words = [`${name}: ${t(`state.${holder.state}` as Word)}`];
     if (holder.state === "running") {
       words.push(stageName(holder, holder.stage), percent(holder.progress));
