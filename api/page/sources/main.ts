@@ -18,13 +18,22 @@ import { t, type Word } from "./words/language";
 const SCREENS = ["start", "session", "cell", "preview", "sessions", "queue", "rig", "calibration"] as const;
 type Screen = (typeof SCREENS)[number];
 
+/** A part of the address; as it is if it was mistyped, because the page has to work whatever stands there. */
+function decoded(part: string): string {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
+}
+
 @customElement("operators-page")
 export class OperatorsPage extends PageElement {
   @state() private way: string[] = [];
   protected readonly watching = new LiveController(this);
 
   private readonly turn = (): void => {
-    this.way = location.hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
+    this.way = location.hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decoded);
     live.fail(null); // an error of another screen
     this.querySelector("main")?.focus({ preventScroll: true });
     window.scrollTo(0, 0);

@@ -3,11 +3,12 @@
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import BrowserContext, Page, expect
 
 from acquisition.models.recipe import Recipe
 from api.rest.keys import Role
-from tests.api.page.chromium import until
+from tests.api.page import chromium
+from tests.api.page.chromium import Console, until
 from tests.api.page.conftest import HANGING_S, Lab
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(HANGING_S)]
@@ -68,3 +69,8 @@ def test_page_long_words_stay_in_window_and_off_stop(opened: Callable[..., Page]
     box = page.locator("app-bar").bounding_box()
     assert box is not None
     assert box["height"] < HEIGHT / 2
+
+
+def test_page_works_at_mistyped_address(context: BrowserContext, console: Console, lab: Lab) -> None:
+    page = chromium.open_page(context, console, f"{lab.url}/#/sessions/%E0%A4%A", lab.secrets[Role.VIEWER])
+    expect(page.locator("main")).to_contain_text("There is no such session")
