@@ -1,11 +1,14 @@
 """What a person brings along: figures typed digit by digit, long lists, long words, mistyped addresses, old keys."""
 
+import time
 from collections.abc import Callable
 
+import httpx
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from acquisition.models.recipe import Recipe
+from api.rest import keys
 from api.rest.keys import Role
 from tests.api.page import chromium
 from tests.api.page.chromium import Console, until
@@ -74,3 +77,36 @@ def test_page_long_words_stay_in_window_and_off_stop(opened: Callable[..., Page]
 def test_page_works_at_mistyped_address(context: BrowserContext, console: Console, lab: Lab) -> None:
     page = chromium.open_page(context, console, f"{lab.url}/#/sessions/%E0%A4%A", lab.secrets[Role.VIEWER])
     expect(page.locator("main")).to_contain_text("There is no such session")
+
+
+def admitted(lab: Lab, name: str) -> str:
+    """A new operator's key that the service knows already."""
+    secret = keys.add(keys.path_in(lab.service.data), name, Role.OPERATOR)
+    deadline = time.monotonic() + KNOWN_WITHIN_S
+    while not caller(lab, secret).is_success:
+        assert time.monotonic() < deadline
+        time.sleep(0.5)
+    return secret
+
+
+def caller(lab: Lab, secret: str) -> httpx.Response:
+    """The service's answer to who a key's holder is."""
+    return httpx.get(f"{lab.url}/v1/caller", headers={"Authorization": f"Bearer {secret}"})
+
+
+def test_page_answer_about_old_key_does_not_end_new_one(context: BrowserContext, console: Console, lab: Lab) -> None:
+    """Each tab has an event stream of its own where shared workers are missing, as in many browsers of tablets."""
+    context.add_init_script("delete window.SharedWorker")
+    page = chromium.open_page(context, console, f"{lab.url}/#/rig", admitted(lab, "leaver"))
+    keys.revoke(keys.path_in(lab.service.data), "leaver")
+    until(page, "lightpose.keyNeeded && lightpose.stream.refused === 401")
+    with page.expect_request("**/health/live"):
+        page.route("**/health/live", lambda route: None)  # this pulse is answered after the new key is in use
+    key = page.get_by_label("Key", exact=True)
+    key.fill(lab.secrets[Role.OPERATOR])
+    page.get_by_role("button", name="Sign in").click()
+    expect(key).to_have_count(0)
+    page.unroute_all()
+    page.wait_for_timeout(PULSE_ENDED_MS)
+    expect(key).to_have_count(0)
+    until(page, "lightpose.stream.open")

@@ -133,6 +133,7 @@ export class EventStream {
   }
 
   private update(change: Partial<StreamStatus>): void {
+    if (this.ended) return; // an answer that was under way is about another key
     this.status = { ...this.status, ...change };
     this.listener.status(this.status);
   }
