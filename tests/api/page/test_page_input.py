@@ -7,9 +7,11 @@ import httpx
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
+from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from api.rest import keys
 from api.rest.keys import Role
+from api.rest.schemas import Problem
 from tests.api.page import chromium
 from tests.api.page.chromium import Console, until
 from tests.api.page.conftest import HANGING_S, Lab
@@ -110,3 +112,11 @@ def test_page_answer_about_old_key_does_not_end_new_one(context: BrowserContext,
     page.wait_for_timeout(PULSE_ENDED_MS)
     expect(key).to_have_count(0)
     until(page, "lightpose.stream.open")
+
+
+def test_page_of_revoked_key_asks_for_another_on_crowded_machine(opened: Callable[..., Page], lab: Lab) -> None:
+    """After many wrong keys of a machine one more is refused as such; a valid one never is."""
+    page = opened(Role.OPERATOR, "#/rig")
+    refusal = Problem.of(ErrorCode.REQUEST_TOO_MANY_FAILURES, "10 requests without a valid key")
+    page.route("**/v1/rig", lambda route: route.fulfill(status=429, body=refusal.model_dump_json()))
+    expect(page.get_by_label("Key", exact=True)).to_be_visible()

@@ -275,7 +275,8 @@ class Live extends EventTarget {
     void read()
       .catch((error: unknown) => {
         // Not reached: the age of the connection shows that, and it is read again when the connection is back.
-        if (keyProblem(error) === "wrong") this.keyNeeded = true; // revoked meanwhile
+        // Revoked meanwhile: of many wrong keys of a machine too, because a valid one is never refused as `crowded`.
+        if (keyProblem(error) !== "unreached") this.keyNeeded = true;
       })
       .finally(() => {
         this.changed();
