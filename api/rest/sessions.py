@@ -245,6 +245,8 @@ def passes(
     """Lists the passes that have a plan."""
     service.store.journal.session(session_id)
     shots = service.store.journal.shots(session_id)
+    # A review that replaced a plan has left the one before in the journal.
+    newest = {plan.number: plan for plan in service.store.journal.artifacts(session_id, "plan")}
     items = [
         PassSummary(
             number=plan.number,
@@ -254,7 +256,7 @@ def passes(
             predicted_sigma_deg=plan.body["predicted_sigma_deg"],
             links={"self": f"/v1/sessions/{session_id}/passes/{plan.number}"},
         )
-        for plan in service.store.journal.artifacts(session_id, "plan")
+        for _, plan in sorted(newest.items())
     ]
     return page(request, items, limit, after)
 

@@ -314,6 +314,8 @@ def test_plan_under_review_can_be_replaced(live: Any, done: tuple[Any, list[Any]
     assert answer.status_code == 200
     assert [light["position"] for light in answer.json()["plan"]["lights"]] == moved
     assert live.client.one_pass(created.id, 0).plan.method == "user"
+    listed = live.http.get(f"/v1/sessions/{created.id}/passes").json()["items"]
+    assert [(one["number"], one["method"]) for one in listed] == [(0, "user")]
     live.client.stop(created.id)
     assert live.client.wait(created.id).state is State.STOPPED
     late = live.http.put(address, json={"lights": moved})
