@@ -6,6 +6,7 @@ once more, and the summary names it. Tests without a clock, and long ones, are n
 
 import gc
 import ipaddress
+import itertools
 import os
 import socket
 from collections.abc import Generator
@@ -21,6 +22,7 @@ settings.load_profile("suite")
 
 TESTS = Path(__file__).parent
 NO_CLOCK = tuple(TESTS / "acquisition" / name for name in ("calibrate", "normals", "plan", "waypoints"))
+COMPUTING = (*NO_CLOCK, TESTS / "path_traced", TESTS / "unseen")
 
 os.environ["LIGHTPOSE_LOOPBACK_ONLY"] = "1"  # inherited by driver processes, which refuse any other address
 
@@ -45,10 +47,25 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Lets tests of the default suite that depend on a clock run a second time."""
+    """Lets tests of the default suite that depend on a clock run a second time, and mixes those that compute with those
+    that wait for an arm: of either alone, the workers would keep each other waiting, or the cores idle."""
     for item in items:
         if item.get_closest_marker("long") is None and not any(map(item.path.is_relative_to, NO_CLOCK)):
             item.add_marker(pytest.mark.flaky(reruns=1))
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        items[:] = mixed(items)
+
+
+def mixed(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Returns the tests with files of `COMPUTING` spread evenly among the others; each file's tests stay together."""
+    files = {path: list(tests) for path, tests in itertools.groupby(items, key=lambda item: item.path)}
+    placed: list[tuple[float, list[pytest.Item]]] = []
+    for computing in (True, False):
+        ours = [tests for path, tests in files.items() if any(map(path.is_relative_to, COMPUTING)) is computing]
+        before = itertools.accumulate(map(len, ours), initial=0)
+        count = sum(map(len, ours))
+        placed += [(number / count, tests) for number, tests in zip(before, ours, strict=False)]
+    return [item for _, tests in sorted(placed, key=lambda one: one[0]) for item in tests]
 
 
 def refuse_foreign_address(address: Any) -> None:

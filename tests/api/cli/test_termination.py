@@ -12,7 +12,7 @@ from tests.acquisition.formats.folders import small
 
 ROOT = Path(__file__).parents[3]
 PROGRAM = """
-import sys, time
+import signal, sys, time
 from acquisition.formats import folders
 from api.cli.commands import app
 
@@ -22,6 +22,7 @@ def read(folder, scratch, **_):
     time.sleep(60)
 
 folders.read = read
+signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a shell it is ignored
 app(sys.argv[1:])
 """
 """The command line, whose reader unpacks a file and then takes its time."""
