@@ -48,9 +48,6 @@ DISTORTION_SIGMAS = (0.2, 0.5, 2e-3, 2e-3, 0.5)
 """Prior 1 σ of k1, k2, p1, p2, k3, for the lenses that a lab uses."""
 POSE_SIGMA = (0.01, math.radians(1.0))
 """Prior 1 σ of the poses of camera and board, m and rad: placed with ruler and protractor."""
-MAX_ARM_SIGMA_M = 0.001
-"""Deviation of the arm from its chain, m, above which something moved that should not: the board on the flange, the
-camera, or the arm's own mount. An arm with nominal kinematics stays below half a millimetre."""
 
 
 @dataclass(frozen=True)
@@ -94,12 +91,12 @@ def estimate(images: BoardImages, recipe: BoardRecipe, cell: CellConfig) -> Boar
     if recipe.kind == "camera" or model.chain is None:
         return BoardEstimate(camera, None)
     found = hand_eye.fit(model.board, model.chain, images.views, camera)
-    arm_sigma_m = found.adjusted.arm_sigma[0]
-    if arm_sigma_m > MAX_ARM_SIGMA_M:
+    if found.furthest is not None:
         raise RigError(
             ErrorCode.SCENE_MOVED,
-            f"Between the views, board, camera and arm moved by {1e3 * arm_sigma_m:.1f} mm relative to each other, "
-            "beyond the joint motion: tighten the board on the flange and the camera's mount, then begin a new session",
+            f"Between the views, board, camera and arm moved by {1e3 * found.adjusted.arm_sigma[0]:.1f} mm relative to "
+            f"each other, beyond the joint motion, most in {found.furthest}: tighten the board on the flange and the "
+            "camera's mount, then begin a new session",
         )
     # The camera is that of the adjustment with the arm, whose motions fix the scale of the views.
     return BoardEstimate(CameraFit(images.size, found.adjusted), found)

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from acquisition import geometry
-from acquisition.calibrate.charuco import CharucoBoard, View
+from acquisition.calibrate.charuco import MIN_CORNERS, CharucoBoard, View
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.waypoints import calibrated_kinematics
@@ -99,10 +99,10 @@ class Parameters:
         offsets[1:5] += shared[JOINT_OFFSETS]
         return Parameters(
             self.camera + shared[CAMERA],
-            np.stack([one @ _exponential(step) for one, step in zip(self.own, own, strict=True)]),
+            np.stack([one @ geometry.pose(*step.reshape(2, 3)) for one, step in zip(self.own, own, strict=True)]),
             self.warp + shared[WARP],
-            self.base_from_camera @ _exponential(shared[BASE_FROM_CAMERA]),
-            self.flange_from_board @ _exponential(shared[FLANGE_FROM_BOARD]),
+            self.base_from_camera @ geometry.pose(*shared[BASE_FROM_CAMERA].reshape(2, 3)),
+            self.flange_from_board @ geometry.pose(*shared[FLANGE_FROM_BOARD].reshape(2, 3)),
             self.scale + float(shared[SCALE]),
             offsets,
         )
@@ -199,23 +199,26 @@ class _Reduced:
     views: tuple[_View, ...]
 
 
-def adjust(model: Model, views: Sequence[View], start: Parameters) -> Adjusted:
+def adjust(model: Model, views: Sequence[View], start: Parameters, least: int) -> Adjusted:
     """Bundle adjustment by Gauss–Newton with Levenberg's damping; leaves out misread corners and repeats the fit.
 
-    Raises RigError calibration.infeasible if the views do not determine the parameters.
+    A view that keeps too few corners is left out as a whole. Raises RigError calibration.infeasible if the views do not
+    determine the parameters, and if fewer than `least`, or than half of them, are left.
     """
     kept, left_out, parameters = list(views), list[tuple[str, int]](), start
     while True:
         found = _descend(model, kept, parameters)
-        misread = [np.abs(one).max(axis=1) > OUTLIER_SIGMA * found.corner_sigma_px for one in found.residuals_px]
-        if not any(bad.any() for bad in misread):
+        good = [np.abs(one).max(axis=1) <= OUTLIER_SIGMA * found.corner_sigma_px for one in found.residuals_px]
+        if all(one.all() for one in good):
             return replace(found, left_out=tuple(left_out))
-        left_out += [(view.name, int(n)) for view, bad in zip(kept, misread, strict=True) for n in view.corners[bad]]
-        kept = [
-            replace(view, corners=view.corners[~bad], pixels=view.pixels[~bad])
-            for view, bad in zip(kept, misread, strict=True)
-        ]
-        parameters = found.parameters
+        good = [one & (np.count_nonzero(one) >= MIN_CORNERS) for one in good]
+        left_out += [(view.name, int(n)) for view, one in zip(kept, good, strict=True) for n in view.corners[~one]]
+        parameters = replace(found.parameters, own=found.parameters.own[[bool(one.any()) for one in good]])
+        kept = [view.only(one) for view, one in zip(kept, good, strict=True) if one.any()]
+        if len(kept) < max(least, len(views) / 2):
+            why = "are they sharp, and do the joints stated for each image belong to it?"
+            said = f"Of {len(views)} images of the board too few agree with each other: {why}"
+            raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, said)
 
 
 @dataclass(frozen=True)
@@ -389,10 +392,6 @@ def _by_twist(by_point: FloatArray, points: FloatArray) -> FloatArray:
     """Converts derivatives by points (K, 2, 3) of a frame into those by its translation and rotation, (K, 2, 6)."""
     turned = np.stack([np.cross(axis, points) for axis in np.eye(3)], axis=-1)  # (K, 3, axis)
     return np.concatenate([by_point, by_point @ turned], axis=-1)
-
-
-def _exponential(twist: FloatArray) -> FloatArray:
-    return geometry.pose(twist[:3], twist[3:])
 
 
 def _logarithm(pose: FloatArray) -> FloatArray:

@@ -5,13 +5,13 @@ so that a board that is partly hidden or leaves the image still counts. The boar
 the board, x along its columns, y along its rows, z into it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from pydantic import Field, model_validator
 
-from acquisition.models.base import FloatArray, Value
+from acquisition.models.base import BoolArray, FloatArray, Value
 from acquisition.models.cell_config import BoardConfig
 from acquisition.models.charuco_markers import refuse_too_many_squares
 
@@ -94,6 +94,10 @@ class View:
     corners: np.ndarray
     pixels: FloatArray
     joints: FloatArray | None = None
+
+    def only(self, good: BoolArray) -> "View":
+        """Returns the view with only the corners `good` (K,)."""
+        return replace(self, corners=self.corners[good], pixels=self.pixels[good])
 
 
 def detect(image: np.ndarray, board: CharucoBoard, name: str, joints: FloatArray | None = None) -> View | None:

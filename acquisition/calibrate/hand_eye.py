@@ -35,6 +35,11 @@ MIN_TURN_DEG = 20.0
 """Least rotation of the flange about a second axis between views, degrees: rotations about one axis alone do not
 determine the camera's place along it."""
 
+MAX_ARM_SIGMA_M = 0.001
+"""Deviation of the arm from its chain, m, above which something moved that should not (the board on the flange, the
+camera, the arm's own mount) or joints do not belong to their image. An arm with nominal kinematics stays below half a
+millimetre."""
+
 MAX_SCALE = 0.005
 """Relative deviation of the squares from their stated side above which the side counts as wrongly measured."""
 
@@ -56,6 +61,15 @@ class HandEyeFit:
         return self.adjusted.covariance[BASE_FROM_CAMERA, BASE_FROM_CAMERA]
 
     @property
+    def furthest(self) -> str | None:
+        """Name of the view in which the arm deviates most from its chain, if it deviates by more than
+        `MAX_ARM_SIGMA_M` over all views."""
+        if self.adjusted.arm_sigma[0] <= MAX_ARM_SIGMA_M:
+            return None
+        deviations = np.linalg.norm(self.adjusted.parameters.own[:, :3, 3], axis=1)
+        return self.adjusted.views[int(np.argmax(deviations))].name
+
+    @property
     def sigma(self) -> tuple[float, float]:
         """1 σ of the camera's place, m, and of its rotation, rad: roots of the traces of their covariances."""
         variance = np.diag(self.covariance).reshape(2, 3).sum(axis=1)
@@ -69,15 +83,15 @@ def fit(board: CharucoBoard, chain: FloatArray, views: Sequence[View], camera: C
     contains the views, matched by name. Raises RigError calibration.infeasible for too few views or a flange that turns
     about one axis only, calibration.board_wrong for a wrong side of the squares.
     """
+    if any(view.joints is None for view in views):
+        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, "The arm's joints must be stated for every image")
+    own = dict(zip((view.name for view in camera.adjusted.views), camera.adjusted.parameters.own, strict=True))
+    views = [view for view in views if view.name in own]  # the camera's calibration leaves out misread views
     if len(views) < MIN_VIEWS:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE, f"{len(views)} views of the board on the flange: {MIN_VIEWS} are needed"
         )
-    joints = [view.joints for view in views]
-    if any(one is None for one in joints):
-        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, "The arm's joints must be stated for every image")
-    base_from_flange = calibrated_kinematics.forward(chain, np.array(joints))[:, 6]
-    own = dict(zip((view.name for view in camera.adjusted.views), camera.adjusted.parameters.own, strict=True))
+    base_from_flange = calibrated_kinematics.forward(chain, np.array([view.joints for view in views]))[:, 6]
     camera_from_board = np.stack([own[view.name] for view in views])
     base_from_camera = park(base_from_flange, camera_from_board)
     start = replace(
@@ -89,7 +103,7 @@ def fit(board: CharucoBoard, chain: FloatArray, views: Sequence[View], camera: C
             for flange, board in zip(base_from_flange, camera_from_board, strict=True)
         ]),
     )  # fmt: skip
-    found = adjust(Model(board, chain), views, start)
+    found = adjust(Model(board, chain), views, start, MIN_VIEWS)
     _require_scale(found)
     return HandEyeFit(found)
 

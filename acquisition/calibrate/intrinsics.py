@@ -41,7 +41,7 @@ def fit(board: CharucoBoard, views: Sequence[View], size: tuple[int, int]) -> Ca
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE, f"The board is seen in {len(views)} images: {MIN_VIEWS} are needed"
         )
-    return CameraFit(size, adjust(Model(board), views, _start(board, views, size)))
+    return CameraFit(size, adjust(Model(board), views, _start(board, views, size), MIN_VIEWS))
 
 
 def _start(board: CharucoBoard, views: Sequence[View], size: tuple[int, int]) -> Parameters:

@@ -129,6 +129,14 @@ def calibrate_hand_eye(
     board, captured = _read(folder, board_file, read_joints(folder / JOINTS_FILE))
     camera = intrinsics.fit(board, captured.views, captured.size)
     found = hand_eye.fit(board, chain, captured.views, camera)
+    if found.furthest is not None:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"The board is {1e3 * found.adjusted.arm_sigma[0]:.1f} mm from where the arm's joints put it, most in "
+            f"{found.furthest}: does {JOINTS_FILE} state each image's own joints in rad, is the cell file's arm this "
+            "one, and did board, camera and arm stay fixed?",
+            image=found.furthest,
+        )
     # This camera fits all corners together with the arm's motions, which fix the scale of the views.
     result = board_results.hand_eye_result(found, captured.hashes)
     camera_result = _write_camera(CameraFit(captured.size, found.adjusted), captured, out)
@@ -203,7 +211,8 @@ def _write_camera(found: CameraFit, captured: Captured, out: Path) -> CameraResu
 def _show_views(console: Console, views: Sequence[ViewResidual]) -> None:
     for view in views:
         if view.rms_px is None:
-            console.print(f"{view.image}: the board is not seen", style="yellow")
+            why = "left out, its corners contradict the other images" if view.left_out else "the board is not seen"
+            console.print(f"{view.image}: {why}", style="yellow")
         else:
             more = f", {view.left_out} left out as misread" if view.left_out else ""
             console.print(f"{view.image}: {view.corners} corners, {view.rms_px:.3f} px{more}", style="dim")

@@ -62,6 +62,35 @@ def test_misread_corner_is_left_out_and_named() -> None:
     assert found.adjusted.corner_sigma_px < 0.06
 
 
+def test_blurred_view_is_left_out_as_a_whole() -> None:
+    """Of a view whose corners all scatter by pixels, no corner is left; it once ended in an error of numpy."""
+    known, seen = captured(3)
+    pixels = seen[3].pixels + np.random.default_rng(0).normal(0, 3, seen[3].pixels.shape)
+    camera = intrinsics.fit(BOARD, [*seen[:3], replace(seen[3], pixels=pixels), *seen[4:]], SIZE)
+    assert {name for name, _ in camera.adjusted.left_out} == {seen[3].name}
+    assert [view.name for view in camera.adjusted.views] == [view.name for view in seen if view is not seen[3]]
+    found = hand_eye.fit(BOARD, NOMINAL, seen, camera)
+    error = error_of_pose(found.base_from_camera, known.base_from_camera)
+    assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.999, 6)
+    assert found.furthest is None
+
+
+def test_joints_of_another_image_are_refused() -> None:
+    """All joints shifted by an image left no corner; those of two images exchanged gave a camera far from its place."""
+    _, seen = captured(3)
+    shifted = [replace(view, joints=seen[(n + 1) % len(seen)].joints) for n, view in enumerate(seen)]
+    assert "do the joints stated for each image belong to it?" in refusal(shifted)
+    exchanged = [
+        *seen[:2],
+        replace(seen[2], joints=seen[7].joints),
+        *seen[3:7],
+        replace(seen[7], joints=seen[2].joints),
+    ]
+    exchanged += seen[8:]
+    found = hand_eye.fit(BOARD, NOMINAL, exchanged, intrinsics.fit(BOARD, exchanged, SIZE))
+    assert found.furthest in (seen[2].name, seen[7].name)
+
+
 def test_hand_eye_fifteen_views_meet_the_accuracy_asked() -> None:
     known, seen = captured(4)
     found = hand_eye.fit(BOARD, NOMINAL, seen, intrinsics.fit(BOARD, seen, SIZE))

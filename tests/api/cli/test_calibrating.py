@@ -1,6 +1,7 @@
 """`lightpose calibrate …` on folders of rendered images: results, files, and what is refused."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -138,6 +139,22 @@ def test_hand_eye_of_folder_finds_camera_and_pose(folder: Path, tmp_path: Path) 
     code, output = lightpose("calibrate", "camera", folder, "--board", folder / "board.json", "--out", out)
     assert code == 2
     assert "camera.json exists and is not overwritten" in output
+
+
+def test_hand_eye_with_lines_of_joints_exchanged_is_refused(folder: Path, tmp_path: Path) -> None:
+    given = tmp_path / "given"
+    shutil.copytree(folder, given)
+    lines = (given / "joints.csv").read_text(encoding="utf-8").splitlines()
+    (first, *one), (second, *other) = lines[3].split(","), lines[8].split(",")
+    lines[3], lines[8] = ",".join([first, *other]), ",".join([second, *one])
+    (given / "joints.csv").write_text("\n".join(lines), encoding="utf-8")
+    code, output = lightpose(
+        "calibrate", "hand-eye", given, "--cell", CELL, "--board", given / "board.json", "--out", tmp_path / "out"
+    )
+    assert code == 2
+    assert "joints.csv" in output
+    assert first in output or second in output
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
