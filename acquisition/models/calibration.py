@@ -27,6 +27,12 @@ class SensorModel(Value):
         default=None, description="Channels of the upper left 2 × 2 sites, row by row; none: a monochrome sensor"
     )
 
+    @model_validator(mode="after")
+    def _has_a_range(self) -> "SensorModel":
+        if self.full_scale_dn <= 0:
+            raise ValueError(f"black_level_dn must be below {2**self.bits - 1}, the largest value of {self.bits} bits")
+        return self
+
     @property
     def full_scale_dn(self) -> float:
         """Range from the black level to clipping, DN."""
@@ -95,8 +101,8 @@ class Calibration(Value):
     axis, the lamp's radiant intensity falls as cos^lobe_exponent, multiplied by `lobe` if there is one.
     """
 
-    width: int = Field(description="Pixels of an image's row")
-    height: int = Field(description="Pixels of an image's column")
+    width: int = Field(gt=0, description="Pixels of an image's row")
+    height: int = Field(gt=0, description="Pixels of an image's column")
     camera_matrix: tuple[Vector3, Vector3, Vector3] = Field(strict=False, description="OpenCV, pixels")
     distortion: Annotated[
         tuple[float, float, float, float, float], Field(strict=False, description="k1 k2 p1 p2 k3, OpenCV")
@@ -136,7 +142,9 @@ class Calibration(Value):
         "rotation vector, rad, in the camera's frame",
     )
     made_at: str = Field(description="ISO 8601 with time zone")
-    valid_days: float = Field(gt=0, description="Validity, days; no session starts with an older calibration")
+    valid_days: float = Field(
+        gt=0, le=36_500, description="Validity, days; no session starts with an older calibration"
+    )
 
     @field_validator("made_at")
     @classmethod
@@ -149,6 +157,30 @@ class Calibration(Value):
         if zone is None:
             raise ValueError(f"{made_at!r} is not a date and time with a time zone, such as '2026-11-30T09:00:00Z'")
         return made_at
+
+    @model_validator(mode="after")
+    def _is_a_camera(self) -> "Calibration":
+        """Refuses a matrix that is transposed, skewed, or without a focal length."""
+        (f_x, skew, _), (left, f_y, _), last = self.camera_matrix
+        if min(f_x, f_y) <= 0 or skew != 0 or left != 0 or last != (0.0, 0.0, 1.0):
+            raise ValueError(
+                "camera_matrix must be [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]], in pixels, with f_x and f_y above 0"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _poses_are_rigid(self) -> "Calibration":
+        """Refuses matrices that scale, shear or mirror, and transposed ones, whose place is in the last row."""
+        for name in ("base_from_camera", "tool_from_lamp"):
+            matrix = np.array(getattr(self, name))
+            rotation = matrix[:3, :3]
+            if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
+                raise ValueError(f"{name} is not a rigid transform: its first three columns must be a rotation")
+            if np.linalg.det(rotation) < 0:
+                raise ValueError(f"{name} mirrors: one of its axes has the wrong sign (x × y must be z)")
+            if matrix[3].tolist() != [0, 0, 0, 1]:
+                raise ValueError(f"the last row of {name} must be [0, 0, 0, 1]: the place is the last column")
+        return self
 
     @model_validator(mode="after")
     def _covariances_are_such(self) -> "Calibration":

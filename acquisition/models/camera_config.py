@@ -29,6 +29,12 @@ class CameraConfig(Value):
         description="How long to wait for a lost camera before the session is interrupted, s",
     )
 
+    @model_validator(mode="after")
+    def _has_exposure_times(self) -> Self:
+        if self.min_exposure_s > self.max_exposure_s:
+            raise ValueError("min_exposure_s must not be above max_exposure_s")
+        return self
+
     def require_exposure(self, exposure_s: float) -> None:
         """Raises RigError request.invalid for an exposure time outside the limits."""
         if not self.min_exposure_s <= exposure_s <= self.max_exposure_s:

@@ -8,7 +8,7 @@ import json
 import math
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -27,6 +27,14 @@ class Pose(Value):
 
     position_m: Vector3
     rotation_vector_rad: Vector3 = (0.0, 0.0, 0.0)
+
+    @field_validator("rotation_vector_rad")
+    @classmethod
+    def _is_in_rad(cls, vector: Vector3) -> Vector3:
+        """Refuses more than a turn, which is in degrees."""
+        if math.hypot(*vector) > 2 * math.pi:
+            raise ValueError("the vector is longer than a turn: it is the axis times the angle in rad, not in degrees")
+        return vector
 
     @property
     def matrix(self) -> geometry.FloatArray:
@@ -144,7 +152,7 @@ class ArmConfig(Value):
     flange_from_tool: Pose = Field(description="The controller's TCP: origin at the emitter, +z the lamp's axis")
     payload_kg: float = Field(gt=0, description="Bracket, lamp and cable, weighed")
     payload_center_m: Vector3 = Field(description="Their centre of gravity in the flange frame")
-    tool_capsules: list[CapsuleShape] = Field(description="Bracket and lamp, in the flange frame")
+    tool_capsules: list[CapsuleShape] = Field(min_length=1, description="Bracket and lamp, in the flange frame")
     cable_allowance_m: float = Field(
         default=0.0, ge=0, description="Added to the radius of the last wrist and the tool for cables"
     )
@@ -218,6 +226,12 @@ class DomeConfig(Value):
     max_slant_deg: float = Field(default=MAX_SLANT_DEG, gt=0, le=89)
     candidates: int = Field(default=300, ge=12, le=2000)
 
+    @model_validator(mode="after")
+    def _is_a_cap(self) -> "DomeConfig":
+        if self.min_slant_deg >= self.max_slant_deg:
+            raise ValueError("min_slant_deg must be below max_slant_deg")
+        return self
+
 
 class ObstacleBase(Value):
     """Fields of all obstacles."""
@@ -245,12 +259,15 @@ class HalfSpace(ObstacleBase):
         return normal
 
 
+HalfExtent = Annotated[float, Field(gt=0)]
+
+
 class Box(ObstacleBase):
     """A box with half extents, base frame."""
 
     kind: Literal["box"] = "box"
     base_from_box: Pose
-    half_extents_m: Vector3
+    half_extents_m: Annotated[tuple[HalfExtent, HalfExtent, HalfExtent], Field(strict=False)]
 
 
 class Capsule(ObstacleBase):
@@ -358,7 +375,7 @@ def load(path: Path) -> CellConfig:
     """Reads a cell file. Raises RigError config.invalid naming the file and each invalid field."""
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
-        _read_meshes(content, path)
+        stl.read_meshes(content, path)
         return CellConfig.model_validate_json(json.dumps(content))
     except OSError as error:
         raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: cannot be read: {error.strerror}", file=str(path)) from error
@@ -368,28 +385,11 @@ def load(path: Path) -> CellConfig:
         raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {wrong_fields(error)}", file=str(path)) from error
 
 
-def _read_meshes(content: dict[str, Any], cell_file: Path) -> None:
-    """Replaces the mesh files that obstacles name by their vertices."""
-    obstacles = content.get("obstacles")
-    for item in obstacles if isinstance(obstacles, list) else []:
-        if isinstance(item, dict) and "file" in item:
-            mesh = cell_file.parent / str(item.pop("file"))
-            try:
-                item["vertices_m"] = stl.vertices(mesh).tolist()
-            except (OSError, ValueError) as error:
-                raise RigError(ErrorCode.CONFIG_INVALID, f"{mesh}: {error}", file=str(mesh)) from error
-
-
 def load_calibration(path: Path) -> Calibration:
     """Reads `calibration.json`. Raises RigError config.invalid naming the file and each invalid field."""
     try:
-        calibration = Calibration.model_validate_json(path.read_bytes())
+        return Calibration.model_validate_json(path.read_bytes())
     except OSError as error:
         raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: cannot be read: {error.strerror}", file=str(path)) from error
     except ValidationError as error:
         raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {wrong_fields(error)}", file=str(path)) from error
-    for name in ("base_from_camera", "tool_from_lamp"):
-        rotation = np.array(getattr(calibration, name))[:3, :3]
-        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
-            raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {name} is not a rigid transform", file=str(path))
-    return calibration

@@ -5,11 +5,13 @@ Reading returns the vertices only, since obstacles are their convex hulls. Writi
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from acquisition.models.base import FloatArray
+from acquisition.models.errors import ErrorCode, RigError
 
 _HEADER, _COUNT, _FACE = 80, 4, 50
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
@@ -38,3 +40,15 @@ def encoded(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> bytes:
     records["corners"] = corners
     records["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
     return bytes(_HEADER) + len(corners).to_bytes(_COUNT, "little") + records.tobytes()
+
+
+def read_meshes(content: dict[str, Any], cell_file: Path) -> None:
+    """Replaces the mesh files that a cell file's obstacles name by their vertices. Raises RigError config.invalid."""
+    obstacles = content.get("obstacles")
+    for item in obstacles if isinstance(obstacles, list) else []:
+        if isinstance(item, dict) and "file" in item:
+            mesh = cell_file.parent / str(item.pop("file"))
+            try:
+                item["vertices_m"] = vertices(mesh).tolist()
+            except (OSError, ValueError) as error:
+                raise RigError(ErrorCode.CONFIG_INVALID, f"{mesh}: {error}", file=str(mesh)) from error

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
+from acquisition import geometry, lamp_pose, photometry
 from acquisition.capture import camera_fit
 from acquisition.devices.ur import primary
 from acquisition.models import cell_config
@@ -86,8 +87,30 @@ def _offline(console: Console, cell: CellConfig, cell_file: Path) -> bool:
     if not good:
         console.print(f"WRONG {ErrorCode.RIG_NOT_READY}: the calibration expired on {calibration.valid_until:%Y-%m-%d}")
         console.print("        what to do: calibrate again; until then no session starts.")
+    good &= _looks_at_object(console, cell, calibration)
     _motions(console, cell, calibration)
     return good
+
+
+def _looks_at_object(console: Console, cell: CellConfig, calibration: Calibration) -> bool:
+    """Checks that the middle of the object's place is in the image, by the calibration."""
+    keep_out = cell.object.keep_out
+    middle = geometry.transform(keep_out.base_from_object.matrix, [0.0, 0.0, keep_out.height_m / 2])
+    view = geometry.transform(geometry.inverse(lamp_pose.base_from_view(calibration)), middle[None])
+    away_m, (column, row) = -float(view[0, 2]), photometry.project(calibration, view)[0]
+    where = (
+        "behind the camera" if away_m <= 0 else f"{away_m:.2f} m before the camera, at pixel ({column:.0f}, {row:.0f})"
+    )
+    if away_m > 0 and 0 <= column < calibration.width and 0 <= row < calibration.height:
+        wide = 2 * keep_out.radius_m * calibration.camera_matrix[0][0] / away_m
+        console.print(f"ok    view: the middle of the object's place is {where}; the place is {wide:.0f} pixels wide")
+        return True
+    console.print(f"WRONG {ErrorCode.CONFIG_INVALID}: the middle of the object's place is {where}, not in the image")
+    console.print(
+        "        what to do: correct `base_from_camera` and `camera_matrix` in calibration.json, or `base_from_object` "
+        "of the keep-out; lengths are in m, the camera's z looks forward."
+    )
+    return False
 
 
 def _motions(console: Console, cell: CellConfig, calibration: Calibration) -> None:

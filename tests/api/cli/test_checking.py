@@ -2,7 +2,9 @@
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -84,6 +86,72 @@ def test_check_wrong_value_is_one_finding_that_says_what_to_correct(
     out = capsys.readouterr().out
     assert said in out
     assert out.count("WRONG") == out.count("what to do:") == 1
+
+
+def _mirrored(pose: list[list[float]]) -> list[list[float]]:
+    return [[row[0], -row[1], *row[2:]] for row in pose[:3]] + pose[3:]
+
+
+def _transposed(pose: list[list[float]]) -> list[list[float]]:
+    return [list(column) for column in zip(*pose, strict=True)]
+
+
+def _in_mm(pose: list[list[float]]) -> list[list[float]]:
+    return [[*row[:3], 1000 * row[3]] for row in pose[:3]] + pose[3:]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("base_from_camera", _mirrored, "base_from_camera mirrors"),
+        ("base_from_camera", _transposed, "the last row of base_from_camera must be [0, 0, 0, 1]"),
+        ("base_from_camera", _in_mm, "m before the camera, at pixel"),
+        ("tool_from_lamp", _mirrored, "tool_from_lamp mirrors"),
+        ("camera_matrix", _transposed, "camera_matrix must be [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]"),
+        ("camera_matrix", lambda matrix: [[0.0, *matrix[0][1:]], *matrix[1:]], "with f_x and f_y above 0"),
+        ("width", lambda _: 0, "width: Input should be greater than 0"),
+        ("valid_days", lambda _: 1e12, "valid_days: Input should be less than or equal to"),
+        ("sensor", lambda sensor: sensor | {"black_level_dn": 5000.0}, "black_level_dn must be below 4095"),
+    ],
+)
+def test_check_of_an_impossible_calibration_says_what_is_wrong(
+    name: str, change: Callable[[Any], Any], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The arm reached lights for all of these, so that the check passed."""
+    nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
+    file = tmp_path / "calibration.json"
+    stated = json.loads(file.read_text())
+    file.write_text(json.dumps(stated | {name: change(stated[name])}))
+
+    assert not checking.check(tmp_path / "cell.toml", offline=True)
+
+    out = capsys.readouterr().out
+    assert said in out
+    assert out.count("WRONG") == out.count("what to do:") == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "said"),
+    [
+        (
+            "^flange_from_tool = .*",
+            "flange_from_tool = { position_m = [0.0, 0.0, 0.1], rotation_vector_rad = [0.0, 105.0, 0.0] }",
+            "not in degrees",
+        ),
+        (r"^\[dome\]$", "[dome]\nmin_slant_deg = 80", "min_slant_deg must be below max_slant_deg"),
+        (r"^\[camera\]$", "[camera]\nmin_exposure_s = 2.0", "min_exposure_s must not be above max_exposure_s"),
+    ],
+)
+def test_check_names_wrong_units_and_ranges(
+    line: str, instead: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
+    cell_file = tmp_path / "cell.toml"
+    cell_file.write_text(re.sub(line, instead, cell_file.read_text(), count=1, flags=re.MULTILINE))
+
+    assert not checking.check(cell_file, offline=True)
+
+    assert said in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
