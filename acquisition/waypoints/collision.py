@@ -32,8 +32,9 @@ NODE_SLACK_M = 0.002
 CONE_MARGIN_M = 0.01
 """Margin, m, around both cones: half the entrance pupil of the lens. The lamp's emitter is extended, too."""
 
-_PAIR_GRID = 48
-"""Joint angles, sampled over one turn, that decide whether two capsules can meet."""
+_PAIR_GRID, _TOOL_GRID = 48, 180
+"""Joint angles, sampled over one turn, that decide whether two capsules can meet: of the arm, and with one of the
+tool."""
 _RIM_CORNERS = 24
 """Corners of the polygon circumscribed about a rim of a cylinder or cone."""
 _OBJECT_NUMBER = 1  # the object's number among the obstacles; the table is 0
@@ -279,27 +280,40 @@ def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, first_tool_cap
     Adjacent links share a joint and are excluded, except for the tool, which may fold back on the last wrist. Of two
     links with one link between them, a pair is excluded if it is nearer than the margin in every pose of the joints
     between (such as the base and the shoulder end of the upper arm) or if it never meets: the manufacturer's own gap,
-    narrower than any margin, is safe.
+    narrower than any margin, is safe. Of the tool, which nobody but the user designed, only pairs that keep the margin
+    in every pose are excluded on that ground.
     """
+    lever_arms = _lever_arms(model, links, capsules)
     kept: list[tuple[int, int]] = []
     for a, b in itertools.combinations(range(len(links)), 2):
-        low, high = int(links[a]), int(links[b])
-        if high - low < (1 if b >= first_tool_capsule else 2) or low == high:
+        low, high, of_tool = int(links[a]), int(links[b]), b >= first_tool_capsule
+        if high - low < (1 if of_tool else 2) or low == high:
             continue
-        if high - low > 2 or _may_meet(model.name, low, high, tuple(capsules[[a, b]].ravel().tolist()), margin):
+        if high - low > 2:
+            kept.append((a, b))
+            continue
+        count = _TOOL_GRID if of_tool else _PAIR_GRID
+        nearest, furthest = _distances(model.name, low, high, tuple(capsules[[a, b]].ravel().tolist()), count)
+        if of_tool:  # between two samples it may come nearer by what half a step of the joints moves it
+            nearest -= np.pi / count * float(lever_arms[b, low:high].sum())
+            meets = nearest < margin and furthest >= margin + NODE_SLACK_M
+        else:
+            meets = nearest <= -_PERMANENT_OVERLAP_M and furthest >= margin
+        if meets:
             kept.append((a, b))
     return np.array(kept, dtype=np.int64).reshape(-1, 2)
 
 
 @lru_cache(maxsize=512)
-def _may_meet(model_name: str, low: int, high: int, capsules: tuple[float, ...], margin: float) -> bool:
-    """Tells whether two capsules, with at most one link between theirs, are apart in some poses and touch in others."""
-    angles = np.linspace(-np.pi, np.pi, _PAIR_GRID, endpoint=False)
+def _distances(model_name: str, low: int, high: int, capsules: tuple[float, ...], count: int) -> tuple[float, float]:
+    """Samples the smallest and the largest distance, m, of two capsules with at most one link between theirs, over
+    `count` angles of each joint between."""
+    angles = np.linspace(-np.pi, np.pi, count, endpoint=False)
     first, second = (grid.ravel() for grid in np.meshgrid(angles, angles))
-    joints = np.zeros((_PAIR_GRID ** (high - low), 6))
+    joints = np.zeros((count ** (high - low), 6))
     joints[:, high - 1], joints[:, low] = second[: len(joints)], first[: len(joints)]
     distance = kernels.distances(
         joints, arm_model(model_name).dh, np.array([low, high]), np.array(capsules).reshape(2, 7),
         np.zeros((0, shapes.ROW)), np.zeros((0, 3)), np.array([[0, 1]]),
     )[:, -1]  # fmt: skip
-    return bool(distance.max() >= margin and distance.min() <= -_PERMANENT_OVERLAP_M)
+    return float(distance.min()), float(distance.max())
