@@ -89,7 +89,7 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     """Reads the folder of a `lights.json`. Raises RigError folder.invalid naming the file and the field."""
     given = value(path, _Lights)
     matrix = np.array(given.camera.K)
-    if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
+    if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or np.any(matrix[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] != (0, 0, 0, 0, 1)):
         raise refusal(path, "camera.K is not a camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
     distortion = np.pad(given.camera.distortion, (0, 5))
     if np.any(distortion[5:]):

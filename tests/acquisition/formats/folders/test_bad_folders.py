@@ -231,6 +231,7 @@ NEAR: dict[str, tuple[Damage, str, str]] = {
     "no intensity": (field("lights.1.intensity", -1), "lights.json", "lights.1.intensity"),
     "no lights": (field("lights", []), "lights.json", "lights"),
     "no camera matrix": (field("camera.K", [[0, 0, 1], [0, 0, 1], [0, 0, 1]]), "lights.json", "camera.K"),
+    "skewed camera": (field("camera.K", [[90, 0.5, 20], [0, 90, 20], [0, 0, 1]]), "lights.json", "camera.K"),
     "centre outside": (field("camera.K", [[90, 0, 900], [0, 90, 20], [0, 0, 1]]), "lights.json", "camera.K"),
     "distortion that folds the image": (field("camera.distortion", [-9.0]), "lights.json", "cannot be inverted"),
     "distortion in other units": (field("camera.distortion", [1e6]), "lights.json", "cannot be inverted"),
