@@ -1,7 +1,5 @@
 """Capsules, certified edges and cones against meshes and ray casting."""
 
-from pathlib import Path
-
 import fcl
 import numpy as np
 import pytest
@@ -11,8 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from acquisition import geometry, lamp_pose
-from acquisition.models import cell_config
-from acquisition.models.cell_config import Box, Capsule, HalfSpace, Pose
+from acquisition.models.cell_config import Box, Capsule, CapsuleShape, HalfSpace, Pose
 from acquisition.waypoints import collision_kernels as kernels
 from acquisition.waypoints import shape_kernels as shapes
 from acquisition.waypoints.collision import NODE_SLACK_M, scene
@@ -21,8 +18,6 @@ from acquisition.waypoints.reach import refusals
 from acquisition.waypoints.roadmap import dome_lights
 from tests import audit
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
-
-ROOT = Path(__file__).parents[3]
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)
@@ -216,25 +211,23 @@ def test_half_space_without_a_direction_is_refused() -> None:
 
 
 def test_tool_keeps_its_clearance_from_the_wrist() -> None:
-    """The bracket of the example of a cell comes within 3 mm of the wrist where the second last joint is straight."""
-    cell = cell_config.load(ROOT / "deploy" / "cell.toml")
-    arm = scene(cell, cell_config.load_calibration(ROOT / "deploy" / "calibration.json"))
-    joints = np.tile(cell.arm.home, (2000, 1))
-    joints[:, 4:] = np.random.default_rng(0).uniform(-np.pi, np.pi, (2000, 2))
+    """A lamp beside the flange comes within 4 mm of the second last wrist, and overlaps it nowhere."""
+    cell, calibration = simulated_cell()
+    lamp = CapsuleShape(start_m=(0.1, 0.0, 0.0), end_m=(0.1, 0.0, 0.05), radius_m=0.04)
+    cell = cell.model_copy(update={"arm": cell.arm.model_copy(update={"tool_capsules": [lamp]})})
+    arm = scene(cell, calibration)
+    joints = np.random.default_rng(1).uniform(-np.pi, np.pi, (30_000, 6))
+    joints = joints[arm.free(joints)]
     frames = forward(arm.model, joints)
-    bracket, wrist = arm.first_tool_capsule, arm.links.tolist().index(4)
-    share = np.linspace(0, 1, 60)[:, None]
-    lines = [
-        np.einsum("nij,kj->nki", frames[:, link, :3, :3], (1 - share) * row[:3] + share * row[3:6])
-        + frames[:, link, None, :3, 3]
-        for link, row in zip(arm.links[[bracket, wrist]], arm.capsules[[bracket, wrist]], strict=True)
-    ]
-    apart = np.linalg.norm(lines[0][:, :, None] - lines[1][:, None], axis=-1).min(axis=(1, 2))
-    apart -= arm.capsules[[bracket, wrist], 6].sum()
-    assert apart.min() < 0.005
-    free = arm.free(joints)
-    assert free.any()
-    assert apart[free].min() > cell.clearances.self_m
+    share = np.linspace(0, 1, 30)[:, None]
+    for wrist in np.flatnonzero(arm.links == 4):
+        lines = [
+            np.einsum("nij,kj->nki", frames[:, link, :3, :3], (1 - share) * row[:3] + share * row[3:6])
+            + frames[:, link, None, :3, 3]
+            for link, row in ((6, arm.capsules[-1]), (4, arm.capsules[wrist]))
+        ]
+        apart = np.linalg.norm(lines[0][:, :, None] - lines[1][:, None], axis=-1).min(axis=(1, 2))
+        assert apart.min() - arm.capsules[-1, 6] - arm.capsules[wrist, 6] > cell.clearances.self_m
 
 
 @pytest.mark.parametrize("wrong", [(0.1, -0.1, 0.1), (0.1, 0.0, 0.1)])
