@@ -152,7 +152,7 @@ def fit(
         found = least_squares(whitened, found.x, args=(sigma_px,), x_scale="jac", jac="3-point")
     jacobian = np.asarray(found.jac, dtype=float)
     covariance = np.linalg.inv(jacobian.T @ jacobian)[:3, :3]
-    _require_determined(covariance)
+    _require_determined(covariance, sigma_px, highlights, residuals(found.x))
     return LampFit(found.x[:3], covariance, found.x[3:6], float(found.x[6]), residuals(found.x), sigma_px)
 
 
@@ -230,15 +230,27 @@ def _require_spread(directions: FloatArray) -> None:
         )
 
 
-def _require_determined(covariance: FloatArray) -> None:
-    """Refuses poses that all aim the lamp at the sphere: its place along its axis is then not determined."""
+def _require_determined(
+    covariance: FloatArray, sigma_px: float, highlights: Sequence[Highlight], residuals_px: FloatArray
+) -> None:
+    """Refuses images that contradict each other, and poses that all aim the lamp at the sphere: its place along its
+    axis is then not determined."""
     worst_m = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-    if worst_m > MAX_SIGMA_M:
+    if worst_m <= MAX_SIGMA_M:
+        return
+    if worst_m * PLANNED_SIGMA_PX / sigma_px <= MAX_SIGMA_M:  # with the usual noise these poses would suffice
+        worst = highlights[int(np.argmax(np.linalg.norm(residuals_px, axis=1)))].name
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
-            f"The lamp's place is known only to {1000 * worst_m:.0f} mm along one axis of the tool: tilt the lamp by "
-            "30–45° away from the sphere, to different sides",
+            f"The highlights lie {sigma_px:.1f} pixels from where one lamp would show them, most of all in {worst}: is "
+            "that highlight the lamp's, do the joints belong to their images, and is the sphere's radius right?",
+            image=worst,
         )
+    raise RigError(
+        ErrorCode.CALIBRATION_INFEASIBLE,
+        f"The lamp's place is known only to {1000 * worst_m:.0f} mm along one axis of the tool: tilt the lamp by "
+        "30–45° away from the sphere, to different sides",
+    )
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

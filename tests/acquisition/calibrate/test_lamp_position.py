@@ -152,3 +152,13 @@ def test_fit_lamps_on_one_side_or_few_are_refused() -> None:
     seen = highlights(truth(2), tools(30, 2, slant_deg=11.0), 2)
     assert "use the whole dome" in refusal(seen)
     assert "8 are needed" in refusal(seen[:7])
+
+
+def test_fit_highlight_that_is_not_the_lamps_is_named() -> None:
+    """The lamp's tilt, to which the refusal once attributed it, is as it should be."""
+    known = truth(1)
+    seen = highlights(known, tools(32, 1), 1)
+    seen[5] = replace(seen[5], pixel=seen[5].pixel + np.array([40.0, -30.0]))
+    detail = refusal(seen)
+    assert "most of all in 005.png" in detail
+    assert "tilt" not in detail
