@@ -206,7 +206,7 @@ def sim(
             ),
             folder=folder,
             json_status=json_status,
-            say=lambda line: print(line, flush=True),
+            say=typer.echo,  # in one write, also without a buffer
         )
     )
 

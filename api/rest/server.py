@@ -195,8 +195,13 @@ def create_for(
 
 
 def announce(address: str) -> None:
-    """Prints the service's address, for people and for programs that started it."""
-    print(f"ready {address}", flush=True)
+    """Prints the service's address, for people and for programs that started it.
+
+    It is one write. `print` makes two where standard output has no buffer (PYTHONUNBUFFERED, as in containers), and the
+    log's first line, in the same file, may come between the port and the end of its line.
+    """
+    sys.stdout.write(f"ready {address}\n")
+    sys.stdout.flush()
 
 
 def serve(settings: Settings, on_ready: Callable[[str], None] = announce) -> None:

@@ -113,7 +113,7 @@ def _address(process: "subprocess.Popen[bytes]", log: Path) -> str:
     deadline = time.monotonic() + READY_WITHIN_S
     while time.monotonic() < deadline:
         text = log.read_text(encoding="utf-8", errors="replace")
-        match = re.search(r"(http://[\d.]+:\d+)", text)
+        match = re.search(r"ready (http://[\d.]+:\d+)\n", text)
         if match is not None:
             return match.group(1)
         assert process.poll() is None, text

@@ -1,6 +1,7 @@
 """The server process: addresses, settings, start and shutdown."""
 
 import contextlib
+import io
 import os
 import signal
 import socket
@@ -9,7 +10,7 @@ import sys
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import httpx
 import pytest
@@ -168,3 +169,20 @@ def test_service_import_loads_no_kernel_and_no_ray_tracer() -> None:
     completed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
     assert completed.stdout.strip() == "[]"
+
+
+def test_announce_is_one_write(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a buffer each write is one of the file's, and the log may write to the same file between two."""
+    writes: list[bytes] = []
+
+    class File(io.RawIOBase):
+        def writable(self) -> bool:
+            return True
+
+        def write(self, data: Any) -> int:
+            writes.append(bytes(data))
+            return len(data)
+
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(cast("Any", File()), write_through=True))
+    server.announce("http://127.0.0.1:8000")
+    assert writes == [b"ready http://127.0.0.1:8000\n"]
