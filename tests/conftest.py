@@ -58,7 +58,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def mixed(items: list[pytest.Item]) -> list[pytest.Item]:
     """Returns the tests with files of `COMPUTING` spread evenly among the others; each file's tests stay together."""
-    files = {path: list(tests) for path, tests in itertools.groupby(items, key=lambda item: item.path)}
+    files: dict[Path, list[pytest.Item]] = {}
+    for item in items:
+        files.setdefault(item.path, []).append(item)
     placed: list[tuple[float, list[pytest.Item]]] = []
     for computing in (True, False):
         ours = [tests for path, tests in files.items() if any(map(path.is_relative_to, COMPUTING)) is computing]
