@@ -3,9 +3,6 @@
 Their maintainers' libraries write the formats: `bagit` (RFC 8493, Library of Congress) and `rocrate` (RO-Crate 1.1).
 """
 
-import errno
-from collections.abc import Generator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
@@ -18,7 +15,7 @@ from acquisition import mosaic
 from acquisition.archive.archive import Archive
 from acquisition.archive.entries import ResultEntry, SessionEntry
 from acquisition.formats import export
-from acquisition.formats.atomic_write import atomic_folder
+from acquisition.formats.atomic_write import atomic_folder, told_if_unwritable
 from acquisition.formats.export import light_files, map_files
 from acquisition.formats.folders import session_folder
 from acquisition.formats.session_files import refuse_in_session
@@ -42,7 +39,7 @@ def write(archive: Archive, key: str, form: Form, out: Path) -> None:
         raise RigError(ErrorCode.FOLDER_INVALID, f"{out} already exists: name a new folder", file=str(out))
     refuse_in_session(out, "--out")
     entry, results = archive.session(key), archive.results(key)
-    with _told_if_unwritable(out), atomic_folder(out) as partial:
+    with told_if_unwritable(out), atomic_folder(out) as partial:
         if form == "relight":
             _relight(archive, entry, results, partial)
             return
@@ -55,19 +52,6 @@ def write(archive: Archive, key: str, form: Form, out: Path) -> None:
                 path.rename(partial / path.name)
             payload.rmdir()
             bagit.make_bag(str(partial), _bag_info(entry), checksums=["sha256"])
-
-
-@contextmanager
-def _told_if_unwritable(out: Path) -> Generator[None]:
-    """Turns errors of the disk into RigError store.disk_full or folder.invalid."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise RigError(ErrorCode.STORE_DISK_FULL, f"no space left for {out}: nothing was written there") from error
-        raise RigError(
-            ErrorCode.FOLDER_INVALID, f"{out}: cannot be written: {error}; name another folder", file=str(out)
-        ) from error
 
 
 def _crate(entry: SessionEntry, results: list[ResultEntry], folder: Path) -> None:

@@ -3,11 +3,14 @@
 A killed process leaves its hidden folder behind. `discard_partial` removes it once nobody writes there any more.
 """
 
+import errno
 import shutil
 import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
+
+from acquisition.models.errors import ErrorCode, RigError
 
 
 def discard_partial(folder: Path) -> None:
@@ -49,3 +52,17 @@ def atomic_folder(folder: Path) -> Generator[Path]:
     except BaseException:
         shutil.rmtree(partial, ignore_errors=True)
         raise
+
+
+@contextmanager
+def told_if_unwritable(out: Path) -> Generator[None]:
+    """Turns errors of the disk, in a block that writes a person's `out`, into RigError store.disk_full or
+    folder.invalid."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise RigError(ErrorCode.STORE_DISK_FULL, f"no space left for {out}: nothing was written there") from error
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{out}: cannot be written: {error}; name another folder", file=str(out)
+        ) from error

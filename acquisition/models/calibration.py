@@ -14,6 +14,12 @@ from acquisition.models.base import Matrix4, Value, Vector3
 from acquisition.models.colour import ColourCalibration, Mosaic
 
 
+def is_camera_matrix(matrix: tuple[Vector3, Vector3, Vector3]) -> bool:
+    """Whether a matrix is [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]] with positive focal lengths."""
+    (f_x, skew, _), (left, f_y, _), last = matrix
+    return min(f_x, f_y) > 0 and skew == 0 and left == 0 and last == (0.0, 0.0, 1.0)
+
+
 class SensorModel(Value):
     """Noise model of the sensor (photon transfer). A value is black_level_dn + electrons / gain_e_per_dn, rounded and
     clipped at 2^bits − 1."""
@@ -161,8 +167,7 @@ class Calibration(Value):
     @model_validator(mode="after")
     def _is_a_camera(self) -> "Calibration":
         """Refuses a matrix that is transposed, skewed, or without a focal length."""
-        (f_x, skew, _), (left, f_y, _), last = self.camera_matrix
-        if min(f_x, f_y) <= 0 or skew != 0 or left != 0 or last != (0.0, 0.0, 1.0):
+        if not is_camera_matrix(self.camera_matrix):
             raise ValueError(
                 "camera_matrix must be [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]], in pixels, with f_x and f_y above 0"
             )

@@ -364,11 +364,12 @@ def solve_normals(
     normal_map = solve_in_cell(observations, cell, calibration, settings)
     seconds = {"solve": time.monotonic() - begun}
     sigma = photometry.facing_sigma_deg(normal_map, calibration)
+    mean_sigma_deg = float(np.mean(sigma, dtype=np.float64))
     discard_partial(folder)
     with export.atomic_folder(folder) as partial:
         export.write_into(normal_map, partial)
         facts = _facts(normal_map, observations, cell, calibration, forecast, folder, seconds)
-        facts = replace(facts, facing_sigma_deg=float(np.mean(sigma, dtype=np.float64)))
+        facts = replace(facts, facing_sigma_deg=mean_sigma_deg)
         if check is not None:
             facts = replace(facts, calibration_checked=check.sentence, warnings=tuple(check.warnings))
         report.write(normal_map, facts, partial)
@@ -377,7 +378,7 @@ def solve_normals(
         images=len(observations.shots),
         object_pixels=int(np.count_nonzero(normal_map.silhouette)),
         solved_pixels=int(np.count_nonzero(normal_map.mask)),
-        mean_sigma_deg=float(np.mean(sigma, dtype=np.float64)),
+        mean_sigma_deg=mean_sigma_deg,
         median_sigma_deg=float(np.median(sigma)),
         region_sigma_deg=None
         if region_file is None

@@ -5,7 +5,6 @@ label. Nothing is entered here when a session ends, so no session depends on the
 due.
 """
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -98,8 +97,8 @@ class OutboxTable(QueueTable):
         """
         row = self._one(
             "SELECT session.*, event_id, tries FROM awaiting_archive JOIN session ON session.id = session_id"
-            " WHERE next_try_at NOT BETWEEN ? AND ? ORDER BY session.ended_at LIMIT 1",
-            math.nextafter(now, math.inf),
+            " WHERE next_try_at <= ? OR next_try_at > ? ORDER BY session.ended_at LIMIT 1",
+            now,
             now + LONGEST_WAIT_S,
         )
         return None if row is None else Due(session_from_row(row), int(row["event_id"]), int(row["tries"]))

@@ -85,12 +85,16 @@ def _compared(before: NormalMap, after: NormalMap, calibration: Calibration) -> 
     both = before.mask & after.mask
     one, two = before.normals[both].astype(np.float64), after.normals[both].astype(np.float64)
     angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two), axis=-1), np.sum(one * two, axis=-1)))
-    moved, beyond = angle > SAME_DEG, angle > before.sigma_deg[both]
-    same = np.array_equal(before.mask, after.mask) and angle.size > 0
+    same = (
+        np.array_equal(before.mask, after.mask)
+        and angle.size > 0
+        and np.mean(angle > SAME_DEG) <= SAME_SHARE
+        and not np.any(angle > np.maximum(before.sigma_deg[both], SAME_DEG))
+    )
     if not angle.size:
         angle = np.array([np.inf])
     return {
-        "same": bool(same and np.mean(moved) <= SAME_SHARE and not np.any(moved & beyond)),
+        "same": bool(same),
         "mean_deg": float(np.mean(angle)),
         "p95_deg": float(np.percentile(angle, 95)),
         "max_deg": float(np.max(angle)),

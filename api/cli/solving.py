@@ -4,7 +4,6 @@ The input is validated before anything is solved. The output is written to a hid
 Progress goes to the error stream for people; programs read one JSON object, the last line of the output.
 """
 
-import errno
 import json
 import tempfile
 import time
@@ -23,6 +22,7 @@ from rich.table import Table
 
 from acquisition import photometry
 from acquisition.formats import export, folders, report
+from acquisition.formats.atomic_write import told_if_unwritable
 from acquisition.formats.folders import Sphere, session_folder
 from acquisition.formats.folders.angular_error import AngularErrors, angular_errors
 from acquisition.formats.folders.session_folder import SessionCapture
@@ -248,7 +248,7 @@ def _refuse(request: SolveRequest) -> None:
 def _write(
     request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], out: Path
 ) -> None:
-    with _told_if_unwritable(out), export.atomic_folder(out.resolve()) as partial:
+    with told_if_unwritable(out), export.atomic_folder(out.resolve()) as partial:
         with ThreadPoolExecutor(WRITERS) as pool:
             work = [
                 pool.submit(export.write_maps, solved.normal_map, partial),
@@ -261,19 +261,6 @@ def _write(
         summary |= {"files": export.checksums(partial)}
         (partial / SUMMARY).write_text(json.dumps(summary, indent=2), encoding="utf-8")
         export.refuse_foreign(out, SUMMARY)  # again, because a file may have appeared there during the solve
-
-
-@contextmanager
-def _told_if_unwritable(out: Path) -> Generator[None]:
-    """Converts errors of the disk to RigError store.disk_full or folder.invalid."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise RigError(ErrorCode.STORE_DISK_FULL, f"no space left for {out}: nothing was written there") from error
-        raise RigError(
-            ErrorCode.FOLDER_INVALID, f"{out}: cannot be written: {error}; name another folder", file=str(out)
-        ) from error
 
 
 def _facts(

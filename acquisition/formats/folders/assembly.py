@@ -76,7 +76,8 @@ def image_set(
     elif images.kind == "float32":
         merged = image_checks.exceeds(images, 1.0, area) is not None
     clipped_from = NO_SATURATION_LEVEL if merged else image_values.SATURATION_SHARE
-    image_checks.refuse_unusable(images, area, clipped_from)
+    exposed = image_checks.exposed_scale(images, area)
+    image_checks.refuse_unusable(images, area, clipped_from, exposed)
     warnings = [*warnings, *image_checks.refuse_same(images, area, irradiance)]
     if images.turned:
         warnings.append(
@@ -104,7 +105,7 @@ def image_set(
         mask=area,
         mask_given=mask is not None,
         evaluation_mask=mask_in(images, EVALUATION_MASK),
-        full_well_e=FULL_WELL_E * images.full_scale / image_checks.exposed_scale(images, area),
+        full_well_e=FULL_WELL_E * images.full_scale / exposed,
         notes={"format": kind, "warnings": warnings},
     )
 

@@ -37,12 +37,12 @@ plane under the lights misses the scales by more than `PLANE_MISFIT`. Measured o
 (eight families, eight lights by two rings): scales differ by at least 0.28, and residuals are at least 0.12."""
 
 
-def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float) -> None:
+def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float, exposed: float) -> None:
     """Refuses images that are black or saturated within the mask, by a sample of rows, or have non-finite values there.
 
-    Raises RigError folder.invalid naming the image.
+    `exposed` is the `exposed_scale`. Raises RigError folder.invalid naming the image.
     """
-    black = BLACK_LEVEL * exposed_scale(images, mask) / images.full_scale
+    black = BLACK_LEVEL * exposed / images.full_scale
     for index, name in enumerate(images.names):
         path = listed_file(images.folder, name)
         if images.kind == "float32":

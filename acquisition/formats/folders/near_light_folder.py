@@ -24,6 +24,7 @@ from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal, value
 from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import BoolArray, FloatArray, Value, Vector3
+from acquisition.models.calibration import is_camera_matrix
 from acquisition.models.errors import RigError
 from acquisition.normals.images.image_set import (
     INTENSITY_SIGMA,
@@ -89,7 +90,7 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     """Reads the folder of a `lights.json`. Raises RigError folder.invalid naming the file and the field."""
     given = value(path, _Lights)
     matrix = np.array(given.camera.K)
-    if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or np.any(matrix[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] != (0, 0, 0, 0, 1)):
+    if not is_camera_matrix(given.camera.K):
         raise refusal(path, "camera.K is not a camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
     distortion = np.pad(given.camera.distortion, (0, 5))
     if np.any(distortion[5:]):
