@@ -1,4 +1,4 @@
-"""Rigid transforms, and the only conversion between the view frame and OpenCV's camera frame.
+"""Rigid transforms, undistorted rays, and the only conversion between the view frame and OpenCV's camera frame.
 
 A pose `a_from_b` is a 4×4 homogeneous matrix that maps points of frame b to frame a. The photometric-stereo frame
 `view` (x right, y up, z to the camera) and OpenCV's `camera` frame (x right, y down, z forward) share their origin.
@@ -8,6 +8,7 @@ Converting between them in one module only keeps the signs consistent.
 import math
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -17,6 +18,10 @@ VIEW_FROM_CAMERA: FloatArray = np.diag([1.0, -1.0, -1.0, 1.0])
 CAMERA_FROM_VIEW: FloatArray = VIEW_FROM_CAMERA
 _SMALL_ANGLE_RAD = 1e-9
 """Rotation angle in rad below which the limits of sin(θ)/θ and (1 − cos θ)/θ² are used."""
+
+UNDISTORTION_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-6)
+"""Largest number of iterations that invert a lens distortion, and error in pixels that ends them. Without criteria,
+OpenCV always takes five iterations, which leaves the corners of wide lenses 3 pixels off."""
 
 
 def pose(position_m: Sequence[float] | FloatArray, rotation_vector_rad: Sequence[float] | FloatArray) -> FloatArray:
@@ -69,3 +74,13 @@ def slant_azimuth(directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     return np.arctan2(np.hypot(vectors[..., 0], vectors[..., 1]), vectors[..., 2]), np.arctan2(
         vectors[..., 1], vectors[..., 0]
     )
+
+
+def undistorted(pixels: npt.ArrayLike, matrix: npt.ArrayLike, distortion: npt.ArrayLike) -> FloatArray:
+    """Rays (N, 2), X/Z and Y/Z in OpenCV's camera frame, through image points (N, 2), pixels, by `undistortPoints`
+    until it converges; `matrix` K is (3, 3), `distortion` OpenCV's (5,)."""
+    points = np.asarray(pixels, np.float64).reshape(-1, 1, 2)
+    rays = cv2.undistortPoints(
+        points, np.asarray(matrix, np.float64), np.asarray(distortion, np.float64), criteria=UNDISTORTION_CRITERIA
+    )
+    return np.asarray(rays, np.float64).reshape(-1, 2)

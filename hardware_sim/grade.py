@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import tifffile
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
@@ -52,10 +53,7 @@ class Grade:
 
 def viewing_rays(calibration: Calibration) -> FloatArray:
     """Unit vectors (H, W, 3), view frame, from each pixel centre to the camera."""
-    rows, columns = np.mgrid[0 : calibration.height, 0 : calibration.width].astype(float)
-    points = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2)
-    flat = cv2.undistortPoints(points, np.array(calibration.camera_matrix), np.array(calibration.distortion))
-    x, y = flat.reshape(calibration.height, calibration.width, 2).transpose(2, 0, 1)
+    x, y = photometry.rays(calibration, slice(0, calibration.height), slice(0, calibration.width)).astype(float)
     rays = np.stack([-x, y, np.ones_like(x)], axis=-1)
     return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 

@@ -42,10 +42,8 @@ class Lens:
 
     def directions(self, columns: FloatArray, rows: FloatArray) -> Float32Array:
         """Directions (N, 3), object frame, unit OpenCV z, of the rays through image points in pixels (N,)."""
-        points = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2)
-        criteria = (cv2.TERM_CRITERIA_COUNT, 12, 0.0)
-        flat = cv2.undistortPoints(points, self.matrix, self.distortion, criteria=criteria)
-        rays = np.concatenate([flat.reshape(-1, 2), np.ones((len(points), 1))], axis=1)
+        flat = geometry.undistorted(np.stack([columns, rows], axis=-1), self.matrix, self.distortion)
+        rays = np.concatenate([flat, np.ones((len(flat), 1))], axis=1)
         return geometry.rotate(self.object_from_camera, rays).astype(np.float32)
 
     @property

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from acquisition import geometry
 from acquisition.calibrate.bundle_adjustment import CAMERA, Adjusted, Model, Parameters, adjust
 from acquisition.calibrate.charuco import CharucoBoard, View
 from acquisition.models.base import FloatArray
@@ -86,7 +87,7 @@ def projection_derivatives(
     step = max(width, height) / grid
     u, v = np.meshgrid(np.arange(step / 2, width, step), np.arange(step / 2, height, step))
     pixels = np.stack([u.ravel(), v.ravel()], axis=-1)
-    rays = cv2.undistortPoints(pixels.reshape(-1, 1, 2), parameters.matrix, parameters.camera[4:]).reshape(-1, 2)
+    rays = geometry.undistorted(pixels, parameters.matrix, parameters.camera[4:])
     points = np.column_stack([rays, np.ones(len(rays))])
     zero = np.zeros(3)
     _, by_all = cv2.projectPoints(points, zero, zero, parameters.matrix, parameters.camera[4:])

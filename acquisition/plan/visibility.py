@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from acquisition import cast_shadows, photometry
+from acquisition import cast_shadows, geometry, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
@@ -65,6 +65,6 @@ def shaded(
 
 def rays_at(calibration: Calibration, rows: np.ndarray, columns: np.ndarray) -> Float32Array:
     """Undistorted rays (2, K) of pixels, X/Z and Y/Z in the OpenCV camera frame."""
-    pixels = np.stack([columns, rows], axis=-1).astype(np.float64)[:, None, :]
-    rays = cv2.undistortPoints(pixels, np.array(calibration.camera_matrix), np.array(calibration.distortion))
-    return np.ascontiguousarray(rays[:, 0].T, dtype=np.float32)
+    pixels = np.stack([columns, rows], axis=-1)
+    rays = geometry.undistorted(pixels, calibration.camera_matrix, calibration.distortion)
+    return np.ascontiguousarray(rays.T, dtype=np.float32)

@@ -8,7 +8,6 @@ clearances, which are centimetres, keep the plate free nevertheless.
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -51,7 +50,6 @@ def sample(cell: CellConfig, calibration: Calibration, count: int, seed: int) ->
     board = mounted_tool.require_board(cell)
     random = np.random.default_rng(seed)
     near, far = _depths(board, cell, calibration)
-    matrix, distortion = np.array(calibration.camera_matrix), np.array(calibration.distortion)
     to_corner = np.eye(4)
     to_corner[:2, 3] = -np.array([board.columns, board.rows]) * board.square_m / 2
     from_flange = to_corner @ geometry.inverse(board.flange_from_board.matrix)
@@ -59,7 +57,7 @@ def sample(cell: CellConfig, calibration: Calibration, count: int, seed: int) ->
     for pose in made:
         share = random.uniform(BORDER, 1 - BORDER, 2)
         pixel = share * (calibration.width, calibration.height)
-        ray = np.append(cv2.undistortPoints(pixel.reshape(1, 1, 2), matrix, distortion).ravel(), 1.0)
+        ray = np.append(geometry.undistorted(pixel, calibration.camera_matrix, calibration.distortion), 1.0)
         tilt, side = np.radians(random.uniform(MIN_TILT_DEG, MAX_TILT_DEG)), random.uniform(0, 2 * np.pi)
         facing = Rotation.from_rotvec(tilt * np.array([np.cos(side), np.sin(side), 0.0]))
         roll = Rotation.from_rotvec([0.0, 0.0, random.uniform(-np.pi, np.pi)])

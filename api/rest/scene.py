@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import anyio.to_thread
-import cv2
 import numpy as np
 from fastapi import APIRouter, Request
 from fastapi import Path as InPath
@@ -198,9 +197,7 @@ def _camera(cell: CellConfig, calibration: Calibration) -> SceneCamera:
     depth = region.middle_depth_m(cell, calibration)
     right, bottom = calibration.width - 0.5, calibration.height - 0.5  # px: the middle of the first pixel is 0
     corners = np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
-    rays = cv2.undistortPoints(
-        corners[:, None], np.array(calibration.camera_matrix), np.array(calibration.distortion)
-    ).reshape(4, 2)
+    rays = geometry.undistorted(corners, calibration.camera_matrix, calibration.distortion)
     points = depth * np.column_stack([rays, np.ones(4)])
     return SceneCamera(
         base_from_camera=calibration.base_from_camera,

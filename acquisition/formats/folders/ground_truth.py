@@ -4,10 +4,10 @@ import zlib
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 import tifffile
 
+from acquisition import geometry
 from acquisition.formats.folders.refusal import refusal
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.normals.images.image_set import Camera
@@ -66,7 +66,7 @@ def sphere_normals(sphere: Sphere, height: int, width: int, camera: Camera | Non
 
 def _rays(camera: Camera, pixels: FloatArray) -> FloatArray:
     """Unit rays (N, 3), OpenCV's frame, through pixels (N, 2)."""
-    flat = cv2.undistortPoints(pixels[:, None, :], camera.matrix, camera.distortion).reshape(-1, 2)
+    flat = geometry.undistorted(pixels, camera.matrix, camera.distortion)
     ray = np.concatenate([flat, np.ones((len(flat), 1))], axis=1)
     return ray / np.linalg.norm(ray, axis=1, keepdims=True)
 
