@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from api.cli import archive_commands, calibrate_commands, camera_command, folder_commands, key_commands
+from api.cli import archive_commands, calibrate_commands, camera_command, folder_commands, kernel_cache, key_commands
 from api.cli.error_exit import explain_errors
 from api.cli.key_commands import DataFolder
 from api.cli.named_paths import Commands
@@ -54,11 +54,14 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def lightpose(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version, and end")
     ] = False,
 ) -> None:
     """Photometric stereo with planned lights."""
+    if context.invoked_subcommand in kernel_cache.COMMANDS and "--help" not in context.obj:
+        explain_errors(kernel_cache.require_writable)
 
 
 ChosenProfile = Annotated[

@@ -17,7 +17,8 @@ class Commands(Summaries):
     """The outermost group of commands, which keeps the paths that the arguments name."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parses the arguments as any group does."""
+        """Parses the arguments as any group does; `ctx.obj` keeps them as given."""
+        ctx.obj = args[:]
         given = [arg.partition("=")[2] if arg.startswith("--") else arg for arg in args]
         environment = [value for name, value in os.environ.items() if name.startswith("LIGHTPOSE_") or name == "TMPDIR"]
         texts = [*given, *_defaults(self, args), *environment]
