@@ -99,3 +99,8 @@ def test_deployments_grant_the_descriptors_that_the_service_asks_for() -> None:
 def test_compose_bounds_the_log_of_every_container() -> None:
     for name, service in composed().items():
         assert service["logging"] == {"driver": "json-file", "options": {"max-size": "10m", "max-file": "3"}}, name
+
+
+def test_compose_asks_for_no_limit_that_an_engine_without_root_is_refused() -> None:
+    raised = {name: service["ulimits"]["rtprio"] for name, service in composed().items()}
+    assert raised == dict.fromkeys(composed(), "${LIGHTPOSE_RTPRIO:-0}")
