@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acquisition import geometry, lamp_pose
+from acquisition import lamp_pose
 from acquisition.models.base import FloatArray, Joints, Value, Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
@@ -45,12 +45,6 @@ class ReachMap(Value):
     def radius_m(self) -> float:
         """The dome's radius, m."""
         return self.cell.dome.radius_m
-
-    @property
-    def smallest_slant_rad(self) -> float:
-        """The smallest slant from the view axis among the candidates, rad; π/2 without candidates."""
-        slants = geometry.slant_azimuth(self.candidates - self.center)[0]
-        return float(slants.min(initial=np.pi / 2))
 
     def allows(self, position: FloatArray) -> Refusal | None:
         """Returns None if the lamp can move to `position` (3,), facing the centre, and back home; else the refusal."""

@@ -6,8 +6,8 @@ from acquisition import geometry
 from acquisition.calibrate.chart_reference import ChartReference, published
 from acquisition.models.calibration import SensorModel
 from hardware_sim import spectra
-from hardware_sim.colour_chart import PITCH_M, ColourChart
 from hardware_sim.render import Lamp, Lens
+from tests.acquisition.calibrate.simulated_chart import PITCH_M, ColourChart
 
 SENSOR = SensorModel(
     bits=12, gain_e_per_dn=2.5, read_noise_e=5.0, full_well_e=10077.5, black_level_dn=64.0, mosaic="rggb"
