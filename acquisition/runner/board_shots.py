@@ -15,7 +15,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Exposure
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.models.step import RepeatReference, TakeShot
-from acquisition.runner.shots import Attempt, ShotCapture
+from acquisition.runner.shots import JudgedAttempt, ShotCapture
 from acquisition.session import PassRecord, SessionRecord
 
 START_EXPOSURE_S = 0.01
@@ -60,10 +60,8 @@ class BoardShots(ShotCapture):
         first = step.shot
         self._return_to(record, first, self._rig.arm.reading.joints, stop)
         before = self._pixels_of(record, first)
-        exposed, attempt = self._expose(
-            record, step.key, first.exposure_s, 0, stop, first.attempt + 1 + record.references
-        )
-        moved = self._target_moved(record, first, before, exposed.frame.pixels, stop)
+        taken = self._expose(record, step.key, first.exposure_s, 0, stop, first.attempt + 1 + record.references)
+        moved = self._target_moved(record, first, before, taken.pixels, stop)
         if moved:
             detail = f"{_name(first.key)}, taken again: {moved}"
             if step.closes_pass:
@@ -71,7 +69,7 @@ class BoardShots(ShotCapture):
                 detail += f"; all images of pass {number} will be taken again"
                 self._store.journal.discard_shots(record.session_id, number, detail)
             raise RigError(ErrorCode.SCENE_MOVED, detail)
-        self._store_shot(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
+        self._store_shot(record, step.key, taken, first.quality, repeats=first.key)
 
     def lit(self, record: SessionRecord, key: ShotKey) -> bool:
         """Whether the lamp is on during an image."""
@@ -96,13 +94,13 @@ class BoardShots(ShotCapture):
         if why and not last_was_seen:
             raise RigError(ErrorCode.CALIBRATION_TARGET_NOT_SEEN, f"{_name(key)}: {why}", light=key.number)
 
-    def _store_looked_at(self, record: SessionRecord, key: ShotKey, taken: Attempt, why: str) -> None:
+    def _store_looked_at(self, record: SessionRecord, key: ShotKey, taken: JudgedAttempt, why: str) -> None:
         """Stores an image; it is accepted unless `why` gives a reason why the target is not seen in it."""
         judged = taken.verdict.quality
         quality = FrameQuality(
             saturated=judged.saturated, bright_level=judged.bright_level, accepted=not why, reason=why
         )
-        self._store_shot(record, key, taken.exposed, taken.exposure_s, taken.attempt, quality)
+        self._store_shot(record, key, taken, quality)
 
 
 def last_was_seen(passes: Sequence[PassRecord]) -> bool:

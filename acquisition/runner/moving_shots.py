@@ -22,7 +22,7 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.models.step import TakeScan, TakeShot
 from acquisition.runner.compute import Compute
 from acquisition.runner.rig_choices import RigChoices
-from acquisition.runner.shots import ShotCapture
+from acquisition.runner.shots import Attempt, ShotCapture
 from acquisition.session import SessionRecord
 from acquisition.session_state import State
 from acquisition.store import Store
@@ -192,9 +192,8 @@ class MovingShotCapture(ShotCapture):
             self._rig.arm.reading, joints=middle.joints, base_from_tool=middle.base_from_tool,
             timestamp=middle.controller_time,
         )  # fmt: skip
-        self._store_shot(
-            record, shot.key, Exposed(frame, reading, middle.motion), passing.exposure_s, 0, verdict.quality
-        )
+        taken = Attempt(Exposed(frame, reading, middle.motion), passing.exposure_s, 0)
+        self._store_shot(record, shot.key, taken, verdict.quality)
         passing.stored = True
 
     def _middle(self, frame: Frame, exposure_s: float, stop: StopToken) -> moving.Middle | None:

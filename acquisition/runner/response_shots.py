@@ -32,10 +32,10 @@ class ResponseShots(ShotCapture):
         setting = _setting(record)
         exposure_s = self._exposure(record, step.key, setting, stop)
         # In a simulated cell, too, each frame of one exposure time has its own noise.
-        exposed, attempt = self._expose(record, step.key, exposure_s, 0, stop, 1 + step.key.number)
-        self._require_arm_at_light(exposed, step)
+        taken = self._expose(record, step.key, exposure_s, 0, stop, 1 + step.key.number)
+        self._require_arm_at_light(taken.exposed, step)
         verdict = check.lit_frame(
-            exposed.frame.pixels, self.region, self._calibration.sensor, exposure_s, _recipe(record).exposure,
+            taken.pixels, self.region, self._calibration.sensor, exposure_s, _recipe(record).exposure,
             self._rig.cell.camera,
         )  # fmt: skip
         if setting.lit and not verdict.usable and verdict.quality.saturated == 0:
@@ -46,7 +46,7 @@ class ResponseShots(ShotCapture):
         quality = FrameQuality(
             saturated=verdict.quality.saturated, bright_level=verdict.quality.bright_level, accepted=True
         )
-        self._store_shot(record, step.key, exposed, exposure_s, attempt, quality)
+        self._store_shot(record, step.key, taken, quality)
 
     def repeat_reference(self, record: SessionRecord, step: RepeatReference, stop: StopToken) -> None:
         """Captures the first image again, since others are without light or clipped; all were taken at one pose.
@@ -75,10 +75,8 @@ class ResponseShots(ShotCapture):
         exposure_s = exposure.for_level(exposure.assumed_level(self._rig.cell, self._calibration), wanted, camera)
         metering = key.model_copy(update={"number": FIRST_REFERENCE_NUMBER})
         for attempt in range(METERING_FRAMES):
-            exposed, _ = self._expose(record, metering, exposure_s, attempt, stop)
-            verdict = check.lit_frame(
-                exposed.frame.pixels, self.region, self._calibration.sensor, exposure_s, wanted, camera
-            )
+            pixels = self._expose(record, metering, exposure_s, attempt, stop).pixels
+            verdict = check.lit_frame(pixels, self.region, self._calibration.sensor, exposure_s, wanted, camera)
             if verdict.retake_s is not None and attempt < METERING_FRAMES - 1:
                 exposure_s = verdict.retake_s
             elif verdict.usable:

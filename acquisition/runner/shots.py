@@ -38,11 +38,22 @@ from acquisition.waypoints import measured_pose, mounted_tool
 
 @dataclass(frozen=True)
 class Attempt:
-    """The last frame that was exposed for an image: exposure time, s, number of the attempt from 0, and verdict."""
+    """The last frame that was exposed for an image, its exposure time, s, and the number of the attempt from 0."""
 
     exposed: Exposed
     exposure_s: float
-    attempt: int
+    number: int
+
+    @property
+    def pixels(self) -> np.ndarray:
+        """The frame (H, W)."""
+        return self.exposed.frame.pixels
+
+
+@dataclass(frozen=True)
+class JudgedAttempt(Attempt):
+    """An attempt with the verdict on its frame."""
+
     verdict: check.Verdict
 
 
@@ -98,9 +109,7 @@ class ShotCapture:
         further = _planned_times(record, step.key)[1:] or exposure.further_times(
             taken.exposure_s, record.recipe.exposure, self._rig.cell.camera
         )  # fmt: skip
-        self._store_shot(
-            record, step.key, taken.exposed, taken.exposure_s, taken.attempt, verdict.quality, further=further
-        )
+        self._store_shot(record, step.key, taken, verdict.quality, further=further)
 
     def take_further(self, record: SessionRecord, step: TakeFurther, stop: StopToken) -> None:
         """Takes a further frame of a light at its waypoint; the arm moves there only if it was moved away.
@@ -119,9 +128,7 @@ class ShotCapture:
         if not quality.accepted:
             where = f"Light {step.light.number} of pass {step.light.pass_number}, further frame {step.number}"
             raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, f"{where}: {quality.reason}", light=step.light.number)
-        self._store_shot(
-            record, step.key, taken.exposed, step.exposure_s, taken.attempt, quality, kind="bracket", of=step.light
-        )
+        self._store_shot(record, step.key, taken, quality, kind="bracket", of=step.light)
 
     def judge_lit(self, record: SessionRecord, step: TakeShot, pixels: np.ndarray, exposure_s: float) -> check.Verdict:
         """Judges a lit frame (H, W) by itself, then against earlier frames and the predicted image."""
@@ -141,7 +148,7 @@ class ShotCapture:
         quality = check.dark_frame(exposed.frame.pixels, self.region, self._calibration.sensor)
         if not quality.accepted:
             raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, quality.reason)
-        self._store_shot(record, step.key, exposed, step.exposure_s, 0, quality, kind="dark")
+        self._store_shot(record, step.key, Attempt(exposed, step.exposure_s, 0), quality, kind="dark")
 
     def repeat_reference(self, record: SessionRecord, step: RepeatReference, stop: StopToken) -> None:
         """Captures an image again and records it only if object, camera, lamp and arm are as they were.
@@ -155,15 +162,15 @@ class ShotCapture:
         while True:
             # In a simulated cell, too, each attempt has its own noise, and no two images have the same.
             before_this = first.attempt + 1 + record.references
-            exposed, attempt = self._expose(record, step.key, first.exposure_s, attempt, stop, before_this)
-            same = compare.same_scene(before, exposed.frame.pixels, self.region, self._calibration.sensor)
+            taken = self._expose(record, step.key, first.exposure_s, attempt, stop, before_this)
+            same = compare.same_scene(before, taken.pixels, self.region, self._calibration.sensor)
             if same.accepted or differed == retakes:
                 break
             self._announce_retake(record, step.key, same.detail)
-            attempt, differed = attempt + 1, differed + 1
+            attempt, differed = taken.number + 1, differed + 1
         if not same.accepted:
             raise self._scene_moved(record, step, same)
-        self._store_shot(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
+        self._store_shot(record, step.key, taken, first.quality, repeats=first.key)
 
     def go_home(self, record: SessionRecord, step: GoHome, stop: StopToken) -> None:
         """Follows the route's own path home from its last waypoint, and a newly planned one from elsewhere."""
@@ -204,12 +211,13 @@ class ShotCapture:
         attempt: int,
         stop: StopToken,
         attempts_before: int = 0,
-    ) -> tuple[Exposed, int]:
-        """Takes a frame; returns it and its attempt's number. Lost frames are retaken as often as the recipe allows."""
+    ) -> Attempt:
+        """Takes a frame, from the attempt of a number on. Lost frames are retaken as often as the recipe allows."""
         lit, lost = self.lit(record, key), 0
         while True:
             try:
-                return take.expose(self._rig, exposure_s, attempts_before + attempt, lit=lit, stop=stop), attempt
+                exposed = take.expose(self._rig, exposure_s, attempts_before + attempt, lit=lit, stop=stop)
+                return Attempt(exposed, exposure_s, attempt)
             except RigError as error:
                 if error.code is not ErrorCode.CAMERA_TIMEOUT or lost == record.recipe.retakes:
                     raise
@@ -219,18 +227,18 @@ class ShotCapture:
     def _expose_until_good(
         self, record: SessionRecord, step: TakeShot | TakeFurther, exposure_s: float,
         judge: Callable[[np.ndarray, float], check.Verdict], stop: StopToken, attempts_before: int = 0,
-    ) -> Attempt:  # fmt: skip
+    ) -> JudgedAttempt:  # fmt: skip
         """Takes a step's frame, and retakes it at the exposure time that the verdict proposes as often as the recipe
         allows. `judge` takes pixels (H, W) and exposure time, s. Lost frames are counted separately."""
         attempt = rejected = 0
         while True:
-            exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop, attempts_before)
-            self._require_arm_at_light(exposed, step)
-            verdict = judge(exposed.frame.pixels, exposure_s)
+            taken = self._expose(record, step.key, exposure_s, attempt, stop, attempts_before)
+            self._require_arm_at_light(taken.exposed, step)
+            verdict = judge(taken.pixels, exposure_s)
             if verdict.retake_s is None or rejected == record.recipe.retakes:
-                return Attempt(exposed, exposure_s, attempt, verdict)
+                return JudgedAttempt(taken.exposed, exposure_s, taken.number, verdict)
             self._announce_retake(record, step.key, verdict.quality.reason)
-            exposure_s, attempt, rejected = verdict.retake_s, attempt + 1, rejected + 1
+            exposure_s, attempt, rejected = verdict.retake_s, taken.number + 1, rejected + 1
 
     def _pixels_of(self, record: SessionRecord, shot: Shot) -> np.ndarray:
         """Returns the pixels (H, W) of an image of the session."""
@@ -287,27 +295,33 @@ class ShotCapture:
         return exposure.for_level(level, wanted, camera)
 
     def _store_shot(
-        self, record: SessionRecord, key: ShotKey, exposed: Exposed, exposure_s: float, attempt: int,
-        quality: FrameQuality, *, kind: Literal["light", "dark", "bracket"] = "light", repeats: ShotKey | None = None,
+        self, record: SessionRecord, key: ShotKey, taken: Attempt, quality: FrameQuality, *,
+        kind: Literal["light", "dark", "bracket"] = "light", repeats: ShotKey | None = None,
         further: Sequence[float] = (), of: ShotKey | None = None,
     ) -> None:  # fmt: skip
-        """Writes the frame's file, then its row and event: the event announces only what is on the disk."""
+        """Writes the frame's file, then its row and event: the event announces only what is on the disk.
+
+        `repeats` names the image that it repeats, `of` that of the same light whose bracket it belongs to; `further`
+        are the exposure times, s, that follow for its light.
+        """
         file, dark = f"shots/{key.number}.tiff", kind == "dark"
         light = key if of is None else of
         if dark:
-            file = f"dark_{round(exposure_s * 1e6)}.tiff"
+            file = f"dark_{round(taken.exposure_s * 1e6)}.tiff"
         elif kind == "bracket":
             file = f"brackets/{key.number}.tiff"
         elif repeats is not None:
             file = f"references/{key.number}.tiff"
-        folder, reading = self._store.folder(record.session_id), exposed.reading
-        frame = write_frame(folder, f"passes/{key.pass_number}/{file}", exposed.frame.pixels)
+        exposed, reading = taken.exposed, taken.exposed.reading
+        frame = write_frame(
+            self._store.folder(record.session_id), f"passes/{key.pass_number}/{file}", exposed.frame.pixels
+        )
         shot = Shot(
             key=key,
             kind=kind if repeats is None else "reference",
             repeats=repeats,
             frame=frame,
-            exposure_s=exposure_s,
+            exposure_s=taken.exposure_s,
             further_s=list(further),
             light_number=light.number if not dark and repeats is None else None,
             light=None
@@ -318,7 +332,7 @@ class ShotCapture:
             joints=as_joints(reading.joints),
             base_from_tool=as_matrix4(reading.base_from_tool),
             lamp_on=not dark and self.lit(record, key),
-            attempt=attempt,
+            attempt=taken.number,
             arm_time_s=reading.timestamp,
             taken_at=exposed.frame.taken_at,
             quality=quality,
