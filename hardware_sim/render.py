@@ -299,7 +299,7 @@ def _facing(
     cache=True,
     fastmath=True,
 )
-def _shade(
+def _shade(  # noqa: PLR0913 - a numba kernel
     points: Float32Array,
     normals: Float32Array,
     albedo: Float32Array,

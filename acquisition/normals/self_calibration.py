@@ -301,7 +301,7 @@ def normal_variance(
     fastmath=True,
     error_model="numpy",
 )
-def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
+def _normal_equations(  # noqa: PLR0913, PLR0912 - one fused kernel is the point
     light: Float32Array,  # (F, 3, K)
     by_depth: Float32Array,  # (F, 3, K)
     by_position: Float32Array,  # (F, 3, K) of values by the lamps' positions

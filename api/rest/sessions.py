@@ -96,7 +96,7 @@ def create(
     responses=problems.responses_of(ErrorCode.REQUEST_INVALID),
     dependencies=[Depends(refuse_unknown_query)],
 )
-def sessions(
+def sessions(  # noqa: PLR0913 - a parameter of the query each
     service: ServiceOf,
     request: Request,
     caller: CallerOf,

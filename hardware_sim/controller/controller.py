@@ -42,6 +42,7 @@ VERSION_X = (10, 14, 0, 0)
 PROGRAM_STOP_DECELERATION = 6.0  # rad/s², if a program ends during a move
 SAFETY_STOP_DECELERATION = 15.0  # rad/s²
 _PACE_RATE = 5.0  # per s: a pause from full speed takes 0.2 s
+SERIAL = "20215500042"
 _LONGEST_STEP = 0.008  # s of motion: large speed factors take several steps per tick
 Record = Callable[["Controller", float], None]
 
@@ -57,7 +58,6 @@ class Controller:
         now: float,
         speed_factor: float = 1.0,
         low_when_stopped: Iterable[int] = (),
-        serial: str = "20215500042",
         polyscope: str = "5",
         programs: Path | None = None,
         record: Record | None = None,
@@ -67,7 +67,7 @@ class Controller:
         self.registers, self.inputs = Registers(), Inputs()
         self.links, self.interpreter = ScriptLinks(), Interpreter()
         self.outputs = Outputs(low_when_stopped, now)
-        self.serial = serial
+        self.serial = SERIAL
         self.version = VERSION_X if polyscope == "x" else VERSION
         self.speed_factor = speed_factor
         self.slider = 1.0

@@ -47,7 +47,7 @@ def classify(
     parallel=True,
     error_model="numpy",
 )
-def _classify(
+def _classify(  # noqa: PLR0913 - a numba kernel
     light: Float32Array,  # (F, 3, N)
     g: Float32Array,  # (3, N)
     terms: Float32Array,  # (F, N) values beside Lambert's, or empty

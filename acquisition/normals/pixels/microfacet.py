@@ -76,7 +76,7 @@ def blinn_phong(alpha: float) -> tuple[float, float]:
     fastmath=True,
     error_model="numpy",
 )
-def _reflection(
+def _reflection(  # noqa: PLR0913 - a numba kernel
     normal: Float32Array,  # (3, N)
     lamp: Float32Array,  # (F, 3, N)
     view: Float32Array,  # (3, N)

@@ -141,7 +141,7 @@ def _usual_changes(
     f"Tuple(({', '.join(['float32'] * 4)}))({', '.join(['float32'] * 12)})",
     cache=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
-def _solved(
+def _solved(  # noqa: PLR0913 - a numba kernel
     m0: np.float32, m1: np.float32, m2: np.float32, m3: np.float32, m4: np.float32, m5: np.float32,
     b0: np.float32, b1: np.float32, b2: np.float32, x: np.float32, y: np.float32, z: np.float32,
 ) -> tuple[np.float32, np.float32, np.float32, np.float32]:  # fmt: skip
@@ -202,7 +202,7 @@ def _weigh(
     " float64)",
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
-def _sweep(
+def _sweep(  # noqa: PLR0913 - a numba kernel
     normals: Float32Array, albedo: Float32Array, variance: Float32Array, uncertain: np.ndarray, own: Float32Array,
     stride: int, parity: int, of_normal: float, of_albedo: float, inverse_cauchy2: float,
 ) -> None:  # fmt: skip
