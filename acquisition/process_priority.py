@@ -79,7 +79,7 @@ class RealTime:
         """
         self._share_s = share * WINDOW_S
         self._granted = None if share > 0 else False  # none: not asked for yet
-        self._wanted = self._inside = self._locked = self._told = False
+        self._wanted = self._inside = self._locked = self._warned = False
         self._window_begun = time.monotonic()
         self._spent_s = 0.0  # processor time inside, in this window
         self._counted_to = 0.0  # time.process_time() up to which it is
@@ -110,8 +110,8 @@ class RealTime:
             return
         within = self._count() <= self._share_s
         if self._inside and not within:
-            if not self._told:
-                self._told = True
+            if not self._warned:
+                self._warned = True
                 _log.warning(
                     "used more than %.0f %% of a core: real-time scheduling is suspended until the window ends",
                     100 * self._share_s / WINDOW_S,

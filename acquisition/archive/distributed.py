@@ -133,7 +133,7 @@ class _Dispatch:
         self._pending: dict[Future[SolveOutcome], SolveJob] = {}
         self._killed: Counter[str] = Counter()
         self._progress, self._returned = progress, returned
-        self._told = False  # why sessions come back, since one was solved
+        self._stated = False  # why sessions come back, since one was solved
         self._total = len(jobs)
 
     def run(self) -> None:
@@ -172,17 +172,17 @@ class _Dispatch:
                 self._waiting.append(job)
             elif outcome.state in ("elsewhere", "returned"):
                 self._later.append((time.monotonic() + RETRY_S, job))
-            self._tell(outcome)
+            self._state_return(outcome)
             future.release()
 
-    def _tell(self, outcome: SolveOutcome | None) -> None:
+    def _state_return(self, outcome: SolveOutcome | None) -> None:
         """States why a session came back, such as a full disk, once until one is solved: all may come back for it."""
         if outcome is None:
             return
         if outcome.state == "done":
-            self._told = False
-        elif outcome.state == "returned" and not self._told:
-            self._told = True
+            self._stated = False
+        elif outcome.state == "returned" and not self._stated:
+            self._stated = True
             self._returned(outcome.detail)
 
     def _outcome(self, future: Future[SolveOutcome], job: SolveJob) -> SolveOutcome | None:

@@ -15,7 +15,7 @@ from acquisition import mosaic
 from acquisition.archive.archive import Archive
 from acquisition.archive.entries import ResultEntry, SessionEntry
 from acquisition.formats import export
-from acquisition.formats.atomic_write import atomic_folder, told_if_unwritable
+from acquisition.formats.atomic_write import atomic_folder, refused_if_unwritable
 from acquisition.formats.export import light_files, map_files
 from acquisition.formats.folders import session_folder
 from acquisition.formats.session_files import refuse_in_session
@@ -39,7 +39,7 @@ def write(archive: Archive, key: str, form: Form, out: Path) -> None:
         raise RigError(ErrorCode.FOLDER_INVALID, f"{out} already exists: name a new folder", file=str(out))
     refuse_in_session(out, "--out")
     entry, results = archive.session(key), archive.results(key)
-    with told_if_unwritable(out), atomic_folder(out) as partial:
+    with refused_if_unwritable(out), atomic_folder(out) as partial:
         if form == "relight":
             _relight(archive, entry, results, partial)
             return

@@ -145,10 +145,10 @@ def _require_scale(found: Adjusted) -> None:
     """Refuses a board whose squares, by the arm's motions, do not have the stated side."""
     scale, sigma = found.parameters.scale, float(found.sigma(SCALE))
     # The prior shrinks the estimate by the share of its variance that is left; undone, the arm's motions alone decide.
-    told = scale / max(1 - (sigma / SCALE_SIGMA) ** 2, 0.05)
-    if abs(told) > MAX_SCALE:
+    larger = scale / max(1 - (sigma / SCALE_SIGMA) ** 2, 0.05)
+    if abs(larger) > MAX_SCALE:
         raise RigError(
             ErrorCode.CALIBRATION_BOARD_WRONG,
-            f"By the arm's motions the squares are {percent(abs(told))} {'larger' if told > 0 else 'smaller'} than "
+            f"By the arm's motions the squares are {percent(abs(larger))} {'larger' if larger > 0 else 'smaller'} than "
             "stated: measure their side",
         )

@@ -138,7 +138,7 @@ class Arm(Protocol):
         """
         ...
 
-    def carry(self, mass_kg: float, center_m: Vector3) -> None:
+    def set_payload(self, mass_kg: float, center_m: Vector3) -> None:
         """States the payload, in the flange frame, for `prepare` to set and `preflight` to compare, without a call to
         any device; until it is stated, that of the cell file's `[arm]` is used."""
         ...

@@ -94,7 +94,7 @@ class AccountedCamera:
                 if error.code is not ErrorCode.CAMERA_TIMEOUT:
                     raise
                 kind: FaultKind = error.kind if isinstance(error, BadFrameError) else "lost"
-                self._tell(kind, error.detail, retaken=remaining > 0)
+                self._announce(kind, error.detail, retaken=remaining > 0)
                 self._connected = self._connected and kind != "settings"  # connecting makes all settings anew
                 if not remaining:
                     raise
@@ -133,7 +133,7 @@ class AccountedCamera:
         self._connected = True
         if self._gone:
             self._gone = False
-            self._tell("returned", f"{self._capabilities.name} answers again", retaken=True)
+            self._announce("returned", f"{self._capabilities.name} answers again", retaken=True)
 
     def _expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
         if not self._connected:
@@ -192,9 +192,9 @@ class AccountedCamera:
         self._connected = False
         if not self._gone:
             self._gone = True
-            self._tell("gone", error.detail, retaken=False)
+            self._announce("gone", error.detail, retaken=False)
 
-    def _tell(self, kind: FaultKind, detail: str, *, retaken: bool) -> None:
+    def _announce(self, kind: FaultKind, detail: str, *, retaken: bool) -> None:
         self.counts[kind] += 1
         if retaken and kind != "returned":
             self.counts["retaken"] += 1

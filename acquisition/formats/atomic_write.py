@@ -55,7 +55,7 @@ def atomic_folder(folder: Path) -> Generator[Path]:
 
 
 @contextmanager
-def told_if_unwritable(out: Path) -> Generator[None]:
+def refused_if_unwritable(out: Path) -> Generator[None]:
     """Turns errors of the disk, in a block that writes a person's `out`, into RigError store.disk_full or
     folder.invalid."""
     try:

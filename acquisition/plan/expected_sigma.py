@@ -47,12 +47,12 @@ class ExpectedSigma:
         Of fewer than `photometry.REDUNDANT` images the misfit counts by its root, and uncorrected findings do not
         count: most other models are not tried with so few images, and further images can correct what was found.
         """
-        told = len(normal_map.flags) >= photometry.REDUNDANT
-        findings = [finding for finding in normal_map.findings if told or finding.corrected]
+        redundant = len(normal_map.flags) >= photometry.REDUNDANT
+        findings = [finding for finding in normal_map.findings if redundant or finding.corrected]
         freedom = max(len(normal_map.flags) - photometry.PIXEL_UNKNOWNS, 1)
         misfit = max(normal_map.noise.get("misfit", 1.0), 1.0)
         return cls(
-            misfit=misfit if told else float(np.sqrt(misfit)),
+            misfit=misfit if redundant else float(np.sqrt(misfit)),
             structure_deg=normal_map.noise.get("structure_deg", 0.0) * float(np.sqrt((freedom + 1) / freedom)),
             capture_deg=photometry.capture_sigma_deg(findings),
             calibration_rad=calibration_rad,

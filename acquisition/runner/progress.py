@@ -43,7 +43,7 @@ _WORK_OF_STAGE = {
     stage: str(stage) for stage in (Stage.PILOT, Stage.PLAN, Stage.WAYPOINTS, Stage.NORMALS, Stage.ESTIMATE)
 }
 _EVENTS = ("session.stage", "session.state", "shot.captured")
-_TOLD = ("session.stage", "session.progress")
+_ANNOUNCED = ("session.stage", "session.progress")
 _PASS_EXTRAS = 1
 """Units of capture work of a pass beside its lights: the path home with the lamp-off frames."""
 
@@ -84,13 +84,13 @@ class ProgressEstimator:
         holds = record.state in session_state.RIG_HOLDING
         return SessionProgress(stage, session.progress(record), self._time_left(record) if holds else None)
 
-    def told(self, row: SessionRow) -> SessionProgress:
+    def announced(self, row: SessionRow) -> SessionProgress:
         """Returns the progress of a session as last announced, without reading its files."""
-        told = {event.type: event.body for event in self._store.journal.events(0, 10_000, row.id, _TOLD)}
+        announced = {event.type: event.body for event in self._store.journal.events(0, 10_000, row.id, _ANNOUNCED)}
         if row.state is State.COMPLETED:
             return SessionProgress(Stage.FINISHED, 1.0, None)
-        stage = Stage(told.get("session.stage", {}).get("stage", Stage.PILOT))
-        return SessionProgress(stage, told.get("session.progress", {}).get("progress", 0.0), None)
+        stage = Stage(announced.get("session.stage", {}).get("stage", Stage.PILOT))
+        return SessionProgress(stage, announced.get("session.progress", {}).get("progress", 0.0), None)
 
     def _time_left(self, record: SessionRecord) -> TimeLeft:
         events = self._store.journal.events(0, 10_000, record.session_id, _EVENTS)

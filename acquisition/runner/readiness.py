@@ -30,7 +30,7 @@ class Readiness:
         self.camera_ready = False
         self.was_complete = False  # whether all devices have been connected since the service started
         self._only_read = False  # whether it was connected last without control
-        self.payload_told = True  # False if sending the payload of the tool stated last has failed
+        self.payload_sent = True  # False if sending the payload of the tool stated last has failed
         self.problems: list[dict[str, Any]] = [
             problem(ErrorCode.RIG_NOT_READY, "The devices have not been connected yet")
         ]
@@ -42,13 +42,13 @@ class Readiness:
         for a camera that does not fit the calibration, and others.
         """
         try:
-            self._rig.arm.carry(*self._payload())
+            self._rig.arm.set_payload(*self._payload())
             identity = self._rig.arm.connect()
             self._only_read = False
             # If connecting has not taken control, this raises why. If sending the payload failed, this sends it again.
-            if not self._rig.arm.reading.program_running or not self.payload_told:
+            if not self._rig.arm.reading.program_running or not self.payload_sent:
                 self._rig.arm.prepare()
-            self.payload_told = True
+            self.payload_sent = True
             findings = self._rig.arm.preflight()
             if findings:
                 raise RigError(
@@ -68,18 +68,18 @@ class Readiness:
     @property
     def is_ready(self) -> bool:
         """Whether the arm may move as it is: nothing is missing, this program has control, the payload is right."""
-        return not self.problems and self.payload_told and self._rig.arm.reading.program_running
+        return not self.problems and self.payload_sent and self._rig.arm.reading.program_running
 
-    def tell_payload(self) -> None:
+    def send_payload(self) -> None:
         """Sends the payload of another tool to the controller if this program has control; else `prepare` does so.
 
         Raises RigError as `Arm.prepare`; after that nothing moves before `make_ready` has sent the payload.
         """
-        self.payload_told = False
-        self._rig.arm.carry(*self._payload())
+        self.payload_sent = False
+        self._rig.arm.set_payload(*self._payload())
         if self._rig.arm.reading.program_running:
             self._rig.arm.prepare()
-        self.payload_told = True
+        self.payload_sent = True
 
     def reconnect_missing(self, *, take_control: bool = True) -> bool:
         """Connects missing devices and keeps the problem of each; returns True if this has completed the rig.
@@ -90,7 +90,7 @@ class Readiness:
             return False
         problems: list[dict[str, Any]] = []
         try:
-            self._rig.arm.carry(*self._payload())
+            self._rig.arm.set_payload(*self._payload())
             self.identity = self._rig.arm.connect(take_control=take_control)
             self._only_read = not take_control
         except RigError as error:

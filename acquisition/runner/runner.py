@@ -121,7 +121,7 @@ class Runner:
         """Records the tool that a person states to be on the flange; the controller then gets its payload. Raises
         RigError config.invalid for a board that the cell file does not have, and rig.busy."""
         self.choices.state_tool(tool, actor)
-        self._requests.put(self._readiness.tell_payload)
+        self._requests.put(self._readiness.send_payload)
 
     def set_region(self, session_id: str, mask: bytes, actor: str) -> int:
         """Stores a PNG mask as the session's region of interest; returns its number of pixels.
@@ -227,9 +227,9 @@ class Runner:
             stage = session.stage(record, session.next_step(record, home, home))
         return self._estimator.estimate(record, stage)
 
-    def told_progress(self, row: SessionRow) -> SessionProgress:
+    def announced_progress(self, row: SessionRow) -> SessionProgress:
         """Returns stage and progress of a session as last announced, for a session whose files cannot be read."""
-        return self._estimator.told(row)
+        return self._estimator.announced(row)
 
     @property
     def processor_s(self) -> dict[str, float]:

@@ -154,7 +154,7 @@ def _checked(
     if behind == len(units):
         raise invalid(
             f"{offer.what} has no candidate in front of the object, {behind} behind it: correct the axes "
-            f"({capture.frame.axes}) or the unit{_told(offer)}"
+            f"({capture.frame.axes}) or the unit{_notes_of(offer)}"
         )
     if behind:
         offer = offer.noted(f"{behind} candidates are behind the object, more than 90° off the view axis")
@@ -165,11 +165,11 @@ def too_few(request: PlanRequest, offer: Offer) -> RigError:
     """Returns the refusal of a plan with more lights than candidates."""
     have = len(offer.numbers)
     if not have:
-        return invalid(f"{offer.what} leaves no candidates: {offer.advice or 'give some'}{_told(offer)}")
-    more = (f", or {offer.advice}" if offer.advice else "") + _told(offer)
+        return invalid(f"{offer.what} leaves no candidates: {offer.advice or 'give some'}{_notes_of(offer)}")
+    more = (f", or {offer.advice}" if offer.advice else "") + _notes_of(offer)
     return invalid(f"--count {request.count}: {offer.what} leaves {have} candidates: plan at most {have}{more}")
 
 
-def _told(offer: Offer) -> str:
+def _notes_of(offer: Offer) -> str:
     """Formats the notes of an offer for the end of a refusal."""
     return f" ({'; '.join(offer.notes)})" if offer.notes else ""

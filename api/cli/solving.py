@@ -22,7 +22,7 @@ from rich.table import Table
 
 from acquisition import photometry
 from acquisition.formats import export, folders, report
-from acquisition.formats.atomic_write import told_if_unwritable
+from acquisition.formats.atomic_write import refused_if_unwritable
 from acquisition.formats.folders import Sphere, session_folder
 from acquisition.formats.folders.angular_error import AngularErrors, angular_errors
 from acquisition.formats.folders.session_folder import SessionCapture
@@ -248,7 +248,7 @@ def _refuse(request: SolveRequest) -> None:
 def _write(
     request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], out: Path
 ) -> None:
-    with told_if_unwritable(out), export.atomic_folder(out.resolve()) as partial:
+    with refused_if_unwritable(out), export.atomic_folder(out.resolve()) as partial:
         with ThreadPoolExecutor(WRITERS) as pool:
             work = [
                 pool.submit(export.write_maps, solved.normal_map, partial),

@@ -305,7 +305,7 @@ def _listed(service: Service, row: SessionRow, caller: Caller) -> SessionResourc
 def _resource(service: Service, row: SessionRow, caller: Caller, damage: RigError | None = None) -> SessionResource:
     """Builds the resource of a session, with `damage` without its files. Raises RigError store.corrupt."""
     whole = damage is None
-    progress = service.runner.progress(row.id) if whole else service.runner.told_progress(row)
+    progress = service.runner.progress(row.id) if whole else service.runner.announced_progress(row)
     plans = service.store.journal.artifacts(row.id, "plan")
     session_path, estimate = f"/v1/sessions/{row.id}", estimates.newest(service.store, row.id)
     return SessionResource(

@@ -94,7 +94,7 @@ class QuickArm:
         if self._safety_bits != NORMAL:
             raise RigError(ErrorCode.ARM_PROTECTIVE_STOP, "The arm is in a protective stop")
 
-    def carry(self, mass_kg: float, center_m: Vector3) -> None:
+    def set_payload(self, mass_kg: float, center_m: Vector3) -> None:
         return
 
     def preflight(self) -> Sequence[Finding]:

@@ -67,7 +67,7 @@ class UrArm:
         self._halt_by_driver = halt_by_driver
         self._halt_by_program_stop = halt_by_program_stop
         self._real_time = real_time or RealTime(0.0)
-        self._told_priority = False
+        self._priority_logged = False
         self._memory = SharedMemory.create()
         self._last_sample: Sample | None = None
         self._halt_requested = 0
@@ -171,16 +171,16 @@ class UrArm:
             self._done(self._request(request, CONTROL_DEADLINE_S, watch_loop=False))
         finally:
             self._taking_control = False
-        self._tell_priority()
+        self._log_priority()
 
-    def carry(self, mass_kg: float, center_m: Vector3) -> None:
+    def set_payload(self, mass_kg: float, center_m: Vector3) -> None:
         """States the payload; see the Protocol `Arm`."""
         self._config = self._config.model_copy(update={"payload_kg": mass_kg, "payload_center_m": center_m})
 
-    def _tell_priority(self) -> None:
+    def _log_priority(self) -> None:
         """Logs, once, that this machine does not grant real time, which keeps the arm moving beside other programs."""
-        if self._priority != "real-time" and not self._told_priority:
-            self._told_priority = True
+        if self._priority != "real-time" and not self._priority_logged:
+            self._priority_logged = True
             _log.warning(
                 "the arm's driver is not allowed to run in real time (granted: %s). If other programs on this machine "
                 "delay it, it may stop the arm during a move, safely. Grant LimitRTPRIO=1 or CAP_SYS_NICE",

@@ -53,7 +53,7 @@ def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]
     underlit = silhouette & (used < photometry.PIXEL_UNKNOWNS)
     if np.all(silhouette):
         underlit &= used > 0  # no mask was given: what no light reaches is background
-    warnings = _told("{} of the pixels were lit by fewer than three lights", underlit, silhouette)
+    warnings = _share_sentence("{} of the pixels were lit by fewer than three lights", underlit, silhouette)
     if warnings:
         side = missing_side(normal_map, underlit, context.directions)
         warnings[0] += ": no single light would help most of them." if side is None else f": add a light {side}."
@@ -61,19 +61,19 @@ def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]
     highlighted = np.zeros_like(silhouette)
     for flags in memory_mapped.iterate(normal_map.flags):  # all at once may not fit into memory twice
         highlighted |= (flags & HIGHLIGHT) > 0
-    warnings += _told(
+    warnings += _share_sentence(
         "{} of the pixels show a highlight in some image: the surface is glossy there; more lights leave more images "
         "without it.",
         highlighted, silhouette, 5 * MIN_REPORTED_SHARE,
     )  # fmt: skip
     if normal_map.indirect is not None:
-        warnings += _told(
+        warnings += _share_sentence(
             "{} of the pixels get over a fifth of their light from other surfaces: it is predicted and subtracted, but "
             "σ is larger there; if it comes from the table, a dark cloth helps.",
             normal_map.indirect > 0.2, normal_map.mask,
         )  # fmt: skip
     doubtful = "At {} of the pixels σ is unreliable (hatched in its map): do not rely on it."
-    warnings += _told(doubtful, normal_map.doubtful, silhouette)
+    warnings += _share_sentence(doubtful, normal_map.doubtful, silhouette)
     return [*warnings, *_fit_warnings(normal_map, context), *context.warnings]
 
 
@@ -154,10 +154,10 @@ def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     if structure > np.sqrt(0.5) * np.sum(normal_map.sigma_deg, where=inside):  # more than half of σ²
         remedy = "the surface changes from pixel to pixel; larger images help, more lights do not"
     uncertain = f"{{}} of the normals are uncertain by more than {MAX_SIGMA_DEG:.0f}°: {remedy}."
-    return warnings + _told(uncertain, normal_map.sigma_deg > MAX_SIGMA_DEG, known, 5 * MIN_REPORTED_SHARE)
+    return warnings + _share_sentence(uncertain, normal_map.sigma_deg > MAX_SIGMA_DEG, known, 5 * MIN_REPORTED_SHARE)
 
 
-def _told(sentence: str, where: BoolArray, area: BoolArray, least: float = MIN_REPORTED_SHARE) -> list[str]:
+def _share_sentence(sentence: str, where: BoolArray, area: BoolArray, least: float = MIN_REPORTED_SHARE) -> list[str]:
     """The sentence with the share of `area` (H, W) that is in `where`, if it is above `least`; else nothing."""
     share = np.count_nonzero(where & area) / max(1, np.count_nonzero(area))
     return [sentence.format(_percent(share))] if share > least else []

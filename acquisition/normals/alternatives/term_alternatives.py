@@ -177,7 +177,7 @@ def _fits_as_rough(present: Solution) -> bool:
 def _outdone(name: str, present: Solution) -> bool:
     """Returns whether shadows, not lit pixels, give strong evidence of the other one of ambient light and offset."""
     scores = present.scores
-    if scores is None or not present.state.shadows.told:
+    if scores is None or not present.state.shadows.has_measurements:
         return False
     other = {"ambient": scores.offset, "offset": scores.ambient}.get(name)
     if other is None or other.step <= 0:

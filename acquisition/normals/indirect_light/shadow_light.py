@@ -52,7 +52,7 @@ class ShadowEquations:
     indirect: float = 0.0
 
     @property
-    def told(self) -> bool:
+    def has_measurements(self) -> bool:
         """Whether any measurement contributes."""
         return bool(np.any(self.matrix))
 

@@ -207,12 +207,12 @@ def typical_excess(residual: Float32Array, lights: np.ndarray, stated_share: Flo
     """Returns ε̄ of pixels with values as in `components`: ε of all together without the `min_pixel_share` of them whose
     own ε is largest (trimmed mean); 0 if no pixel has residuals."""
     squares, freedom = _squares(residual, lights)
-    told = freedom > 0
-    if not np.any(told):
+    redundant = freedom > 0
+    if not np.any(redundant):
         return 0.0
-    each = squares[told] / freedom[told] - stated_share[told]
+    each = squares[redundant] / freedom[redundant] - stated_share[redundant]
     kept = each <= np.quantile(each, 1 - photometry.SETTINGS.min_pixel_share)
-    weight = freedom[told][kept]
+    weight = freedom[redundant][kept]
     return max(float(np.sum(weight * each[kept], dtype=np.float64) / np.sum(weight, dtype=np.float64)), 0.0)
 
 

@@ -46,7 +46,7 @@ class ScriptedArm:
     def prepare(self) -> None:
         raise NotImplementedError
 
-    def carry(self, mass_kg: float, center_m: Vector3) -> None:
+    def set_payload(self, mass_kg: float, center_m: Vector3) -> None:
         return
 
     def preflight(self) -> Sequence[Finding]:

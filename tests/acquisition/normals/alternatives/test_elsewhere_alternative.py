@@ -83,7 +83,7 @@ def test_shadows_censored_at_black_say_nothing_of_indirect_light_nor_of_an_offse
     nominal = replace(before.hypothesis.nominal, shadows_informative=False)
     without = model_selection.solve(replace(before.hypothesis, nominal=nominal))
     assert [one.state.indirect_irradiance is None for one in (before, without)] == [True, False]
-    assert [one.state.shadows.told for one in (before, without)] == [True, False]
+    assert [one.state.shadows.has_measurements for one in (before, without)] == [True, False]
 
 
 def darker(solution: Solution, by: float) -> Solution:
