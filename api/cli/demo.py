@@ -258,11 +258,10 @@ def _show(
     console.print(
         f"Median error: predicted before the capture {predicted}{by_sigma}, observed {outcome['median_deg']:.2f}°"
     )
-    console.print(
-        "Seconds: " + ", ".join(f"{name} {seconds:g}" for name, seconds in outcome["seconds"].items()), highlight=False
-    )
+    spent = [f"{name} {seconds:g}" for name, seconds in outcome["seconds"].items() if seconds]
+    console.print("Seconds: " + ", ".join(spent), highlight=False)
     console.print(f"Results: {outcome['results']}", soft_wrap=True, highlight=False)
-    console.print("  normals.png, normals.tiff, depth.tiff, sigma_deg.tiff, albedo.tiff, mask.png, manifest.json")
+    console.print("  report.html, normals.png, normals.tiff, depth.tiff, sigma_deg.tiff, albedo.tiff, mask.png, …")
 
 
 @contextlib.contextmanager

@@ -31,7 +31,7 @@ def test_readme_session_in_python_and_shell_runs(tmp_path: Path) -> None:
             cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False, env={"PYTHONPATH": str(ROOT)},
         )  # fmt: skip
         assert python.returncode == 0, python.stderr
-        assert "1.0 degrees expected" in python.stdout
+        assert "mean σ of the normals: 1.00°" in python.stdout
         assert (tmp_path / "normals.png").read_bytes() == b"normals"
         (tmp_path / "normals.png").unlink()
 
