@@ -16,7 +16,7 @@ from acquisition.models.calibration_set import CalibrationSet
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.event_type import EventType
-from acquisition.runner import calibration_checks, re_solve
+from acquisition.runner import calibration_checks, results
 from acquisition.runner.compute import Compute
 from acquisition.runner.rig_choices import camera_name
 from acquisition.session import SessionRecord
@@ -44,7 +44,7 @@ def estimate_and_record(
     if not isinstance(recipe, CalibrationRecipe):
         raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {recipe.kind} has no estimate")
     name = f"estimates/{number}"
-    images = re_solve.observations(record, folder)
+    images = results.observations(record, folder)
     last = len(images.shots) >= recipe.max_images
     begun = time.monotonic()
     if isinstance(recipe, LampRecipe | CheckRecipe):
@@ -97,7 +97,7 @@ def keep(store: Store, record: SessionRecord, cell: CellConfig, known: Path | No
         return
     arm_file = folder / "arm.txt"
     values = cell_config.load_calibration(estimate / "calibration.json")
-    shots = re_solve.observations(record, folder).shots
+    shots = results.observations(record, folder).shots
     made = CalibrationSet(
         id=record.session_id,
         kind=record.recipe.kind,

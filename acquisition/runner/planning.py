@@ -25,7 +25,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
 from acquisition.models.shot import Observations
 from acquisition.models.step import AwaitReview, AwaitTarget, Step
-from acquisition.runner import re_solve
+from acquisition.runner import results
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.memo import Memo
 from acquisition.runner.rig_choices import RigChoices
@@ -205,7 +205,7 @@ class PlanningService:
         """
         self._require_review(session_id, number)
         record, folder = self._store.record(session_id), self._store.folder(session_id)
-        region_file = re_solve.region_file(self._store, session_id)
+        region_file = results.region_file(self._store, session_id)
         key = f"{session_id}/{number}/{region_file}"
 
         def compute() -> tuple[LightForecast, bytes | None]:
@@ -214,7 +214,7 @@ class PlanningService:
                 cell=self._choices.lamp_cell,
                 calibration=self._calibration,
                 result=folder / "results" / str(number - 1) if number > 0 else None,
-                observations=re_solve.observations(record, folder),
+                observations=results.observations(record, folder),
                 region_file=region_file,
             )
             return self._compute.run(

@@ -37,7 +37,7 @@ from acquisition.models.step import (
     TakeScan,
     TakeShot,
 )
-from acquisition.runner import calibration_checks, estimates, re_solve
+from acquisition.runner import calibration_checks, estimates, results
 from acquisition.runner.board_shots import BoardShots
 from acquisition.runner.compute import Compute
 from acquisition.runner.lamp_shots import LampShots
@@ -150,8 +150,8 @@ class StepExecutor:
             plan: LightPlan = self._compute.run(stop, "first_lights", *known)
         else:
             previous = folder / "results" / str(number - 1)
-            images = re_solve.observations(record, folder)
-            region_file = re_solve.region_file(self._store, record.session_id)
+            images = results.observations(record, folder)
+            region_file = results.region_file(self._store, record.session_id)
             plan, pictures = self._compute.run(stop, "further_lights", *known, previous, images, region_file)
         digests = [
             write_bytes(folder / f"passes/{number}/gain_{light}.png", picture) for light, picture in enumerate(pictures)
@@ -170,10 +170,10 @@ class StepExecutor:
         elif isinstance(record.recipe, ResponseRecipe):
             plan = self._compute.run(stop, "response_light", *known)
         elif isinstance(record.recipe, CheckRecipe):
-            plan = self._compute.run(stop, "check_poses", *known, re_solve.observations(record, folder), in_use)
+            plan = self._compute.run(stop, "check_poses", *known, results.observations(record, folder), in_use)
         else:
             previous = folder / "estimates" / str(number - 1) if number else None
-            images = re_solve.observations(record, folder)
+            images = results.observations(record, folder)
             plan = self._compute.run(stop, "board_poses", *known, images, previous)
         name = f"passes/{number}/plan.json"
         digest = write_value(folder / name, plan)
@@ -276,7 +276,7 @@ class StepExecutor:
             )  # fmt: skip
             return
         request = SolveRequest(record.session_id, step.number, SolveSettings(), step.number)
-        re_solve.solve_and_record(
+        results.solve_and_record(
             self._store, self._compute, record, request, self._rig.cell, self._calibration, stop, origin="session"
         )
 

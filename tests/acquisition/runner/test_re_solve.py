@@ -6,7 +6,7 @@ from acquisition.formats.folders.session_folder import SessionCapture
 from acquisition.models import cell_config
 from acquisition.models.recipe import Recipe
 from acquisition.models.shot import Shot
-from acquisition.runner import re_solve
+from acquisition.runner import results
 from acquisition.session import PassRecord, SessionRecord
 from acquisition.session_state import State
 from hardware_sim import nominal
@@ -36,10 +36,10 @@ def test_observations_record_and_folder_give_the_same_images() -> None:
     capture = SessionCapture(
         Path("small"), Recipe(), cell, calibration, (again, new, other, old, *lit), plans=(), results=()
     )
-    for observations in (re_solve.observations(record, Path("small")), capture.observations(1)):
+    for observations in (results.observations(record, Path("small")), capture.observations(1)):
         assert list(observations.shots) == lit
         assert observations.darks == {0.05: new, 0.08: other}
         assert list(observations.repeats) == [again, old]
-    for observations in (re_solve.observations(record, Path("small"), 0), capture.observations(0)):
+    for observations in (results.observations(record, Path("small"), 0), capture.observations(0)):
         assert observations.darks == {0.05: old}
         assert list(observations.repeats) == [again]

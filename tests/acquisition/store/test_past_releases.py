@@ -14,7 +14,7 @@ from acquisition.models import cell_config
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
-from acquisition.runner.re_solve import observations
+from acquisition.runner.results import observations
 from acquisition.session_state import State, Trigger
 from acquisition.store import Store
 
