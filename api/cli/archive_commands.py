@@ -130,7 +130,9 @@ def solve(
 
     def work() -> dict[str, Any]:
         archiving = _archiving(address, catalogue, scheduler)
-        return archiving.solve(archiving.SolveRequest(address, catalogue, where, scheduler, local, settings, report))
+        return archiving.solve(
+            archiving.ArchiveSolveOptions(address, catalogue, where, scheduler, local, settings, report)
+        )
 
     outcome = explain_errors(work)
     _print(outcome, as_json)

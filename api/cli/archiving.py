@@ -43,7 +43,7 @@ SHOWN_MOVED = 20
 
 
 @dataclass(frozen=True)
-class SolveRequest:
+class ArchiveSolveOptions:
     """Options of `archive solve`."""
 
     address: str
@@ -147,7 +147,7 @@ def verify(address: str, catalogue: str | None) -> dict[str, Any]:
     return {"faults": [asdict(fault) for fault in faults]}
 
 
-def solve(request: SolveRequest) -> dict[str, Any]:
+def solve(request: ArchiveSolveOptions) -> dict[str, Any]:
     """Solves the selected sessions that lack a result of this solver and these settings."""
     captures = where.COLUMNS["kind"] == "capture"
     wanted = captures if request.where is None else captures & where.parse(request.where)

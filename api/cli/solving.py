@@ -40,7 +40,7 @@ GONE_SOLVERS = ("weighted", "thresholded", "robust", "glossy")
 
 
 @dataclass(frozen=True)
-class SolveRequest:
+class FolderSolveOptions:
     """Options of one solve; `exports` are names of `export.FILES` and `export.FOLDERS`."""
 
     folder: Path
@@ -73,7 +73,7 @@ class Solved:
 def solve_request(
     folder: Path, solver: str, near: bool, out: Path | None, sphere: str | None, exports: Sequence[str],
     keep_steps: bool = False, full_scale: float | None = None,
-) -> SolveRequest:  # fmt: skip
+) -> FolderSolveOptions:  # fmt: skip
     """Parses the options: `sphere` as `cx,cy,r`, `exports` by name or `all`. Raises RigError request.invalid."""
     known = tuple(export.FILES | export.FOLDERS)
     unknown = set(exports) - {*known, "all"}
@@ -93,7 +93,7 @@ def solve_request(
     chosen = known if "all" in exports else tuple(name for name in known if name in exports)
     ball = None if sphere is None else _sphere(sphere)
     refuse_full_scale(full_scale)
-    return SolveRequest(folder, cast(distant.Solver, solver), near, out, ball, chosen, keep_steps, full_scale)
+    return FolderSolveOptions(folder, cast(distant.Solver, solver), near, out, ball, chosen, keep_steps, full_scale)
 
 
 def refuse_full_scale(full_scale: float | None) -> None:
@@ -116,7 +116,7 @@ def _sphere(text: str) -> Sphere:
     return Sphere(column, row, radius)
 
 
-def run(request: SolveRequest) -> dict[str, Any]:
+def run(request: FolderSolveOptions) -> dict[str, Any]:
     """Reads, solves, grades and writes one folder; prints a table for people and returns the figures for programs."""
     started = time.monotonic()
     _refuse(request)
@@ -136,7 +136,7 @@ def run(request: SolveRequest) -> dict[str, Any]:
 # ------------------------------------------------------------------------------------------------------------- solving
 
 
-def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[str, float]) -> Solved:
+def _solved(request: FolderSolveOptions, scratch: Path, bar: Progress, seconds: dict[str, float]) -> Solved:
     kind = folders.kind_of(request.folder)
     if kind == "session":
         if request.full_scale is not None:
@@ -198,7 +198,7 @@ def solve_session(capture: SessionCapture, count: int | None, settings: SolveSet
     return solve_in_cell(capture.observations(last), capture.cell, capture.calibration, settings)
 
 
-def _settings(request: SolveRequest) -> SolveSettings:
+def _settings(request: FolderSolveOptions) -> SolveSettings:
     """Returns the settings of the near-light solver; `ls` switches off its robust weights and its shadow test."""
     if request.solver == "ls":
         return SolveSettings(robust=False, shadow_threshold=0.0, keep_steps=request.keep_steps)
@@ -221,7 +221,7 @@ def _solver_and_reason(normal_map: NormalMap, requested: str) -> tuple[str, str]
 # ------------------------------------------------------------------------------------------------------------- writing
 
 
-def _refuse(request: SolveRequest) -> None:
+def _refuse(request: FolderSolveOptions) -> None:
     """Refuses outputs that cannot be written, before anything is read. Raises RigError."""
     if request.out is None:
         if request.exports:
@@ -246,7 +246,7 @@ def _refuse(request: SolveRequest) -> None:
 
 
 def _write(
-    request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], out: Path
+    request: FolderSolveOptions, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], out: Path
 ) -> None:
     with refused_if_unwritable(out), export.atomic_folder(out.resolve()) as partial:
         with ThreadPoolExecutor(WRITERS) as pool:
@@ -264,7 +264,7 @@ def _write(
 
 
 def _facts(
-    request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float]
+    request: FolderSolveOptions, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float]
 ) -> report.ReportContext:
     images = solved.images
     error = {} if graded is None else {"mean": graded.mean_deg, "median": graded.median_deg, "95 %": graded.p95_deg}
@@ -282,7 +282,7 @@ def _facts(
 
 
 def _outcome(
-    request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], total: float
+    request: FolderSolveOptions, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], total: float
 ) -> dict[str, Any]:
     """Returns the figures of `--json`. Errors are null where no truth is known."""
     nothing: dict[str, Any] = dict.fromkeys(field.name for field in fields(AngularErrors))

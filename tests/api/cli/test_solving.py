@@ -30,7 +30,7 @@ ROOT = Path(__file__).parents[3]
 RECORDED = ROOT / "tests/data/release_0.1/sessions/20261121-190041-de2be6"
 
 
-def request(folder: Path, **more: object) -> solving.SolveRequest:
+def request(folder: Path, **more: object) -> solving.FolderSolveOptions:
     given = {"solver": "auto", "near": False, "out": None, "sphere": None, "exports": ()} | more
     return solving.solve_request(folder, **given)  # type: ignore[arg-type]
 
