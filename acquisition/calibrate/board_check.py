@@ -51,12 +51,12 @@ class BoardCheck:
     residuals_px: tuple[float, ...]
 
 
-def stated(known: Path | None, calibration: Calibration) -> Adjusted:
+def stated(set_folder: Path | None, calibration: Calibration) -> Adjusted:
     """Reads the adjustment on which the calibration in use rests, from the folder of its set.
 
     Raises RigError calibration.infeasible if there is none or if it does not belong to these values, store.corrupt.
     """
-    return stated_values.adjustment(known, calibration, AdjustmentRecord).adjusted
+    return stated_values.adjustment(set_folder, calibration, AdjustmentRecord).adjusted
 
 
 def check(model: Model, views: Sequence[View], known: Adjusted) -> BoardCheck:

@@ -36,26 +36,26 @@ class StatedLamp:
 
 
 def require_for(
-    recipe: LampRecipe | CheckRecipe, cell: CellConfig, calibration: Calibration, known: Path | None
+    recipe: LampRecipe | CheckRecipe, cell: CellConfig, calibration: Calibration, set_folder: Path | None
 ) -> None:
     """Raises unless the cell and the calibration in use state what a session goes on from.
 
-    `known` is the folder of the set in use, None for the cell file's calibration. Raises RigError
+    `set_folder` is the folder of the set in use, None for the cell file's calibration. Raises RigError
     calibration.infeasible, also without targets of the lamp: the request is at fault, not the service; store.corrupt.
     """
     if isinstance(recipe, LampRecipe):
         _require_targets(cell)
-        hand_eye(known)
+        hand_eye(set_folder)
     elif recipe.target == "plane":
         _require_targets(cell)
-        lamp(known, calibration)
+        lamp(set_folder, calibration)
     else:
-        adjustment(known, calibration, AdjustmentValues)
+        adjustment(set_folder, calibration, AdjustmentValues)
 
 
-def hand_eye(known: Path | None) -> HandEyeResult:
+def hand_eye(set_folder: Path | None) -> HandEyeResult:
     """Reads the camera's place with its covariance. Raises RigError calibration.infeasible, store.corrupt."""
-    found = _read(known, HAND_EYE, HandEyeResult)
+    found = _read(set_folder, HAND_EYE, HandEyeResult)
     if found is None:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
@@ -65,12 +65,12 @@ def hand_eye(known: Path | None) -> HandEyeResult:
     return found
 
 
-def lamp(known: Path | None, calibration: Calibration) -> StatedLamp:
+def lamp(set_folder: Path | None, calibration: Calibration) -> StatedLamp:
     """Reads what the calibration in use states about its lamp, from the folder of its set.
 
     Raises RigError calibration.infeasible if it states nothing or states other values, store.corrupt.
     """
-    lobe = _of_lamp(known, LOBE, LobeResult)
+    lobe = _of_lamp(set_folder, LOBE, LobeResult)
     # A later calibration of the response does not change digital values, but the intensity is a fraction of full scale,
     # which depends on the black level.
     full_scale_dn = calibration.sensor.full_scale_dn
@@ -78,15 +78,15 @@ def lamp(known: Path | None, calibration: Calibration) -> StatedLamp:
     same = math.isclose(stated_dn, calibration.lamp_intensity * full_scale_dn, rel_tol=1e-9)
     if not same or lobe.lobe != calibration.lobe:
         raise _no_lamp("The lamp's values in use are not those of its calibration")
-    return StatedLamp(_of_lamp(known, HAND_EYE, HandEyeResult), _of_lamp(known, LAMP, LampResult), lobe)
+    return StatedLamp(_of_lamp(set_folder, HAND_EYE, HandEyeResult), _of_lamp(set_folder, LAMP, LampResult), lobe)
 
 
-def adjustment(known: Path | None, calibration: Calibration, kind: type[_A]) -> _A:
+def adjustment(set_folder: Path | None, calibration: Calibration, kind: type[_A]) -> _A:
     """Reads the adjustment on which the calibration in use rests, from the folder of its set.
 
     Raises RigError calibration.infeasible if there is none or if it does not belong to these values, store.corrupt.
     """
-    found = _read(known, BASIS, kind)
+    found = _read(set_folder, BASIS, kind)
     if found is None:
         raise _no_adjustment("The calibration in use states no covariance of camera, board and joints")
     f_x, f_y, c_x, c_y = found.camera[:4]
@@ -104,15 +104,15 @@ def _require_targets(cell: CellConfig) -> None:
         raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, error.detail) from error
 
 
-def _of_lamp(known: Path | None, name: str, kind: type[_V]) -> _V:
-    found = _read(known, name, kind)
+def _of_lamp(set_folder: Path | None, name: str, kind: type[_V]) -> _V:
+    found = _read(set_folder, name, kind)
     if found is None:
         raise _no_lamp(f"The calibration in use has no {name}")
     return found
 
 
-def _read(known: Path | None, name: str, kind: type[_V]) -> _V | None:
-    file = None if known is None else known / name
+def _read(set_folder: Path | None, name: str, kind: type[_V]) -> _V | None:
+    file = None if set_folder is None else set_folder / name
     if file is None or not file.exists():
         return None
     try:

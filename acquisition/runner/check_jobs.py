@@ -36,17 +36,17 @@ CHECK = "check.json"
 
 
 def check_poses(
-    recipe: CheckRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None
+    recipe: CheckRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, set_folder: Path | None
 ) -> LightPlan:
     """Plans the poses of a check: views of the board that tell camera, board and joints apart, or lamps over the plane.
 
-    `known` is the folder of the calibration set in use. Raises RigError calibration.infeasible if that states nothing
+    `set_folder` is that of the calibration set in use. Raises RigError calibration.infeasible if the set states nothing
     to check against, and waypoints.unreachable.
     """
     if recipe.target == "plane":
-        stated_values.lamp(known, calibration)
+        stated_values.lamp(set_folder, calibration)
         return lamp_jobs.plane_poses(recipe.max_images, recipe.seed + 7, cell, calibration)
-    board_check.stated(known, calibration)
+    board_check.stated(set_folder, calibration)
     views = BoardRecipe(kind="hand-eye", max_images=max(recipe.max_images, 8), seed=recipe.seed)
     plan = board_jobs.board_poses(views, cell, calibration, observations, None)
     return plan.model_copy(
@@ -55,15 +55,15 @@ def check_poses(
 
 
 def estimate_check(
-    recipe: CheckRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None,
-    folder: Path,
+    recipe: CheckRecipe, cell: CellConfig, calibration: Calibration, observations: Observations,
+    set_folder: Path | None, folder: Path,
 ) -> CalibrationSummary:  # fmt: skip
     """Compares a session's images with what the calibration in use predicts, and writes the estimate's folder.
 
     Raises RigError calibration.infeasible.
     """
     compared = _board if recipe.target == "board" else _plane
-    found, deviations, sentence = compared(cell, calibration, observations, known)
+    found, deviations, sentence = compared(cell, calibration, observations, set_folder)
     hashes = {shot.frame.path: shot.frame.sha256 for shot in observations.shots}
     result = _result(recipe, calibration, found, hashes, deviations, sentence)
     summary = CalibrationSummary(
@@ -82,16 +82,20 @@ _Compared = tuple[ChangeTest, dict[str, float], Callable[[GroupTest], str]]
 """Tests, deviation of each image by its name, and the function that puts a test into words."""
 
 
-def _board(cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None) -> _Compared:
-    basis = board_check.stated(known, calibration)
+def _board(
+    cell: CellConfig, calibration: Calibration, observations: Observations, set_folder: Path | None
+) -> _Compared:
+    basis = board_check.stated(set_folder, calibration)
     views = board_session.read(observations, cell).views
     made = board_check.check(board_session.model_of(cell), views, basis)
     return made.found, dict(zip((view.name for view in views), made.residuals_px, strict=True)), board_check.sentence
 
 
-def _plane(cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None) -> _Compared:
+def _plane(
+    cell: CellConfig, calibration: Calibration, observations: Observations, set_folder: Path | None
+) -> _Compared:
     targets, board = lamp_targets.require_targets(cell), lamp_targets.plane_board(cell)
-    stated = stated_values.lamp(known, calibration)
+    stated = stated_values.lamp(set_folder, calibration)
     images, placing = lamp_session.read_placing(observations, 0, 0, cell, calibration)
     given = lamp_check.known_of(stated, calibration, targets.albedo, board.size_m)
     made = lamp_check.check(images, placing, given, stated.lobe, targets.albedo_sigma)

@@ -33,12 +33,12 @@ READY: EventType = "estimate.ready"
 
 def estimate_and_record(
     store: Store, compute: Compute, record: SessionRecord, number: int, cell: CellConfig, calibration: Calibration,
-    known: Path | None, stop: threading.Event,
+    set_folder: Path | None, stop: threading.Event,
 ) -> None:  # fmt: skip
     """Estimates from all images of a session and records the estimate: files first, then row and event.
 
-    `known` is the folder of the calibration set in use (None: the cell file's calibration). Raises Halted, and what
-    the job raises.
+    `set_folder` is that of the calibration set in use (None: the cell file's calibration). Raises Halted, and what the
+    job raises.
     """
     folder, recipe = store.folder(record.session_id), record.recipe
     if not isinstance(recipe, CalibrationRecipe):
@@ -48,13 +48,13 @@ def estimate_and_record(
     last = len(images.shots) >= recipe.max_images
     begun = time.monotonic()
     if isinstance(recipe, LampRecipe | CheckRecipe):
-        job, given = ("estimate_lamp" if recipe.kind == "lamp" else "estimate_check"), (known, folder / name)
+        job, given = ("estimate_lamp" if recipe.kind == "lamp" else "estimate_check"), (set_folder, folder / name)
     else:
         job, given = JOBS[recipe.kind], (folder / name, last)
     with written_by_job(folder / name):
         summary: CalibrationSummary = compute.run(stop, job, recipe, cell, calibration, images, *given)
     compute.run(stop, "report_calibration", folder / name, f"Calibration {record.session_id} ({recipe.kind})",
-                _made_with(record, cell, calibration, known, summary, folder), summary.advice)  # fmt: skip
+                _made_with(record, cell, calibration, set_folder, summary, folder), summary.advice)  # fmt: skip
     more: dict[str, object] = {"seconds": round(time.monotonic() - begun, 3), "passes": list(range(number + 1))}
     facts = {
         "session_id": record.session_id,
@@ -82,10 +82,10 @@ def summary_of(entry: Artifact) -> CalibrationSummary:
     return CalibrationSummary.model_validate({name: entry.body[name] for name in known if name in entry.body})
 
 
-def keep(store: Store, record: SessionRecord, cell: CellConfig, known: Path | None) -> None:
+def keep(store: Store, record: SessionRecord, cell: CellConfig, set_folder: Path | None) -> None:
     """Keeps a session's newest estimate as a calibration set named after the session; that of a check in the journal.
 
-    Files of the set in use (folder `known`) that the estimate does not replace are kept with it: they state the
+    Files of the set in use (folder `set_folder`) that the estimate does not replace are kept with it: they state the
     covariances of the values that it takes over.
     """
     entry, folder = newest(store, record.session_id), store.folder(record.session_id)
@@ -112,13 +112,13 @@ def keep(store: Store, record: SessionRecord, cell: CellConfig, known: Path | No
         images={shot.frame.path: shot.frame.sha256 for shot in shots},
         summary=summary_of(entry),
     )
-    store.calibrations.add(made, estimate, known)
+    store.calibrations.add(made, estimate, set_folder)
     store.journal.announce(record.session_id, "calibration.made", {"id": made.id, "fingerprint": made.fingerprint})
 
 
 def _made_with(
-    record: SessionRecord, cell: CellConfig, calibration: Calibration, known: Path | None, summary: CalibrationSummary,
-    folder: Path,
+    record: SessionRecord, cell: CellConfig, calibration: Calibration, set_folder: Path | None,
+    summary: CalibrationSummary, folder: Path,
 ) -> dict[str, str]:  # fmt: skip
     """Returns what an estimate is based on, for its report."""
     return {
@@ -130,7 +130,7 @@ def _made_with(
         "cell file": f"{cell.name}, SHA-256 {cell.fingerprint}",
         "images": f"{summary.images}, of which {summary.used} were used",
         "previous calibration": (
-            f"{'the cell file' if known is None else known.name}, SHA-256 {calibration.fingerprint}"
+            f"{'the cell file' if set_folder is None else set_folder.name}, SHA-256 {calibration.fingerprint}"
         ),
         "this calibration": f"SHA-256 {summary.fingerprint}" if summary.fingerprint else "none",
     }

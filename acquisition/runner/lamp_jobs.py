@@ -51,14 +51,14 @@ lamp's position from the sphere's."""
 
 
 def lamp_poses(
-    recipe: LampRecipe, cell: CellConfig, calibration: Calibration, number: int, known: Path | None
+    recipe: LampRecipe, cell: CellConfig, calibration: Calibration, number: int, set_folder: Path | None
 ) -> LightPlan:
-    """Plans the poses of a pass. `known` is the folder of the calibration set in use (None: the cell file's values).
+    """Plans the poses of a pass. `set_folder` is that of the calibration set in use (None: the cell file's values).
 
     Raises RigError calibration.infeasible without a hand–eye calibration or with too few poses, config.invalid without
     targets.
     """
-    targets, hand_eye = lamp_targets.require_targets(cell), stated_values.hand_eye(known)
+    targets, hand_eye = lamp_targets.require_targets(cell), stated_values.hand_eye(set_folder)
     seed = recipe.seed + 7 * number
     if number != lamp_targets.SPHERE_PASS:
         return plane_poses(recipe.placing_images, seed, cell, calibration)
@@ -155,7 +155,7 @@ def target_moved(before: np.ndarray, after: np.ndarray, sphere: bool, cell: Cell
 
 
 def estimate_lamp(
-    recipe: LampRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None,
+    recipe: LampRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, set_folder: Path | None,
     folder: Path,
 ) -> CalibrationSummary:  # fmt: skip
     """Calibrates from all images of a session and writes the estimate's folder.
@@ -163,7 +163,7 @@ def estimate_lamp(
     The sphere gives the lamp's position; the plane, if it has been captured, gives intensity and lobe. Raises RigError
     calibration.infeasible.
     """
-    hand_eye = stated_values.hand_eye(known)
+    hand_eye = stated_values.hand_eye(set_folder)
     hashes = {shot.frame.path: shot.frame.sha256 for shot in observations.shots}
     passes = 1 + max(shot.key.pass_number for shot in observations.shots)
     images = lamp_session.read_sphere(observations, cell, calibration)
