@@ -132,7 +132,8 @@ class SessionLoop:
         except Halted:
             self._enter_halt(session_id)
         except RigError as error:
-            if token.is_set():  # a step that a halt ended is no fault; a safety stop has its own latch
+            # A step that a halt ended is no fault; a safety stop has its own latch.
+            if token.is_set() or self._closing.is_set():
                 self._enter_halt(session_id)
             elif error.code in PAUSING_CODES and self._monitor.latch is None:
                 return not self._pause(session_id, error)

@@ -23,6 +23,7 @@ from acquisition.models.cell_config import Tool
 from acquisition.models.errors import NOT_WRITTEN, ErrorCode, RigError
 from acquisition.models.problem_table import problem
 from acquisition.runner import calibration_checks, new_session, preconditions
+from acquisition.runner.closing import Closing
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.loop import SessionLoop
 from acquisition.runner.operator_moves import OperatorMoves, RunnerAccess
@@ -41,8 +42,7 @@ from acquisition.store import SessionRow, Store
 _log = logging.getLogger(__name__)
 
 READY_WITHIN_S = 20.0
-"""Time limit, s, for device work that a request waits for. Connecting takes 1 s, and an address where nobody listens is
-refused within 3 s; the rest is a margin for a busy machine."""
+"""Time limit, s, for device work that a request waits for: connecting takes 1 s, a refusal 3 s; the rest is margin."""
 
 CONNECT_EVERY_S = 5.0
 """Period, s, of attempts to connect missing devices while no session moves the arm."""
@@ -67,10 +67,10 @@ class Runner:
         self._compute, self._monitor = compute, monitor
         self._executor = StepExecutor(store, rig, self.choices, compute)
         self._readiness = Readiness(rig, self.choices)
-        self._closing = threading.Event()
+        self.closing = Closing()
         self._estimator = ProgressEstimator(store, rig.cell)
-        self._loop = SessionLoop(store, rig, self._executor, monitor, self._closing, self._estimator)
-        self.planning = PlanningService(store, rig, self.choices, compute, self._executor, self._closing)
+        self._loop = SessionLoop(store, rig, self._executor, monitor, self.closing, self._estimator)
+        self.planning = PlanningService(store, rig, self.choices, compute, self._executor, self.closing)
         self.preview = Preview(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
         self._running: str | None = None  # the session that the token belongs to
@@ -93,7 +93,7 @@ class Runner:
 
     def begin_shutdown(self) -> None:
         """Halts the cell and begins nothing more. The session will be interrupted, not stopped; `close` follows."""
-        self._closing.set()
+        self.closing.set()
         self._token.set()
         self._rig.halt()
 
@@ -239,7 +239,7 @@ class Runner:
     def render(self, job: str, *arguments: Any) -> bytes:
         """Renders a picture by a preemptible job. Raises RigError rig.busy when a session's job preempts it."""
         try:
-            return self._compute.run(self._closing, job, *arguments, preemptible=True)
+            return self._compute.run(self.closing, job, *arguments, preemptible=True)
         except Preempted as error:
             raise RigError(ErrorCode.RIG_BUSY, "A session is using the compute process: ask again later") from error
 
@@ -302,7 +302,7 @@ class Runner:
         return state
 
     def _serve(self) -> None:
-        while not self._closing.is_set():
+        while not self.closing.is_set():
             try:
                 if time.monotonic() >= self._next_connection:
                     self._connect_missing()
@@ -345,7 +345,7 @@ class Runner:
             take_over=take_over,
             is_current=lambda token: self._token is token,
             put=self._requests.put,
-            closing=self._closing,
+            closing=self.closing,
         )
 
     def _in_thread(self, work: Callable[[], T]) -> T:
@@ -362,12 +362,12 @@ class Runner:
 
         self._requests.put(request)
         deadline = time.monotonic() + READY_WITHIN_S
-        while not self._closing.is_set() and time.monotonic() < deadline:
+        while not self.closing.is_set() and time.monotonic() < deadline:
             if futures.wait([future], CLOSING_POLL_S).done:
                 return future.result()
         future.cancel()
         why = (
-            "The service is ending" if self._closing.is_set() else f"The rig did not answer within {READY_WITHIN_S:g} s"
+            "The service is ending" if self.closing.is_set() else f"The rig did not answer within {READY_WITHIN_S:g} s"
         )
         raise RigError(ErrorCode.RIG_NOT_READY, why)
 

@@ -78,7 +78,9 @@ class Server(uvicorn.Server):
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Halts the arm, then lets the server end. The session is interrupted; the next service can resume it."""
-        self.service.rig.halt()  # takes no lock, so it may interrupt anything
+        # Neither takes a lock, so they may interrupt anything. Unannounced, the halt would seem a fault of the arm.
+        self.service.runner.closing.announced = True
+        self.service.rig.halt()
         # The rest takes locks that the interrupted code may hold, so it must not wait for them in here.
         threading.Thread(target=self.service.runner.begin_shutdown, name="shut").start()
         super().handle_exit(sig, frame)

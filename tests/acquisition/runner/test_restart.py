@@ -72,6 +72,25 @@ def test_restart_with_interrupted_session_reads_the_arm_and_arms_nothing(tmp_pat
             assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
 
 
+def test_signal_whose_thread_starts_late_interrupts_as_a_shutdown(tmp_path: Path) -> None:
+    options = CellOptions(ADDRESS, "sphere", 1, "ideal", 20.0, pixels=96, cell_file=CELL_FILE)
+    with Cell(options, tmp_path / "cell") as cell, ControlClient(cell.address) as control:
+        with serving(cell, tmp_path / "data", control) as rig:
+            session_id = after_first_image(rig, LONG)
+            until(lambda: max(map(abs, control.state()["joint_speeds"])) > 0.1, rig)
+            rig.runner.closing.announced = True  # what the handler does
+            rig.runner._rig.halt()
+            time.sleep(1.0)  # in which the halt ends the step in progress
+            moves = control.state()["moves_started"]
+            time.sleep(0.5)
+            assert control.state()["moves_started"] == moves
+        with serving(cell, tmp_path / "data", control) as rig:
+            session = rig.store.journal.session(session_id)
+            assert session.state is State.INTERRUPTED
+            assert session.reason is not None
+            assert session.reason["code"] == ErrorCode.SERVICE_RESTARTED
+
+
 def test_restart_session_that_is_stopped_leaves_a_rig_that_takes_control(tmp_path: Path) -> None:
     options = CellOptions(ADDRESS, "sphere", 1, "ideal", 20.0, pixels=96, cell_file=CELL_FILE)
     with Cell(options, tmp_path / "cell") as cell, ControlClient(cell.address) as control:

@@ -139,7 +139,7 @@ def test_signal_while_lock_is_held_halts_the_arm(own: Any) -> None:
         assert not runner._token.is_set()
 
     assert runner._token.wait(60)
-    assert runner._closing.is_set()
+    assert runner.closing.is_set()
     own.server._captured_signals.clear()  # so that uvicorn does not raise it again in this process
 
 
