@@ -36,7 +36,7 @@ def jog_step(joints: tuple[float, ...], motion: JogMotion, cell: CellConfig, cal
     Raises RigError waypoints.collision, which names the obstacle (`reason`), waypoints.unreachable at a joint's limit
     or where the arm cannot reach further.
     """
-    arm, start, slow = scene(cell, calibration), np.array(joints, dtype=float), _slow(cell.arm)
+    arm, start, slow = scene(cell, calibration), np.array(joints, dtype=float), _slow(cell)
     share, refusal = 1.0, RigError(ErrorCode.WAYPOINTS_UNREACHABLE, "no step is possible")
     while share >= _SHORTEST:
         try:
@@ -106,11 +106,12 @@ def _require_free(start: FloatArray, end: FloatArray, config: ArmConfig, arm: Sc
         )
 
 
-def _slow(config: ArmConfig) -> ArmConfig:
-    return config.model_copy(
+def _slow(cell: CellConfig) -> CellConfig:
+    arm = cell.arm.model_copy(
         update={
-            "max_joint_speed_rad_s": min(config.max_joint_speed_rad_s, JOG_SPEED_RAD_S),
-            "max_tool_speed_m_s": min(config.max_tool_speed_m_s, JOG_TOOL_SPEED_M_S),
-            "max_elbow_speed_m_s": min(config.max_elbow_speed_m_s, JOG_TOOL_SPEED_M_S),
+            "max_joint_speed_rad_s": min(cell.arm.max_joint_speed_rad_s, JOG_SPEED_RAD_S),
+            "max_tool_speed_m_s": min(cell.arm.max_tool_speed_m_s, JOG_TOOL_SPEED_M_S),
+            "max_elbow_speed_m_s": min(cell.arm.max_elbow_speed_m_s, JOG_TOOL_SPEED_M_S),
         }
     )
+    return cell.model_copy(update={"arm": arm})

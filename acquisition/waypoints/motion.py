@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.models.base import FloatArray
-from acquisition.models.cell_config import ArmConfig
-from acquisition.waypoints import motion_kernels
+from acquisition.models.cell_config import CellConfig
+from acquisition.waypoints import motion_kernels, mounted_tool
 from acquisition.waypoints.kinematics import arm_model
 
 _SAMPLING_MARGIN = 0.97
@@ -26,13 +26,15 @@ class Legs:
     seconds: FloatArray
 
 
-def legs(starts: FloatArray, ends: FloatArray, arm: ArmConfig, samples: int = 33) -> Legs:
+def legs(starts: FloatArray, ends: FloatArray, cell: CellConfig, samples: int = 33) -> Legs:
     """Returns the largest allowed speed and the shortest time of each straight joint segment (N, 6) to (N, 6), rad.
 
-    Tool and elbow speed are limited at `samples` points of the forward kinematics along each segment.
+    Tool and elbow speed are limited at `samples` points of the forward kinematics along each segment. Which points
+    are the tool's depends on what the cell has on the flange.
     """
+    arm = cell.arm
     model = arm_model(arm.model)
-    tool = np.array(arm.flange_from_tool.position_m)
+    tool = mounted_tool.speed_points(cell)
     starts, ends = np.ascontiguousarray(starts), np.ascontiguousarray(ends)
     turn = np.abs(ends - starts)
     leading = turn.max(axis=1)

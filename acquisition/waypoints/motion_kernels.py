@@ -13,16 +13,18 @@ _vector = float64[::1]
 _matrix = float64[:, ::1]
 
 
-@njit(_matrix(_matrix, _matrix, _vector, _vector, int64), cache=True)
+@njit(_matrix(_matrix, _matrix, _vector, _matrix, int64), cache=True)
 def path_lengths_per_share(starts, ends, dh, tool, samples):
     """Differential kinematics: largest |dp/ds| (N, 2), m, of tool and elbow on N segments q(s), s from 0 to 1.
 
-    Evaluated at `samples` points. The tool is the faster of the flange and the point `tool` (3,) of the flange frame;
-    the elbow is the faster of the two ends of its hinge.
+    Evaluated at `samples` points. The tool is the fastest of the flange and the points `tool` (K, 3) of the flange
+    frame; the elbow is the faster of the two ends of its hinge.
     """
     result = np.zeros((starts.shape[0], 2))
     frames = np.empty((7, 3, 4))
     joints = np.empty(6)
+    hinge = np.zeros((1, 3))
+    hinge[0, 2] = dh[3]
     for n in range(starts.shape[0]):
         tool_square, elbow_square = 0.0, 0.0
         for k in range(samples):
@@ -44,14 +46,15 @@ def path_lengths_per_share(starts, ends, dh, tool, samples):
                 vy += wz * x - wx * z
                 vz += wx * y - wy * x
                 if j in (1, 5):
-                    x, y, z = 0.0, 0.0, dh[3]
-                    if j == 5:
-                        x, y, z = tool[0], tool[1], tool[2]
-                    ax = frames[j + 1, 0, 0] * x + frames[j + 1, 0, 1] * y + frames[j + 1, 0, 2] * z
-                    ay = frames[j + 1, 1, 0] * x + frames[j + 1, 1, 1] * y + frames[j + 1, 1, 2] * z
-                    az = frames[j + 1, 2, 0] * x + frames[j + 1, 2, 1] * y + frames[j + 1, 2, 2] * z
-                    tx, ty, tz = vx + wy * az - wz * ay, vy + wz * ax - wx * az, vz + wx * ay - wy * ax
-                    square = max(vx * vx + vy * vy + vz * vz, tx * tx + ty * ty + tz * tz)
+                    square = vx * vx + vy * vy + vz * vz
+                    points = hinge if j == 1 else tool
+                    for p in range(points.shape[0]):
+                        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+                        ax = frames[j + 1, 0, 0] * x + frames[j + 1, 0, 1] * y + frames[j + 1, 0, 2] * z
+                        ay = frames[j + 1, 1, 0] * x + frames[j + 1, 1, 1] * y + frames[j + 1, 1, 2] * z
+                        az = frames[j + 1, 2, 0] * x + frames[j + 1, 2, 1] * y + frames[j + 1, 2, 2] * z
+                        tx, ty, tz = vx + wy * az - wz * ay, vy + wz * ax - wx * az, vz + wx * ay - wy * ax
+                        square = max(square, tx * tx + ty * ty + tz * tz)
                     if j == 1:
                         elbow_square = max(elbow_square, square)
                     else:

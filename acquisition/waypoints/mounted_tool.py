@@ -18,24 +18,23 @@ PLATE_CAPSULES = 6
 def with_tool(cell: CellConfig, tool: Tool) -> CellConfig:
     """Returns the cell with a tool on its flange. Raises RigError config.invalid if the cell file has no board.
 
-    With a board the tool's speed is limited at the plate's point farthest from the flange, whichever tool the cell file
-    names: `flange_from_tool` is then the place of that corner. Poses of the lamp must therefore be computed with the
-    cell of the file.
+    The controller's TCP stays the lamp's emitter.
     """
-    if tool == "lamp":
-        return cell.model_copy(update={"arm": cell.arm.model_copy(update={"tool": tool})})
-    far = plate_corners(require_board(cell))
-    far = far[np.argmax(np.linalg.norm(far, axis=1))]
-    tool_pose = cell.arm.flange_from_tool
-    if np.linalg.norm(far) > np.linalg.norm(tool_pose.position_m):
-        tool_pose = tool_pose.model_copy(update={"position_m": tuple(far.tolist())})
+    if tool == "board":
+        require_board(cell)
     mass_kg, center_m = payload(cell, tool)
-    arm = cell.arm.model_copy(
-        update={
-            "tool": tool, "flange_from_tool": tool_pose, "payload_kg": mass_kg, "payload_center_m": center_m,
-        }
-    )  # fmt: skip
+    arm = cell.arm.model_copy(update={"tool": tool, "payload_kg": mass_kg, "payload_center_m": center_m})
     return cell.model_copy(update={"arm": arm})
+
+
+def speed_points(cell: CellConfig) -> FloatArray:
+    """Returns the points (K, 3), m, of the flange frame whose speed is limited: the controller's TCP, which has limits
+    of its own, and with a board all corners of its plate. Which of them is the fastest depends on the motion."""
+    tcp = np.array([cell.arm.flange_from_tool.position_m], dtype=float)
+    if cell.arm.tool == "lamp":
+        return tcp
+    board = require_board(cell)
+    return np.concatenate([tcp, plate_corners(board), plate_corners(board, board.thickness_m)])
 
 
 def payload(cell: CellConfig, tool: Tool) -> tuple[float, Vector3]:
@@ -94,10 +93,10 @@ def plate(board: BoardConfig) -> list[CapsuleShape]:
     return made
 
 
-def plate_corners(board: BoardConfig) -> FloatArray:
-    """Returns the corners (4, 3) of the plate's printed face in the flange frame."""
+def plate_corners(board: BoardConfig, depth_m: float = 0.0) -> FloatArray:
+    """Returns the corners (4, 3) of the plate in the flange frame, at a depth below its printed face."""
     low, high = _extent(board)
-    face = np.array([[x, y, 0.0] for x in (low[0], high[0]) for y in (low[1], high[1])])
+    face = np.array([[x, y, depth_m] for x in (low[0], high[0]) for y in (low[1], high[1])])
     return geometry.transform(board.flange_from_board.matrix, face)
 
 

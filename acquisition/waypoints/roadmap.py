@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from acquisition import geometry, lamp_pose
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.cell_config import ArmConfig, CellConfig
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.route import Refusal
@@ -97,7 +97,7 @@ class Roadmap:
             scene.obstacles, scene.vertices, scene.pairs, scene.self_margin,
         )  # fmt: skip
 
-    def with_branches(self, branches: Sequence[FloatArray], arm: ArmConfig) -> "Roadmap":
+    def with_branches(self, branches: Sequence[FloatArray], cell: CellConfig) -> "Roadmap":
         """Returns the roadmap extended by branches (K, 6), each of which ends at a node."""
         nodes, edges = [self.nodes], [self.edges]
         count = len(self.nodes)
@@ -107,7 +107,7 @@ class Roadmap:
             nodes.append(branch[:-1])
             edges.append(np.stack([own[:-1], own[1:]], axis=1).astype(np.int64))
             count += len(branch) - 1
-        return _shortest_paths(np.concatenate(nodes), np.concatenate(edges), arm)
+        return _shortest_paths(np.concatenate(nodes), np.concatenate(edges), cell)
 
     def path(self, start: int, end: int) -> list[int]:
         """Returns the shortest path between two nodes, both ends included."""
@@ -167,13 +167,13 @@ def connected_solutions(
     """
     arm = scene(cell, calibration)
     solutions = solve_lights(lights, cell, calibration, arm)
-    coarse = _connected(solutions, cell.arm, arm, roadmap(cell, calibration), first)
+    coarse = _connected(solutions, cell, arm, roadmap(cell, calibration), first)
     refusals = [station.refusal for station in coarse.solutions]
     unconnected = [n for n, refusal in enumerate(refusals) if refusal is not None and refusal.reason != "too-far"]
     if not unconnected:
         return coarse
     finer = solve_lights([lights[n] for n in unconnected], cell, calibration, arm, FINE_ROLLS)
-    fine = _connected(finer, cell.arm, arm, coarse.roadmap, first)
+    fine = _connected(finer, cell, arm, coarse.roadmap, first)
     result = list(coarse.solutions)
     for n, station in zip(unconnected, fine.solutions, strict=True):
         result[n] = station
@@ -181,9 +181,9 @@ def connected_solutions(
 
 
 def _connected(
-    solutions: Sequence[IkSolutions], config: ArmConfig, arm: Scene, hubs: Roadmap, first: int
+    solutions: Sequence[IkSolutions], cell: CellConfig, arm: Scene, hubs: Roadmap, first: int
 ) -> ConnectedSolutions:
-    result, home = list(solutions), np.array(config.home)
+    result, home = list(solutions), np.array(cell.arm.home)
     free = [station.joints for station in result]
     for n, joints in enumerate(free):
         if len(joints):
@@ -207,7 +207,7 @@ def _connected(
         failures += not grown
         if failures == _MAX_TREE_FAILURES:
             break
-    return ConnectedSolutions(result, hubs.with_branches(branches, config) if branches else hubs)
+    return ConnectedSolutions(result, hubs.with_branches(branches, cell) if branches else hubs)
 
 
 def _branches(joints: FloatArray, hubs: Roadmap, arm: Scene, home: FloatArray) -> list[FloatArray]:
@@ -257,8 +257,8 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
     _, labels = connected_components(graph, directed=False)
     renumbered = np.cumsum(labels == labels[0]) - 1
     pairs = renumbered[pairs[labels[pairs[:, 0]] == labels[0]]]
-    hubs = _shortest_paths(nodes[labels == labels[0]], pairs, cell.arm)
-    return _connected(solutions, cell.arm, arm, hubs, first=2).roadmap
+    hubs = _shortest_paths(nodes[labels == labels[0]], pairs, cell)
+    return _connected(solutions, cell, arm, hubs, first=2).roadmap
 
 
 def _node_solutions(cell: CellConfig, calibration: Calibration, arm: Scene) -> list[IkSolutions]:
@@ -311,8 +311,8 @@ def connected_views(cell: CellConfig, calibration: Calibration, count: int, seed
     return kept[:count]
 
 
-def _shortest_paths(nodes: FloatArray, edges: Indices, arm: ArmConfig) -> Roadmap:
-    seconds = legs(nodes[edges[:, 0]], nodes[edges[:, 1]], arm).seconds
+def _shortest_paths(nodes: FloatArray, edges: Indices, cell: CellConfig) -> Roadmap:
+    seconds = legs(nodes[edges[:, 0]], nodes[edges[:, 1]], cell).seconds
     graph = coo_matrix((seconds, (edges[:, 0], edges[:, 1])), shape=(len(nodes), len(nodes))).tocsr()
     times, predecessors = dijkstra(graph, directed=False, return_predecessors=True)
     return Roadmap(nodes, times, predecessors.astype(np.int64), edges)

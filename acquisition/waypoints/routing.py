@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from acquisition.models.base import FloatArray, Joints
 from acquisition.models.calibration import Calibration
-from acquisition.models.cell_config import ArmConfig, CellConfig
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.listing import refused_lights
@@ -176,7 +176,7 @@ class _Network:
         self.owner: npt.NDArray[np.int64] = np.repeat(np.arange(len(kept)), counts)
         self.start, self.home = int(self.first[-1]), int(self.first[-1]) + 1
         self.nodes: FloatArray = np.concatenate([*kept, start[None], hubs.nodes[:1]])
-        self._arm, self._hubs, self._limits = arm, hubs, cell.arm
+        self._arm, self._hubs, self._cell = arm, hubs, cell
         self._legs: dict[tuple[int, int], JointPath] = {}
         self._checked: set[tuple[int, int]] = set()
 
@@ -221,7 +221,7 @@ class _Network:
         other = owner[rows] != owner[columns]
         rows, columns = rows[other], columns[other]
         seconds = np.zeros((len(self.nodes), len(self.nodes)))
-        seconds[rows, columns] = legs(self.nodes[rows], self.nodes[columns], self._limits, _SAMPLES).seconds
+        seconds[rows, columns] = legs(self.nodes[rows], self.nodes[columns], self._cell, _SAMPLES).seconds
         return seconds + seconds.T
 
     def _lower_bound(self, seconds: FloatArray) -> float:
@@ -264,26 +264,26 @@ class _Network:
 
     def _add_leg(self, a: int, b: int, *, straight: bool) -> None:
         corners = self.nodes[[a, b]] if straight else self._detour(a, b)
-        self._legs[a, b] = _drive(corners, self._limits)
-        self._legs[b, a] = _drive(corners[::-1], self._limits)
+        self._legs[a, b] = _drive(corners, self._cell)
+        self._legs[b, a] = _drive(corners[::-1], self._cell)
 
     def _detour(self, start: int, end: int) -> FloatArray:
         """Shortest path over the roadmap as corners (K, 6), shortcut where a direct segment is free and faster."""
         leave, arrive = (self._hubs.attachments(self.nodes[node], self._arm) for node in (start, end))
         hubs = self._hubs.nodes
-        to_hub = legs(np.repeat(self.nodes[[start]], len(leave), 0), hubs[leave], self._limits).seconds
-        from_hub = legs(hubs[arrive], np.repeat(self.nodes[[end]], len(arrive), 0), self._limits).seconds
+        to_hub = legs(np.repeat(self.nodes[[start]], len(leave), 0), hubs[leave], self._cell).seconds
+        from_hub = legs(hubs[arrive], np.repeat(self.nodes[[end]], len(arrive), 0), self._cell).seconds
         total = to_hub[:, None] + self._hubs.seconds[np.ix_(leave, arrive)] + from_hub[None]
         i, j = np.unravel_index(int(np.argmin(total)), total.shape)
         middle = hubs[self._hubs.path(int(leave[i]), int(arrive[j]))]
         corners = np.concatenate([self.nodes[[start]], middle, self.nodes[[end]]])
-        return _shortened(corners, self._arm, self._limits)
+        return _shortened(corners, self._arm, self._cell)
 
 
-def _shortened(corners: FloatArray, arm: Scene, limits: ArmConfig) -> FloatArray:
+def _shortened(corners: FloatArray, arm: Scene, cell: CellConfig) -> FloatArray:
     """Path shortcutting: fastest subsequence of corners (K, 6), whose consecutive ones are known to be connected."""
     rows, columns = np.triu_indices(len(corners), 1)
-    seconds = legs(corners[rows], corners[columns], limits).seconds
+    seconds = legs(corners[rows], corners[columns], cell).seconds
     free = (columns == rows + 1) | arm.edges_free(corners[rows], corners[columns])
     best, predecessors = np.full(len(corners), np.inf), np.zeros(len(corners), dtype=np.int64)
     best[0] = 0.0
@@ -296,8 +296,8 @@ def _shortened(corners: FloatArray, arm: Scene, limits: ArmConfig) -> FloatArray
     return corners[kept[::-1]]
 
 
-def _drive(corners: FloatArray, limits: ArmConfig) -> JointPath:
-    driven = legs(corners[:-1], corners[1:], limits)
+def _drive(corners: FloatArray, cell: CellConfig) -> JointPath:
+    driven = legs(corners[:-1], corners[1:], cell)
     return JointPath(
         path=[_joints(corner) for corner in corners[1:]],
         speeds=driven.speeds.tolist(),

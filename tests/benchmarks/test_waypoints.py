@@ -86,12 +86,12 @@ def _simple_seconds(lights: list[Light], cell: CellConfig, calibration: Calibrat
     stations = [station.joints for station in connected_solutions(lights, cell, calibration).solutions]
     home = np.array([cell.arm.home])
     stops = np.concatenate([home, *(joints[:1] for joints in stations), home])
-    given = float(legs(stops[:-1], stops[1:], cell.arm).seconds.sum())
+    given = float(legs(stops[:-1], stops[1:], cell).seconds.sum())
     present, left, nearest = home, list(range(len(stations))), 0.0
     while left:
-        times = [legs(np.repeat(present, len(stations[n]), 0), stations[n], cell.arm).seconds for n in left]
+        times = [legs(np.repeat(present, len(stations[n]), 0), stations[n], cell).seconds for n in left]
         best = int(np.argmin([time.min() for time in times]))
         nearest += float(times[best].min())
         present = stations[left[best]][[int(np.argmin(times[best]))]]
         del left[best]
-    return given, nearest + float(legs(present, home, cell.arm).seconds[0])
+    return given, nearest + float(legs(present, home, cell).seconds[0])

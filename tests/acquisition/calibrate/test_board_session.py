@@ -5,17 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import lamp_pose
+from acquisition import geometry, lamp_pose
 from acquisition.calibrate import board_session
 from acquisition.calibrate.board_results import AdjustmentRecord
 from acquisition.calibrate.board_session import BoardImages
 from acquisition.formats.frames import FolderFrames
 from acquisition.models import cell_config
 from acquisition.models.calibration_recipe import BoardRecipe
+from acquisition.models.cell_config import BoardConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.shot import Observations
 from acquisition.runner import board_jobs
-from acquisition.waypoints import board_poses, calibrated_kinematics, mounted_tool
+from acquisition.waypoints import board_poses, calibrated_kinematics, kinematics, motion, mounted_tool
 from acquisition.waypoints.collision import scene
 from acquisition.waypoints.roadmap import connected_views, roadmap
 from hardware_sim import nominal
@@ -64,12 +65,28 @@ def test_board_limits_speed_whichever_tool_file_names() -> None:
     of_file = CELL.model_copy(update={"arm": CELL.arm.model_copy(update={"tool": "board"})})
     board = mounted_tool.require_board(CELL)
     board = board.model_copy(update={"square_m": 2 * board.square_m})
+    random = np.random.default_rng(0)
+    starts = random.uniform(-np.pi, np.pi, (60, 6))
+    ends = starts + random.uniform(-0.5, 0.5, (60, 6))
     for cell in (CELL, of_file):
         mounted = mounted_tool.with_tool(cell.model_copy(update={"board": board}), "board")
-        far = np.linalg.norm(mounted_tool.plate_corners(board), axis=1).max()
-        assert np.linalg.norm(mounted.arm.flange_from_tool.position_m) == pytest.approx(far)
-        assert far > np.linalg.norm(CELL.arm.flange_from_tool.position_m)
         assert mounted_tool.with_tool(mounted, "board") == mounted
+        assert mounted.arm.flange_from_tool == CELL.arm.flange_from_tool, "the controller's TCP stays"
+        fastest = [
+            plate_speed(start, end, float(speed), board)
+            for start, end, speed in zip(starts, ends, motion.legs(starts, ends, mounted).speeds, strict=True)
+        ]
+        assert max(fastest) <= CELL.arm.max_tool_speed_m_s
+        assert max(fastest) > 0.95 * CELL.arm.max_tool_speed_m_s
+
+
+def plate_speed(start: np.ndarray, end: np.ndarray, speed: float, board: BoardConfig) -> float:
+    """Speed, m/s, of the plate's fastest corner on a segment whose leading joint turns with `speed`, rad/s."""
+    joints = start + np.linspace(0, 1, 1000)[:, None] * (end - start)
+    flanges = kinematics.forward(kinematics.arm_model(CELL.arm.model), joints)[:, 6]
+    corners = np.stack([geometry.transform(flange, mounted_tool.plate_corners(board)) for flange in flanges])
+    step_s = np.abs(end - start).max() / speed / 999
+    return float(np.linalg.norm(np.diff(corners, axis=0), axis=2).max() / step_s)
 
 
 def test_board_poses_state_where_the_lamp_is(monkeypatch: pytest.MonkeyPatch) -> None:
