@@ -5,6 +5,8 @@ still gives the branches and good initial values: from each of them a few Newton
 to the pose. Branches that do not converge (near a singularity) are discarded.
 """
 
+import itertools
+
 import numpy as np
 
 from acquisition.models.base import FloatArray
@@ -47,6 +49,19 @@ def forward(chain: FloatArray, joints: FloatArray) -> FloatArray:
         matrix[:, 3, 3] = 1.0
         frames[:, number + 1] = frames[:, number] @ matrix
     return frames
+
+
+def departure_m(arm: ArmConfig, points: FloatArray) -> float:
+    """Returns the largest distance, m, of points (K, 3) of the flange frame from where the model's nominal chain has
+    them, over quarter turns of all joints but the first, which turns both chains alike; 0 without a calibration."""
+    if arm.kinematics is None:
+        return 0.0
+    joints = np.zeros((4**5, 6))
+    joints[:, 1:] = list(itertools.product(np.arange(4) * TURN / 4, repeat=5))
+    chains = of_arm(arm), np.array(denavit_hartenberg(arm_model(arm.model)))
+    flanges, nominal = (forward(one, joints)[:, 6] for one in chains)
+    apart = (flanges - nominal)[:, :3] @ np.column_stack([points, np.ones(len(points))]).T
+    return float(np.linalg.norm(apart, axis=1).max())
 
 
 def refine(chain: FloatArray, joints: FloatArray, base_from_flange: FloatArray) -> FloatArray:

@@ -2,9 +2,10 @@
 
 It checks whether a configuration is free, whether a straight joint edge is free over its full length, and whether the
 view cone (lens to object) and the light cone (lamp to object) are unobstructed during exposure. The arm is the nominal
-one: a calibrated arm differs by millimetres, while clearances are centimetres. Configurations where the arm stops keep
-slightly more than the clearances (`NODE_SLACK_M`), so that the edges from them can be certified for the clearances
-themselves. The table is not checked against the base link, which stands on it and cannot move.
+one: a calibrated arm differs by millimetres, while clearances are centimetres; a cell in which it differs by more than
+the smallest clearance is refused. Configurations where the arm stops keep slightly more than the clearances
+(`NODE_SLACK_M`), so that the edges from them can be certified for the clearances themselves. The table is not checked
+against the base link, which stands on it and cannot move.
 """
 
 import itertools
@@ -20,9 +21,10 @@ from scipy.spatial import ConvexHull
 from acquisition import geometry
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.cell_config import Box, Capsule, CellConfig, Cone, HalfSpace, Obstacle
+from acquisition.models.cell_config import ArmConfig, Box, Capsule, CellConfig, Cone, HalfSpace, Obstacle
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.waypoints import calibrated_kinematics, mounted_tool
 from acquisition.waypoints import collision_kernels as kernels
-from acquisition.waypoints import mounted_tool
 from acquisition.waypoints import shape_kernels as shapes
 from acquisition.waypoints.hull_kernels import hull_distance
 from acquisition.waypoints.kinematics import ArmModel, arm_model
@@ -134,7 +136,10 @@ class Occluder:
 
 
 def scene(cell: CellConfig, calibration: Calibration) -> Scene:
-    """Collision model of the cell: arm, tool and obstacles as arrays; cached for each cell and calibration."""
+    """Collision model of the cell: arm, tool and obstacles as arrays; cached for each cell and calibration.
+
+    Raises RigError config.invalid if `arm.kinematics` are not those of an arm of this model.
+    """
     return _scene(cell.model_dump_json(), calibration.model_dump_json())
 
 
@@ -166,6 +171,7 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
         *(("hits-obstacle", item.name, _obstacle(item, usual, meshes)) for item in cell.obstacles),
     ]
     obstacles, vertices = np.stack([row for _, _, row in rows]), np.concatenate([np.zeros((0, 3)), *meshes])
+    _require_model(cell.arm, capsules[links == 6, :6].reshape(-1, 3), float(obstacles[:, 1].min()))
     return Scene(
         model=model,
         links=links,
@@ -183,6 +189,21 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
         occluders=_occluders(obstacles, vertices),
         lens=np.array(calibration.base_from_camera, dtype=float)[:3, 3].copy(),
     )
+
+
+def _require_model(arm: ArmConfig, points: FloatArray, least_m: float) -> None:
+    """Raises RigError config.invalid if the calibrated arm has points (K, 3) of the flange frame further than the
+    smallest clearance from where its nominal model, which alone is kept clear of bodies, has them."""
+    departure_m = calibrated_kinematics.departure_m(arm, points)
+    if departure_m >= least_m:
+        raise RigError(
+            ErrorCode.CONFIG_INVALID,
+            f"By `arm.kinematics` the tool is up to {1e3 * departure_m:.0f} mm from where the links of a {arm.model} "
+            f"have it, but the smallest clearance is {1e3 * least_m:.0f} mm: the arm could touch what its model "
+            "clears. Correct `arm.model`, or copy the calibration of this arm (`lightpose check` prints it); if both "
+            "are right, state larger clearances",
+            departure_m=round(departure_m, 4),
+        )
 
 
 def _finite(joints: FloatArray) -> FloatArray:
