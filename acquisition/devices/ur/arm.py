@@ -220,12 +220,11 @@ class UrArm:
         )
         if not move.path:
             return
-        seconds = move.seconds(self.reading.joints, self.reading.speed_fraction)
-        deadline_s = REQUEST_DEADLINE_S + 2.0 * seconds + protocol.ACKNOWLEDGE_S
+        start, slowest = self.reading.joints, self.reading.speed_fraction
         halted, renewed_at = False, None
 
-        def renew_lease() -> None:
-            nonlocal halted, renewed_at
+        def renew_lease() -> float:
+            nonlocal halted, renewed_at, slowest
             self._memory.write(Field.LEASE, time.monotonic_ns())
             now = time.monotonic()
             if renewed_at is not None:
@@ -235,10 +234,12 @@ class UrArm:
                 halted = True
                 self.halt()
             self._real_time.keep_share()
+            slowest = min(slowest, self.reading.speed_fraction)  # a person may turn the slider down in mid-move
+            return REQUEST_DEADLINE_S + 2.0 * move.seconds(start, slowest) + protocol.ACKNOWLEDGE_S
 
         self._real_time.enter()  # else other programs may delay this process until the lease runs out
         try:
-            reply = self._request(move, deadline_s, renew_lease)
+            reply = self._request(move, REQUEST_DEADLINE_S, renew_lease)
         except RigError:
             if stop.is_set():
                 raise Halted from None
@@ -328,27 +329,26 @@ class UrArm:
         self,
         request: protocol.Request,
         deadline_s: float,
-        while_waiting: Callable[[], None] | None = None,
+        while_waiting: Callable[[], float] | None = None,
         watch_loop: bool = True,
     ) -> protocol.Reply:
         with self._pipe_lock:
             return self._exchange(request, deadline_s, while_waiting, watch_loop)
 
     def _exchange(
-        self, request: protocol.Request, deadline_s: float, while_waiting: Callable[[], None] | None, watch_loop: bool
+        self, request: protocol.Request, deadline_s: float, while_waiting: Callable[[], float] | None, watch_loop: bool
     ) -> protocol.Reply:
-        """Sends one request and returns its reply; calls `while_waiting` every LEASE_RENEWAL_S meanwhile.
+        """Sends one request and returns its reply; `while_waiting`, called every LEASE_RENEWAL_S, gives its deadline.
 
         `watch_loop` is off where the driver is expected to block in a constructor of ur-rtde.
         """
         connection = self._connection
         if self._process is None or connection is None:
             raise RigError(ErrorCode.DRIVER_LOST, "The arm is not connected.")
-        number = time.monotonic_ns()
-        deadline = time.monotonic() + deadline_s
+        number, begun = time.monotonic_ns(), time.monotonic()
         try:
             if while_waiting is not None:
-                while_waiting()
+                deadline_s = while_waiting()
             connection.send((number, request))
             while True:
                 if connection.poll(protocol.LEASE_RENEWAL_S):
@@ -356,10 +356,10 @@ class UrArm:
                     if answered == number:
                         return reply
                 if while_waiting is not None:
-                    while_waiting()
+                    deadline_s = while_waiting()
                 if watch_loop and self._memory.age_s(Field.HEARTBEAT) > protocol.HEARTBEAT_S:
                     raise self._declare_lost("The arm's driver hangs.")
-                if time.monotonic() > deadline:
+                if time.monotonic() - begun > deadline_s:
                     raise self._declare_lost(f"The arm's driver did not answer within {deadline_s:.0f} s.")
         except (EOFError, ConnectionError) as error:
             raise self._declare_lost("The arm's driver ended.") from error

@@ -13,6 +13,7 @@ import pytest
 import rtde_control
 
 from acquisition.devices import MotionLimits, StopToken
+from acquisition.devices.ur import arm as arm_module
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models.errors import ErrorCode, Halted, RigError
@@ -338,6 +339,31 @@ def test_move_half_speed_slider_reaches_the_goal(arm: UrArm, control: ControlCli
     moved(arm, [goal])
     np.testing.assert_allclose(control.state()["joints"], goal, atol=1e-4)
     assert arm.reading.speed_fraction == 0.5
+
+
+def test_move_slider_turned_down_in_mid_move_goes_on(
+    arm: UrArm, control: ControlClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A person who wants to see a move slowly turns the slider down; the move then takes longer than was expected."""
+    limits, goal = MotionLimits(0.2, 1.4), (HOME[0] - 0.3, *HOME[1:])
+
+    def move() -> None:
+        control.fault("speed_slider", fraction=1.0)
+        moved(arm)
+        control.fault("speed_slider", fraction=0.2, at_move=1)
+        begun = control.state()["timestamp"]
+        with monkeypatch.context() as patched:
+            patched.setattr(arm_module, "REQUEST_DEADLINE_S", 0.5)
+            try:
+                arm.move([goal], [limits], StopToken())
+            except RigError as error:
+                if "did not answer within" in error.detail:
+                    pytest.fail(error.detail)
+                raise
+        assert control.state()["timestamp"] - begun > 5.0, "it was no slower than at full speed"
+
+    until_undisturbed(move)
+    np.testing.assert_allclose(control.state()["joints"], goal, atol=1e-4)
 
 
 def test_connect_second_client_raises_arm_in_use(arm: UrArm) -> None:
