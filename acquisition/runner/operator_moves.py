@@ -22,6 +22,7 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.models.jog import JogMotion
 from acquisition.models.route import JointPath
 from acquisition.runner.compute import Compute
+from acquisition.runner.readiness import require_preflight
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.store import Store
 from acquisition.store.queue_table import QueueState
@@ -249,6 +250,8 @@ class OperatorMoves:
                 return "another request came first"
             access.refuse_held()
             access.require_clear()
+            if not jog.moving:  # the pendant may have been put into local control since the last press
+                require_preflight(self._rig.arm)
             known = (jog.motion, *self._known)
             # The jog's token ends the wait for other jobs, but not this job: that would kill the compute process, whose
             # start takes seconds.

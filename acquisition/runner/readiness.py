@@ -10,7 +10,7 @@ import logging
 from typing import Any
 
 from acquisition.capture import camera_fit
-from acquisition.devices import ArmIdentity, Rig
+from acquisition.devices import Arm, ArmIdentity, Rig
 from acquisition.models.base import Vector3
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.problem_table import problem
@@ -49,13 +49,7 @@ class Readiness:
             if not self._rig.arm.reading.program_running or not self.payload_sent:
                 self._rig.arm.prepare()
             self.payload_sent = True
-            findings = self._rig.arm.preflight()
-            if findings:
-                raise RigError(
-                    ErrorCode.ARM_PREFLIGHT,
-                    " ".join(finding.what for finding in findings),
-                    findings=[{"what": finding.what, "remedy": finding.remedy} for finding in findings],
-                )
+            require_preflight(self._rig.arm)
             self._rig.lamp.connect()
             self._connect_camera()
         except RigError as error:
@@ -117,6 +111,17 @@ class Readiness:
         if camera.capabilities is not None:
             for warning in camera_fit.require_fit(camera.capabilities, calibration, self._rig.cell.camera):
                 _log.warning("%s", warning)
+
+
+def require_preflight(arm: Arm) -> None:
+    """Compares the arm with the cell file. Raises RigError arm.preflight with the `findings`, driver.lost."""
+    findings = arm.preflight()
+    if findings:
+        raise RigError(
+            ErrorCode.ARM_PREFLIGHT,
+            " ".join(finding.what for finding in findings),
+            findings=[{"what": finding.what, "remedy": finding.remedy} for finding in findings],
+        )
 
 
 def _as_problem(error: RigError) -> dict[str, Any]:

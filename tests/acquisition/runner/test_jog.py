@@ -20,6 +20,7 @@ from acquisition.store import Store
 from acquisition.waypoints.jog_step import JOG_SPEED_RAD_S
 from api.rest import settings, wiring
 from hardware_sim.cell import Cell, CellOptions
+from hardware_sim.controller.control import ControlClient
 
 ADDRESS = "127.0.13.24"
 CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
@@ -185,6 +186,21 @@ def test_jog_once_is_one_exact_step(rig: Rig) -> None:
         if rig.ends()[-1] == "one step":
             break
     assert after[5] - before[5] == pytest.approx(0.005, abs=1.5e-3)
+
+
+def test_jog_in_local_control_moves_nothing(rig: Rig) -> None:
+    """Somebody works at the pendant, and the second halt path is not obeyed; the control program still runs."""
+    ready(rig)
+    before = rig.at_rest()
+    with ControlClient(ADDRESS) as control:
+        control.fault("local_mode")
+        try:
+            with pytest.raises(RigError, match="local control") as refused:
+                rig.jog(f"press-{next(PRESSES):05}", once=True)
+        finally:
+            control.fault("remote_mode")
+    assert refused.value.code is ErrorCode.ARM_PREFLIGHT
+    assert rig.joints == pytest.approx(before, abs=1e-3)
 
 
 def test_jog_halt_ends_motion_and_its_hold(rig: Rig) -> None:
