@@ -93,8 +93,9 @@ def _tour(
     lights: Sequence[Light], connected: ConnectedSolutions, start_joints: Sequence[float], cell: CellConfig,
     calibration: Calibration, nodes: int = NODES,
 ) -> Route:  # fmt: skip
-    arm, hubs = scene(cell, calibration), connected.roadmap
-    network = _Network(connected.solutions, _start(start_joints, arm, hubs), cell, arm, hubs, nodes)
+    arm = scene(cell, calibration)
+    start, hubs = _start(start_joints, cell, arm, connected.roadmap)
+    network = _Network(connected.solutions, start, cell, arm, hubs, nodes)
     tour, lower_bound_s = network.tour()
     waypoints: list[Waypoint] = []
     for before, node in pairwise([network.start, *tour]):
@@ -115,8 +116,9 @@ def _tour(
 
 def retreat(start_joints: Sequence[float], cell: CellConfig, calibration: Calibration) -> JointPath:
     """Certified path home from `start_joints` (6, rad). Raises RigError waypoints.collision if there is none."""
-    arm, hubs = scene(cell, calibration), roadmap(cell, calibration)
-    network = _Network([], _start(start_joints, arm, hubs), cell, arm, hubs)
+    arm = scene(cell, calibration)
+    start, hubs = _start(start_joints, cell, arm, roadmap(cell, calibration))
+    network = _Network([], start, cell, arm, hubs)
     return network.path(network.start, network.home)
 
 
@@ -127,8 +129,9 @@ def path_between(
 
     Raises RigError waypoints.collision if there is none.
     """
-    arm, hubs = scene(cell, calibration), roadmap(cell, calibration)
-    start, end = (_start(joints, arm, hubs) for joints in (start_joints, end_joints))
+    arm = scene(cell, calibration)
+    start, hubs = _start(start_joints, cell, arm, roadmap(cell, calibration))
+    end, hubs = _start(end_joints, cell, arm, hubs)
     network = _Network([IkSolutions(end[None], None)], start, cell, arm, hubs)
     return network.path(network.start, 0)
 
@@ -145,12 +148,19 @@ def _require_solutions(solutions: Sequence[IkSolutions]) -> None:
     )
 
 
-def _start(start_joints: Sequence[float], arm: Scene, hubs: Roadmap) -> FloatArray:
-    """Returns the start configuration (6,) as an array; it must be finite, collision-free and connected to home."""
+def _start(
+    start_joints: Sequence[float], cell: CellConfig, arm: Scene, hubs: Roadmap
+) -> tuple[FloatArray, Roadmap]:  # fmt: skip
+    """Returns the start configuration (6,) as an array, and the roadmap, with the branch that leads there if it needs
+    one: at such a light a session may have ended. It must be finite, collision-free and connected to home."""
     joints = np.array(start_joints, dtype=float).reshape(6)
     if not np.isfinite(joints).all():
         raise RigError(ErrorCode.WAYPOINTS_COLLISION, "the arm's joint angles are unknown", lights=[])
     if not len(hubs.attachments(joints, arm)):
+        stands_clear = arm.edges_free(joints[None], joints[None])[0]
+        branch = hubs.grow_branch(joints, arm, np.array(cell.arm.home)) if stands_clear else joints[:0]
+        if len(branch):
+            return joints, hubs.with_branches([branch], cell)
         violation = int(arm.violations(joints[None])[0])
         reason, why = "not-connected", "no certified path leads home from the arm's present configuration"
         if violation >= 0:
@@ -159,7 +169,7 @@ def _start(start_joints: Sequence[float], arm: Scene, hubs: Roadmap) -> FloatArr
         raise RigError(
             ErrorCode.WAYPOINTS_COLLISION, f"{why}; move it clear by hand at the pendant", lights=[], reason=reason
         )
-    return joints
+    return joints, hubs
 
 
 class _Network:

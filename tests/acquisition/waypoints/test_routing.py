@@ -17,10 +17,11 @@ from acquisition.models.light_plan import Light
 from acquisition.models.route import JointPath, Refusal, Route
 from acquisition.waypoints import order_kernels
 from acquisition.waypoints import roadmap as roadmap_module
+from acquisition.waypoints.collision import scene
 from acquisition.waypoints.motion import trapezoid_seconds
 from acquisition.waypoints.reach import reach, refusals
-from acquisition.waypoints.roadmap import dome_lights
-from acquisition.waypoints.routing import retreat, route
+from acquisition.waypoints.roadmap import dome_lights, roadmap
+from acquisition.waypoints.routing import path_between, retreat, route
 from tests import audit
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 
@@ -169,6 +170,23 @@ def test_route_unconnected_light_is_named() -> None:
         route([good, cut_off], cell.arm.home, cell, calibration)
     assert caught.value.code == ErrorCode.WAYPOINTS_COLLISION
     assert [(item["number"], item["reason"]) for item in caught.value.context["lights"]] == [(1, "not-connected")]
+
+
+def test_arm_at_the_end_of_a_branch_goes_home_and_returns() -> None:
+    """A session that ends at a light which only a branch of its own connects must leave an arm that can be parked."""
+    cell, calibration = random_cell(118)
+    light = dome_lights(cell, calibration, 400)[193]
+    joints = route([light], cell.arm.home, cell, calibration).waypoints[0].joints
+    assert not len(roadmap(cell, calibration).attachments(np.array(joints), scene(cell, calibration)))
+    measured = np.array(joints) + np.random.default_rng(0).uniform(-1e-3, 1e-3, 6)
+
+    home = retreat(measured, cell, calibration)
+    assert home.path[-1] == cell.arm.home
+    there = path_between(cell.arm.home, measured, cell, calibration)
+    corners = np.array([cell.arm.home, *there.path, *home.path])
+    assert np.allclose(there.path[-1], measured)
+    assert scene(cell, calibration).edges_free(corners[:-1], corners[1:]).all()
+    assert route([light], measured, cell, calibration).waypoints
 
 
 def test_route_colliding_start_is_refused() -> None:
