@@ -250,15 +250,14 @@ class UrArm:
             case Done():
                 return
             case Failed(error):
-                if error.code != ErrorCode.ARM_NOT_READY:  # which refuses a move before it begins
-                    self._stop_program()  # a move that failed is over: nothing at the pendant may continue it
-                if stop.is_set():
-                    raise Halted from error
-                raise error
-            case Interrupted():
-                if stop.is_set():
-                    raise Halted
-                raise RigError(ErrorCode.ARM_MOVE_FAILED, "A halt ended the move.")
+                may_go_on = error.code != ErrorCode.ARM_NOT_READY  # which refuses a move before it begins
+            case Interrupted(program_runs):
+                may_go_on, error = not program_runs, RigError(ErrorCode.ARM_MOVE_FAILED, "A halt ended the move.")
+        if may_go_on:
+            self._stop_program()  # the move is over: nothing at the pendant may continue it
+        if stop.is_set():
+            raise Halted from error
+        raise error
 
     def set_output(self, output: int, on: bool) -> None:
         """Sets the lamp's output and waits for its read-back; for `UrLamp`."""

@@ -95,11 +95,12 @@ class Controller:
             self._kicked_at = now
             self._control.kickWatchdog()
 
-    def stop(self) -> None:
-        """Switches the lamp off (sent at once), then stops synchronously; harmless at rest and without a program."""
-        if self._open_request is None:
-            return
+    def stop(self) -> bool:
+        """Switches the lamp off (sent at once), then stops synchronously; harmless at rest and without a program.
+        Returns whether the program still runs, and so has ended its move."""
         unwritten: RuntimeError | None = None
+        if self._open_request is None:
+            return False
         if self._outputs is not None:
             try:
                 self._write_lamp(False)
@@ -109,6 +110,7 @@ class Controller:
             self._control.stopJ(self._open_request.stop_deceleration_rad_s2)
         if unwritten is not None:  # logged last, because a log may block
             _log.error("the lamp's output cannot be written: %s", unwritten)
+        return self._control is not None and self._control.isProgramRunning()
 
     # -------------------------------------------------------------------------------------------------------- requests
 
@@ -215,10 +217,8 @@ class Controller:
         return Done()
 
     def move(self, move: protocol.Move) -> Task:
-        """Sends one asynchronous moveJ after the other, then waits for rest at the last goal.
-
-        Sends none unless the controller finds every goal within its safety limits.
-        """
+        """Sends one asynchronous moveJ after the other, none unless the controller finds every goal within its safety
+        limits, then waits for rest at the last goal."""
         control = self._require_control()
         for goal in move.path:
             if not control.isJointsWithinSafetyLimits(list(goal)):
@@ -342,16 +342,16 @@ class Controller:
     def _link(self, receive: Receive, now: float) -> Link:
         """Returns the state of the link and logs a lost one; the limit is longer just after this process slept."""
         awake_s = now - self._awake_since
-        link = Link.OK
         if not receive.isConnected():
             link = Link.READING_CLOSED
         elif now - self._received_at > (protocol.LINK_AT_MOST_S if awake_s < AWAKE_S else protocol.LINK_S):
             link = Link.SILENT
         elif self._control is not None and not self._control.isConnected():
             link = Link.CONTROL_CLOSED
-        if link is not Link.OK:
-            values = link.name, now - self._received_at, self._slept_s, awake_s
-            _log.error("link lost (%s): data are %.2f s old; the driver slept for %.2f s, %.2f s ago", *values)
+        else:
+            return Link.OK
+        values = link.name, now - self._received_at, self._slept_s, awake_s
+        _log.error("link lost (%s): data are %.2f s old; the driver slept for %.2f s, %.2f s ago", *values)
         return link
 
     def _require_open(self) -> tuple[protocol.Open, Receive]:

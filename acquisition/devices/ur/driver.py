@@ -113,13 +113,13 @@ class Driver:
         if requested == self._memory.read(Field.HALT_ACCEPTED):
             return
         self._memory.write(Field.HALT_ACCEPTED, requested)
-        self._controller.stop()
+        program_runs = self._controller.stop()
         self._memory.write(Field.HALT_DONE, requested)
-        self._interrupt()
+        self._interrupt(program_runs)
 
-    def _interrupt(self) -> None:
+    def _interrupt(self, program_runs: bool) -> None:
         if isinstance(self._request, protocol.Move | protocol.SetLamp | protocol.PulseOutput):
-            self._reply(Interrupted())
+            self._reply(Interrupted(program_runs))
 
     def _advance(self) -> None:
         if self._task is None:
@@ -162,7 +162,7 @@ class Driver:
         self._carry_out_halt()
         self._issued, self._request, self._task = issued, request, self._begin(request)
         if self._memory.read(Field.HALT_ACCEPTED) > issued:  # requested later than the request, but seen before it
-            self._interrupt()
+            self._interrupt(program_runs=True)  # it holds no move of this request
 
     def _begin(self, request: Request) -> Task | None:
         match request:

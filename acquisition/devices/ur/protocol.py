@@ -141,7 +141,13 @@ class Failed:
 
 @dataclass(frozen=True)
 class Interrupted:
-    """A halt ended the request; the stop has been carried out."""
+    """A halt ended the request; the stop has been carried out.
+
+    `program_runs`: the control program is alive and has ended its move. One that is paused (by a safety stop, or at the
+    pendant) still holds the move, and would go on with it.
+    """
+
+    program_runs: bool
 
 
 Reply = Done | Failed | Interrupted

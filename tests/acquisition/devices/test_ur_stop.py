@@ -20,6 +20,7 @@ import pytest
 
 from acquisition.devices import StopToken
 from acquisition.devices.ur.arm import UrArm
+from acquisition.devices.ur.dashboard import Dashboard
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.runner.safety_monitor import SafetyMonitor
@@ -218,6 +219,33 @@ def test_move_token_set_meanwhile_halts(arm: UrArm, control: ControlClient) -> N
     journey.stop.set()
     assert_stopped(control, moving)
     assert isinstance(journey.end(), Halted)
+
+
+@pytest.mark.parametrize("fault", ["protective_stop", "safeguard_stop", "program_pause"])
+def test_halt_at_a_stop_of_the_cell_leaves_no_paused_move(arm: UrArm, control: ControlClient, fault: str) -> None:
+    """The safety monitor halts before the driver has reported the stop; the paused program still holds the move."""
+    journey, _ = under_way(arm, control)
+
+    def halt_move(latch: object) -> None:
+        if latch is not None:
+            journey.stop.set()
+            arm.halt()
+
+    monitor = SafetyMonitor(arm, halt_move)
+    monitor.start()
+    try:
+        control.fault(fault)
+        if fault == "program_pause":
+            halt_move(fault)
+        assert isinstance(journey.end(), Halted)
+    finally:
+        monitor.close()
+    wait_for(lambda: control.state()["runtime_state"] == STOPPED)
+    wait_until_at_rest(control)
+    control.fault("clear")
+    with Dashboard(ADDRESS) as pendant:
+        assert pendant.ask("play") == "Failed to execute: play"
+    assert stays_at_rest(control)
 
 
 def test_halt_mid_path_ends_all_segments(arm: UrArm, control: ControlClient) -> None:
