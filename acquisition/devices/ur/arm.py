@@ -74,6 +74,7 @@ class UrArm:
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
         self._taking_control = self._took_control = False  # at present; whether this driver has ever taken control
+        self._reported: list[JointGeometry] | None = None  # the arm's factory calibration, by the controller
         self._lost_reason = ""  # why the last driver was lost
         self._pipe_lock = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
         self._program_stop: ProgramStop | None = None
@@ -198,6 +199,12 @@ class UrArm:
             state.identity, state.remote_control, reading, inspection, expected, self._kinematics()
         )
         return preflight.findings(self._config, answers)
+
+    def _kinematics(self) -> list[JointGeometry] | None:
+        """Returns the arm's factory calibration, read once for each driver if the cell file states kinematics."""
+        if self._config.kinematics is not None and self._reported is None:
+            self._reported = primary.kinematics(self._config.address)
+        return self._reported
 
     def recover(self, step: RecoveryStep) -> None:
         """Carries out one step out of a stop; see the Protocol `Arm`."""
@@ -378,7 +385,7 @@ class UrArm:
     def _kill_driver(self) -> None:
         process, self._process = self._process, None
         connection, self._connection = self._connection, None
-        self._took_control = False
+        self._took_control, self._reported = False, None
         if process is not None:
             process.kill()
             process.wait()
@@ -391,9 +398,3 @@ class UrArm:
         if isinstance(reply, Interrupted):
             raise RigError(ErrorCode.ARM_NOT_READY, "A halt interrupted the request.")
         return reply
-
-    # ------------------------------------------------------------------------------------------------------- questions
-
-    def _kinematics(self) -> list[JointGeometry] | None:
-        """Returns the arm's factory calibration, which is read only if the cell file states kinematics to compare."""
-        return None if self._config.kinematics is None else primary.kinematics(self._config.address)

@@ -10,7 +10,7 @@ from acquisition.devices import MotionLimits
 from acquisition.devices.ur import primary
 from acquisition.devices.ur.arm import UrArm
 from acquisition.models import cell_config
-from acquisition.models.cell_config import CellConfig
+from acquisition.models.cell_config import CellConfig, JointGeometry
 from acquisition.models.light_plan import Light
 from acquisition.waypoints import calibrated_kinematics, kinematics
 from acquisition.waypoints.reach import refusals
@@ -108,3 +108,23 @@ def test_preflight_other_factory_calibration_is_reported(cell: CellConfig, contr
         sentences = [finding.what for finding in arm.preflight()]
     assert "factory calibration" in sentences[0]
     assert "1.0 mm" in sentences[1]
+
+
+def test_preflight_reads_the_factory_calibration_once_for_each_driver(
+    cell: CellConfig, control: ControlClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each press of a jog button begins with a preflight, which must not wait for the primary interface each time."""
+    read: list[str] = []
+
+    def kinematics_of(address: str) -> list[JointGeometry] | None:
+        read.append(address)
+        return cell.arm.kinematics
+
+    monkeypatch.setattr(primary, "kinematics", kinematics_of)
+    with connected(UrArm(cell.arm, cell.lamp.output)) as arm:
+        assert arm.preflight() == arm.preflight() == []
+        assert read == [ADDRESS]
+        arm.close()
+        arm.connect()
+        assert arm.preflight() == []
+    assert read == [ADDRESS] * 2
