@@ -92,7 +92,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         410, "The solve of this result was cancelled", "Ask for it again with POST …/results, if it is still wanted."
     ),
     ErrorCode.RIG_BUSY: Problem(
-        409, "Another session uses the rig", "Wait until the session in `holder` has ended, or stop it."
+        409,
+        "The rig is in use",
+        "If `holder` names a session, wait until it has ended, or stop it; if not, do what the detail says.",
     ),
     ErrorCode.RIG_NOT_READY: Problem(
         503, "The rig is not ready", "See `reasons` in GET /v1/rig, correct them, and start again."

@@ -185,7 +185,7 @@ class OperatorMoves:
         with self._lock:
             jog = self._jog
             if jog is not None and not jog.ended.is_set() and jog.actor != actor:
-                raise RigError(ErrorCode.RIG_BUSY, f"{jog.actor} is jogging the arm")
+                raise RigError(ErrorCode.RIG_BUSY, f"{jog.actor} is jogging the arm: wait for its release")
             if jog is not None and jog.hold == hold and not jog.token.is_set() and not jog.ended.is_set():
                 jog.token.renew()
                 return jog.moving
@@ -225,7 +225,7 @@ class OperatorMoves:
     def _end(self, jog: _Jog) -> None:
         jog.token.let_go()
         if not jog.ended.wait(ENDED_WITHIN_S):
-            raise RigError(ErrorCode.RIG_BUSY, "The arm is not at rest yet")
+            raise RigError(ErrorCode.RIG_BUSY, "The arm is not at rest yet: wait a moment, then ask again")
 
     def _drive(self, jog: _Jog) -> None:
         """Follows one certified step in the runner's thread and queues the next one, until the jog has ended.

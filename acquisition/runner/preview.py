@@ -39,7 +39,7 @@ class Preview:
         try:
             return self._in_thread(expose)
         except Halted as error:
-            raise RigError(ErrorCode.RIG_BUSY, "A session has started") from error
+            raise RigError(ErrorCode.RIG_BUSY, "A session has started: ask again later") from error
 
     def preempt(self) -> None:
         """Ends the exposure in progress, if any: a session has priority."""

@@ -13,8 +13,9 @@ import pytest
 
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.jog import JogMotion
+from acquisition.models.problem_table import PROBLEMS
 from acquisition.runner import operator_moves
-from acquisition.runner.operator_moves import HOLD_S, HoldToken
+from acquisition.runner.operator_moves import HOLD_S, HoldToken, OperatorMoves
 from acquisition.runner.runner import Runner
 from acquisition.store import Store
 from acquisition.waypoints.jog_step import JOG_SPEED_RAD_S
@@ -235,6 +236,16 @@ def test_jog_of_another_person_is_refused(rig: Rig, monkeypatch: pytest.MonkeyPa
             if jog is not None and not jog.ended.is_set():
                 codes = asked
     assert codes == [ErrorCode.RIG_BUSY, ErrorCode.RIG_BUSY]
+
+
+def test_jog_that_does_not_end_in_time_names_what_to_do() -> None:
+    jog = operator_moves._Jog("press-0", LAST, "a", once=False)
+    jog.ended.wait = lambda timeout=None: False  # its step is still under way
+    moves = OperatorMoves.__new__(OperatorMoves)
+    with pytest.raises(RigError, match="wait a moment, then ask again") as refused:
+        moves._end(jog)
+    assert "if not, do what the detail says" in PROBLEMS[refused.value.code].remedy  # no session holds the rig
+    assert jog.token.is_set()
 
 
 def test_hold_token_runs_out_and_is_not_revived(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,6 @@
 /** Remedies in German. In English the service's own are shown. */
 export const REMEDIES: Record<string, string> = {
-  "rig.busy": "Warten, bis die andere Sitzung endet, oder sie beenden.",
+  "rig.busy": "Eine andere Sitzung abwarten oder beenden; sonst tun, was die Meldung sagt.",
   "rig.changed": "Zellendatei und Kalibrierung wiederherstellen, oder neu beginnen.",
   "arm.unreachable": "Strom, Kabel und die Adresse des Arms in der Zellendatei prüfen.",
   "arm.in_use": "Das andere Programm beenden, dann neu verbinden.",

@@ -674,7 +674,7 @@ export const de: Record<keyof typeof en, string> = {
   "calibration.fingerprint": "SHA-256 der Werte",
 
   "problem.session.action_not_allowed": "Der Zustand der Sitzung erlaubt das nicht",
-  "problem.rig.busy": "Eine andere Sitzung benutzt die Anlage",
+  "problem.rig.busy": "Die Anlage wird gerade benutzt",
   "problem.rig.not_ready": "Die Anlage ist nicht bereit",
   "problem.rig.changed": "Die Anlage hat sich seit Beginn der Sitzung geändert",
   "problem.arm.unreachable": "Der Arm antwortet nicht",

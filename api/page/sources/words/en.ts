@@ -680,7 +680,7 @@ export const en = {
 
   // Problems: a title for each code; in English the remedies are the service's own
   "problem.session.action_not_allowed": "The session's state does not allow this",
-  "problem.rig.busy": "Another session uses the rig",
+  "problem.rig.busy": "The rig is in use",
   "problem.rig.not_ready": "The rig is not ready",
   "problem.rig.changed": "The rig has changed since the session began",
   "problem.arm.unreachable": "The arm does not answer",
