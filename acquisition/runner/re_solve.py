@@ -181,7 +181,10 @@ class ReSolveService:
         raise RigError(ErrorCode.RESULT_NOT_READY, f"Result {number} of session {session_id} is being solved")
 
     def make_export(self, session_id: str, number: int, name: str) -> Path:
-        """Returns the file of one of `EXPORTS`, made if missing. Raises RigError rig.busy while a session runs."""
+        """Returns the file of one of `EXPORTS`, made if missing.
+
+        Raises RigError rig.busy while a session runs, session.not_found if this one is deleted meanwhile.
+        """
         folder = self._store.folder(session_id)
         file = folder / "results" / str(number) / "exports" / name
         if file.exists():
@@ -205,6 +208,7 @@ class ReSolveService:
             raise busy from error
         finally:
             self._remove_if_deleted(session_id)
+            self._store.journal.session(session_id)  # of a deleted session the job's own error means nothing
         return file
 
     def _known(self, wanted: SolveRequest, asked: list[SolveRequest]) -> SolveRequest | None:

@@ -127,6 +127,18 @@ def publish(partial: Path, final: Path) -> None:
     _flush_folder(final.parent)
 
 
+def remove(folder: Path) -> None:
+    """Removes the folder of a session that is no longer in the journal, if there is one.
+
+    What a job still writes there meanwhile, such as an export, is removed when that job has ended.
+    """
+    try:
+        shutil.rmtree(folder)
+    except OSError as error:
+        if error.errno not in (errno.ENOENT, errno.ENOTEMPTY):
+            raise
+
+
 def write_manifest(folder: Path, facts: Mapping[str, object]) -> str:
     """Writes `manifest.json`: the facts, and the SHA-256 and size of each other file in the folder."""
     files = {

@@ -9,7 +9,6 @@ state again, so that the folder of a session in use is never removed. A session'
 is named and stays: its entry was lost, or its deletion was broken off, and the folder may be all that is left.
 """
 
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from pathlib import Path
 from acquisition.formats.session_files import JOURNAL
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session_state import ENDED, State
+from acquisition.store.folder import remove
 from acquisition.store.journal import Journal
 from acquisition.store.session_table import is_session_id
 
@@ -96,8 +96,7 @@ def prune(
                     if error.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED:
                         continue  # somebody has just started it, or added something that the archive does not have
                     raise
-                if folder.exists():
-                    shutil.rmtree(folder)
+                remove(folder)
             pruned.removed.append(PrunedSession(row.id, row.started_at is not None, last_used_at, size))
         known = {row.id for row in journal.sessions(limit=2**31)}  # anew: a session's folder is made before its entry
         lost = [path for path in sorted(folders) if path.name not in known and path.is_dir()]

@@ -6,7 +6,6 @@ callers wait for a dead device. A stop has threads that no other request may occ
 """
 
 import json
-import shutil
 from functools import partial
 from typing import Annotated, Any, cast
 from urllib.parse import urlencode
@@ -23,7 +22,7 @@ from acquisition.models.route import Route
 from acquisition.runner import estimates
 from acquisition.session_state import State, Trigger
 from acquisition.store import Action, SessionFilter, SessionRow
-from acquisition.store.folder import read_value
+from acquisition.store.folder import read_value, remove
 from api.rest import images, problems, results, stored_files
 from api.rest.dependencies import (
     IDEMPOTENCY_KEY,
@@ -179,8 +178,7 @@ def delete(service: ServiceOf, session_id: SessionId) -> None:
     folder = service.store.folder(session_id)
     service.store.journal.delete_session(session_id)
     service.resolving.end_of(session_id)
-    if folder.exists():
-        shutil.rmtree(folder)
+    remove(folder)
 
 
 # ------------------------------------------------------------------------------------------------------------- actions

@@ -10,6 +10,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.session_state import State, Trigger
 from acquisition.store import FolderFrames, Journal, Store
 from acquisition.store.database import MIGRATIONS
-from acquisition.store.folder import sha256_of, write_bytes, write_frame, write_manifest
+from acquisition.store.folder import remove, sha256_of, write_bytes, write_frame, write_manifest
 
 
 @pytest.fixture
@@ -272,3 +273,19 @@ def test_write_manifest_lists_every_file_with_checksum(tmp_path: Path) -> None:
     write_manifest(tmp_path, {"session_id": "s"})
     manifest = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
     assert manifest["files"] == {"a/one.bin": {"sha256": digest, "bytes": 1}}
+
+
+def test_folder_removed_while_a_file_is_written_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "session" / "exports").mkdir(parents=True)
+    rmdir = os.rmdir
+
+    def writes_meanwhile(path: Any, *, dir_fd: int | None = None) -> None:
+        monkeypatch.undo()  # once, when the folder's list has been read
+        (tmp_path / "session" / "exports" / "normals.png").touch()
+        rmdir(path, dir_fd=dir_fd)
+
+    monkeypatch.setattr(os, "rmdir", writes_meanwhile)
+    remove(tmp_path / "session")  # what is left goes with the job that wrote it
+    remove(tmp_path / "session")
+    assert not (tmp_path / "session").exists()
+    remove(tmp_path / "session")

@@ -403,6 +403,26 @@ def test_delete_during_a_solve_ends_it_and_its_folder_for_good(service: Any) -> 
     assert outcome(service, again, service.client.resolve(again)).type == READY
 
 
+def test_export_of_session_deleted_meanwhile_is_not_found(service: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    identity = capture(service)
+    service.client.stop(identity)
+    number = service.client.resolve(identity)
+    assert outcome(service, identity, number).type == READY
+    address = service.client.result(identity, number).exports["normals_directx.png"]
+    resolving = service.service.resolving
+    run = resolving._compute.run
+
+    def deletes_first(*arguments: Any, **options: Any) -> Any:
+        service.client.delete(identity)
+        return run(*arguments, **options)
+
+    monkeypatch.setattr(resolving._compute, "run", deletes_first)
+    answer = service.http.get(address)
+
+    assert (answer.status_code, answer.json()["code"]) == (404, ErrorCode.SESSION_NOT_FOUND)
+    assert not service.service.store.session_path(identity).exists()
+
+
 def test_solve_of_session_pruned_meanwhile_leaves_no_folder(service: Any) -> None:
     identity = capture(service)
     service.client.stop(identity)
