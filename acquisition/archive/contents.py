@@ -6,7 +6,6 @@ whole: object stores ensure this by themselves; elsewhere it is written under an
 """
 
 import hashlib
-import os
 import shutil
 import uuid
 from collections.abc import Generator, Iterator
@@ -19,6 +18,7 @@ from fsspec.asyn import AsyncFileSystem, sync
 from fsspec.exceptions import FSTimeoutError
 from fsspec.implementations.local import LocalFileSystem
 
+from acquisition.formats.atomic_write import publish
 from acquisition.models.errors import ErrorCode, RigError
 
 OBJECTS = "objects"
@@ -211,9 +211,7 @@ def _renamed(target: Path) -> Generator[Path]:
     partial = target.with_name(f".{target.name}.{uuid.uuid4().hex}.part")
     try:
         yield partial
-        with partial.open("rb") as written:
-            os.fsync(written.fileno())
-        partial.replace(target)
+        publish(partial, target)
     finally:
         partial.unlink(missing_ok=True)
 

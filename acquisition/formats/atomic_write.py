@@ -1,9 +1,10 @@
-"""Atomic writing of folders: they are written under a hidden name in the same parent folder, then renamed.
+"""Atomic, durable writing of files and folders: under another name on the same disk, then flushed and renamed.
 
 A killed process leaves its hidden folder behind. `discard_partial` removes it once nobody writes there any more.
 """
 
 import errno
+import os
 import shutil
 import tempfile
 from collections.abc import Generator
@@ -11,6 +12,25 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from acquisition.models.errors import ErrorCode, RigError
+
+
+def publish(partial: Path, final: Path) -> None:
+    """Flushes a finished file, or a folder with all that is in it, to the disk and renames it to its place.
+
+    Renaming alone leaves an empty file there when the power fails. A folder replaces nothing.
+    """
+    for path in (*partial.rglob("*"), partial):
+        _flush(path)
+    partial.rename(final)
+    _flush(final.parent)
+
+
+def _flush(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def discard_partial(folder: Path) -> None:
@@ -48,7 +68,7 @@ def atomic_folder(folder: Path) -> Generator[Path]:
         partial.chmod(0o755)
         if folder.exists():
             shutil.rmtree(folder)
-        partial.rename(folder)
+        publish(partial, folder)
     except BaseException:
         shutil.rmtree(partial, ignore_errors=True)
         raise

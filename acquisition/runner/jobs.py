@@ -19,7 +19,7 @@ import numpy.typing as npt
 from acquisition import geometry, lamp_pose, photometry, pilot, plan
 from acquisition.capture import check, expected, region
 from acquisition.formats import export, report
-from acquisition.formats.atomic_write import discard_partial
+from acquisition.formats.atomic_write import discard_partial, publish
 from acquisition.formats.folders import session_folder
 from acquisition.models.base import BoolArray, FloatArray, Joints, Vector3
 from acquisition.models.calibration import Calibration
@@ -80,7 +80,7 @@ def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.
     reach_map = reaching.reach(cell, calibration)
     partial = cache.with_suffix(".part")
     partial.write_text(reach_map.model_dump_json(), encoding="utf-8")
-    partial.rename(cache)
+    publish(partial, cache)
     return reach_map
 
 
@@ -315,7 +315,7 @@ def make_export(observations: Observations, calibration: Calibration, result: Pa
         export.make(stem, source, Path(partial))
         if name.endswith(".zip"):
             shutil.make_archive(str(Path(partial) / stem), "zip", Path(partial) / stem)
-        (Path(partial) / name).rename(file)
+        publish(Path(partial) / name, file)
 
 
 def _facts(

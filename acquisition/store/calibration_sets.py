@@ -10,11 +10,12 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from acquisition.formats.atomic_write import publish
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_set import CalibrationSet
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.store.folder import publish, write_value
+from acquisition.store.folder import write_value
 
 SET, CALIBRATION = "set.json", "calibration.json"
 

@@ -21,6 +21,7 @@ import numpy.typing as npt
 import tifffile
 from pydantic import ValidationError
 
+from acquisition.formats.atomic_write import publish
 from acquisition.models.base import Value
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.shot import FrameRef
@@ -53,10 +54,7 @@ def write_bytes(path: Path, content: bytes) -> str:
         require_space(path.parent, len(content))
         with partial.open("wb") as file:
             file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.rename(path)
-        _flush_folder(path.parent)
+        publish(partial, path)
     except OSError as error:
         partial.unlink(missing_ok=True)
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
@@ -117,16 +115,6 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def publish(partial: Path, final: Path) -> None:
-    """Flushes the files of a finished folder and renames it to its place, replacing nothing."""
-    for path in sorted(partial.rglob("*")):
-        if path.is_file():
-            with path.open("rb") as file:
-                os.fsync(file.fileno())
-    partial.rename(final)
-    _flush_folder(final.parent)
-
-
 def remove(folder: Path) -> None:
     """Removes the folder of a session that is no longer in the journal, if there is one.
 
@@ -147,11 +135,3 @@ def write_manifest(folder: Path, facts: Mapping[str, object]) -> str:
         if path.is_file() and path.name != "manifest.json" and not path.name.endswith(".part")
     }
     return write_bytes(folder / "manifest.json", json.dumps({**facts, "files": files}, indent=2).encode())
-
-
-def _flush_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -22,6 +22,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from acquisition.formats.atomic_write import publish
 from acquisition.formats.session_files import refuse_as_data
 from acquisition.models.errors import ErrorCode, RigError
 
@@ -147,9 +148,7 @@ def _write(path: Path, content: KeyFile) -> None:
     partial.unlink(missing_ok=True)
     with os.fdopen(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
         json.dump(content.model_dump(mode="json"), file, indent=2)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.rename(path)
+    publish(partial, path)
 
 
 class KeyRing:

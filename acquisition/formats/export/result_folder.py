@@ -5,7 +5,6 @@ has the rest, so that another process reads back exactly what was written. The f
 """
 
 import json
-import os
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -52,8 +51,6 @@ def write_into(normal_map: NormalMap, folder: Path) -> None:
     write_maps(normal_map, folder)
     with open(folder / ARCHIVE, "wb") as file:
         np.savez(file, allow_pickle=False, **_arrays(normal_map))
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def write_maps(normal_map: NormalMap, folder: Path) -> None:

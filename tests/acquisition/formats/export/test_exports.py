@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -235,6 +236,26 @@ def test_atomic_folder_failure_leaves_nothing(tmp_path: Path) -> None:
         (partial / "new").write_text("new")
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     assert [path.name for path in target.iterdir()] == ["new"]
+
+
+def test_atomic_folder_is_on_the_disk_before_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flushed, fsync, rename = list[int](), os.fsync, Path.rename
+
+    def flush(descriptor: int) -> None:
+        flushed.append(os.fstat(descriptor).st_ino)
+        fsync(descriptor)
+
+    def move(partial: Path, target: Path) -> Path:
+        assert {path.stat().st_ino for path in (partial, *partial.rglob("*"))} <= set(flushed)
+        flushed.clear()
+        return rename(partial, target)
+
+    monkeypatch.setattr(os, "fsync", flush)
+    monkeypatch.setattr(Path, "rename", move)
+    with export.atomic_folder(tmp_path / "out") as partial:
+        (partial / "maps").mkdir()
+        (partial / "maps" / "normals.png").write_text("normals")
+    assert flushed == [tmp_path.stat().st_ino]
 
 
 def test_refuse_foreign_folder_with_other_files_is_refused(tmp_path: Path) -> None:
