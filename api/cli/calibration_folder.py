@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import ValidationError
 
 from acquisition.formats.folders import image_files
@@ -14,6 +15,7 @@ from acquisition.formats.folders.refusal import refusal, text
 from acquisition.formats.session_files import refuse_in_session
 from acquisition.models.base import FloatArray, Value
 from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_result import HandEyeResult, LampResult
 from acquisition.models.errors import ErrorCode, RigError, wrong_fields
 from acquisition.store.folder import sha256_of
 
@@ -91,6 +93,30 @@ def read_value(path: Path, kind: type[ValueT], what: str) -> ValueT:
         raise RigError(ErrorCode.REQUEST_INVALID, f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
         raise RigError(ErrorCode.REQUEST_INVALID, f"{path}: is not a valid {what}: {wrong_fields(error)}") from error
+
+
+def read_hand_eye(path: Path, calibration: Calibration, base: Path) -> HandEyeResult:
+    """Reads a hand_eye.json. Raises RigError request.invalid unless it states the camera's pose of `calibration`."""
+    found = read_value(path, HandEyeResult, "hand_eye.json of `calibrate hand-eye`")
+    _require_same(found.base_from_camera, calibration.base_from_camera, path, "camera", base)
+    return found
+
+
+def read_lamp(path: Path, calibration: Calibration, base: Path) -> LampResult:
+    """Reads a lamp.json. Raises RigError request.invalid unless it states the lamp's place of `calibration`."""
+    found = read_value(path, LampResult, "lamp.json of `calibrate lamp`")
+    place = np.array(calibration.tool_from_lamp)[:3, 3]
+    _require_same(found.tool_from_lamp_m, place, path, "lamp", base)
+    return found
+
+
+def _require_same(found: ArrayLike, stated: ArrayLike, path: Path, what: str, base: Path) -> None:
+    if not np.allclose(found, stated, atol=1e-9):
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"{path}: states another place of the {what} than {base}: give with --base the calibration.json that was "
+            "made with this file, or a later one",
+        )
 
 
 def read_joints(path: Path) -> dict[str, FloatArray]:

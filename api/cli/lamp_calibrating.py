@@ -10,7 +10,7 @@ from acquisition.calibrate import highlight, lamp_position, lamp_results
 from acquisition.calibrate.lamp_position import Highlight
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_result import HandEyeResult, LampResult
+from acquisition.models.calibration_result import LampResult
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import write_value
@@ -18,8 +18,8 @@ from acquisition.waypoints import measured_pose
 from api.cli.calibration_folder import (
     JOINTS_FILE,
     images,
+    read_hand_eye,
     read_joints,
-    read_value,
     refuse_overwriting,
 )
 
@@ -37,7 +37,7 @@ def calibrate_lamp(
         raise RigError(ErrorCode.REQUEST_INVALID, f"--radius-mm {radius_mm:g}: give the sphere's radius, 1–200 mm")
     refuse_overwriting(out / "lamp.json", out / "calibration.json")
     cell, calibration = cell_config.load(cell_file), cell_config.load_calibration(base)
-    hand_eye = read_value(hand_eye_file, HandEyeResult, "hand_eye.json of `calibrate hand-eye`")
+    hand_eye = read_hand_eye(hand_eye_file, calibration, base)
     used, why_not, hashes = _highlights(folder, cell, calibration)
     keep_out = cell.object.keep_out.base_from_object.matrix
     center = keep_out[:3, 3] + keep_out[:3, 2] * radius_mm / 1000

@@ -17,12 +17,19 @@ from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models import cell_config
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_result import HandEyeResult, LampResult, LobeResult
+from acquisition.models.calibration_result import LobeResult
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.rounding import percent
 from acquisition.store.folder import sha256_of, write_value
 from acquisition.waypoints import measured_pose
-from api.cli.calibration_folder import read_grey, read_value, refuse_degrees, refuse_overwriting
+from api.cli.calibration_folder import (
+    read_grey,
+    read_hand_eye,
+    read_lamp,
+    read_value,
+    refuse_degrees,
+    refuse_overwriting,
+)
 
 PLANE_FILE = "plane.csv"
 """File in the folder of images: for each a line with image, lamp-off image, exposure time, placing, six joints."""
@@ -60,8 +67,8 @@ def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: 
     refuse_overwriting(*(out / name for name in ("lobe.json", "lobe.png", "calibration.json")))
     cell, calibration = cell_config.load(files.cell), cell_config.load_calibration(files.base)
     board = read_value(files.board, CharucoBoard, "description of a board")
-    hand_eye = read_value(files.hand_eye, HandEyeResult, "hand_eye.json of `calibrate hand-eye`")
-    lamp = read_value(files.lamp, LampResult, "lamp.json of `calibrate lamp`")
+    hand_eye = read_hand_eye(files.hand_eye, calibration, files.base)
+    lamp = read_lamp(files.lamp, calibration, files.base)
     shots = _shots(folder / PLANE_FILE)
     names = list(dict.fromkeys(shot.placing for shot in shots))
     frames = {

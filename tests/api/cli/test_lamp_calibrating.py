@@ -47,7 +47,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cv2.imwrite(str(made / "dark.png"), np.full((1024, 1024), 64, np.uint16))
     (made / "joints.csv").write_text("\n".join([*lines, "dark.png,0,0,0,0,0,0"]), encoding="utf-8")
     hand_eye = HandEyeResult(
-        made_at="2026-11-23T00:00:00Z", version="0", base_from_camera=as_matrix4(np.eye(4)),
+        made_at="2026-11-23T00:00:00Z", version="0",
+        base_from_camera=cell_config.load_calibration(BASE).base_from_camera,
         covariance=tuple(map(tuple, sphere.POSE_COVARIANCE.tolist())), position_sigma_m=1e-4, rotation_sigma_rad=1e-4,
         flange_from_board=as_matrix4(np.eye(4)), square_scale=1.0, joint_offsets_rad=(0.0,) * 6,
         joint_offset_sigmas_rad=(0.0,) * 6, arm_sigma_m=0.0, arm_sigma_rad=0.0, views=(),
@@ -86,6 +87,10 @@ def test_lamp_bad_input_is_refused_and_nothing_written(folder: Path, tmp_path: P
         code, output = lightpose(few, tmp_path / "out", radius_mm)
         assert code == 2
         assert says in output
+    other = json.loads((few / "hand_eye.json").read_text(encoding="utf-8"))
+    other["base_from_camera"][2][3] += 1e-4
+    (few / "hand_eye.json").write_text(json.dumps(other), encoding="utf-8")
+    assert "states another place of the camera" in lightpose(few, tmp_path / "out")[1]
     (few / "hand_eye.json").write_text("{}", encoding="utf-8")
     assert "is not a valid hand_eye.json" in lightpose(few, tmp_path / "out")[1]
     assert not (tmp_path / "out").exists()

@@ -111,6 +111,23 @@ def test_calibrate_lobe_of_simulated_led_is_found_and_verified(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
+    ("name", "value", "elsewhere", "says"),
+    [
+        ("hand_eye", "base_from_camera", np.eye(4).tolist(), "place of the camera"),
+        ("lamp", "tool_from_lamp_m", [0.0, 0.0, 0.1], "place of the lamp"),
+    ],
+)
+def test_calibrate_lobe_of_another_calibration_is_refused(
+    name: str, value: str, elsewhere: Any, says: str, tmp_path: Path
+) -> None:
+    known = files(tmp_path)
+    other = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
+    (tmp_path / f"{name}.json").write_text(json.dumps(other | {value: elsewhere}), encoding="utf-8")
+    with pytest.raises(RigError, match=f"{name}.json: states another {says}"):
+        lobe_calibrating.calibrate_lobe(tmp_path / "images", known, 0.85, 0.01, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
     ("content", "says"),
     [
         ("", "names no images"),
