@@ -13,6 +13,10 @@ import numpy.typing as npt
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
+LARGEST_M = 20.0
+"""Largest extent, m, of a body in a cell: none is larger, but one of 2 cm is whose file is in mm, as most programs
+write it. STL files do not state their unit."""
+
 _HEADER, _COUNT, _FACE = 80, 4, 50
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -49,6 +53,17 @@ def read_meshes(content: dict[str, Any], cell_file: Path) -> None:
         if isinstance(item, dict) and "file" in item:
             mesh = cell_file.parent / str(item.pop("file"))
             try:
-                item["vertices_m"] = vertices(mesh).tolist()
+                item["vertices_m"] = _in_metres(vertices(mesh)).tolist()
             except (OSError, ValueError) as error:
                 raise RigError(ErrorCode.CONFIG_INVALID, f"{mesh}: {error}", file=str(mesh)) from error
+
+
+def _in_metres(vertices: FloatArray) -> FloatArray:
+    """Returns the vertices as they are. Raises ValueError if their unit cannot be the metre."""
+    extent = float(np.ptp(vertices, axis=0).max())
+    if extent > LARGEST_M:
+        raise ValueError(
+            f"it would be {extent:.4g} m large, since its lengths count as m: export it in m, that is, scaled by 0.001 "
+            "if it is drawn in mm"
+        )
+    return vertices

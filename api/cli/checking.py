@@ -10,6 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 from rich.console import Console
 
 from acquisition import geometry, lamp_pose, photometry
@@ -23,11 +24,15 @@ from acquisition.models.problem_table import PROBLEMS
 from acquisition.models.recipe import Recipe
 from acquisition.runner import jobs
 from acquisition.store.folder import require_space
+from acquisition.waypoints import collision
 from acquisition.waypoints.reach import ReachMap
 from api.rest import keys, wiring
 
 REMEDIES = {
-    ErrorCode.WAYPOINTS_COLLISION: "Correct `home`, or the bodies in its way, in the cell file; then check again.",
+    ErrorCode.WAYPOINTS_COLLISION: "Correct `home`, or the bodies in its way, in the cell file, where lengths are in "
+    "m; then check again.",
+    ErrorCode.PLAN_INFEASIBLE: "Correct `dome`, `flange_from_tool` and the bodies in the way in the cell file, where "
+    "lengths are in m; then check again.",
 }
 """Remedies of errors that the cell file alone causes here, where those of the table suit a session."""
 
@@ -88,6 +93,7 @@ def _offline(console: Console, cell: CellConfig, cell_file: Path) -> bool:
         console.print(f"WRONG {ErrorCode.RIG_NOT_READY}: the calibration expired on {calibration.valid_until:%Y-%m-%d}")
         console.print("        what to do: calibrate again; until then no session starts.")
     good &= _looks_at_object(console, cell, calibration)
+    _bodies(console, cell, calibration)
     _motions(console, cell, calibration)
     return good
 
@@ -113,21 +119,36 @@ def _looks_at_object(console: Console, cell: CellConfig, calibration: Calibratio
     return False
 
 
+def _bodies(console: Console, cell: CellConfig, calibration: Calibration) -> None:
+    """Names bodies that no part of the arm can touch from wherever it stands: usually a length in another unit."""
+    scene = collision.scene(cell, calibration)
+    span_m = 2 * float((scene.lever_arms[:, 0] + scene.capsules[:, 6]).max())
+    for name, away_m in zip(scene.names, scene.clearance(np.array([cell.arm.home]))[0], strict=False):
+        if away_m > span_m:
+            console.print(
+                f"      {name} is never in the way: {away_m:.1f} m from the arm, which spans {span_m:.1f} m. Correct "
+                "it if that is wrong; lengths are in m"
+            )
+
+
 def _motions(console: Console, cell: CellConfig, calibration: Calibration) -> None:
     """Computes reach, pilot and route as the service does, and prints them."""
     with TemporaryDirectory() as folder:
         cache = Path(folder) / "reach.json"
         jobs.make_reach(cell, calibration, cache)
-        reach = ReachMap.model_validate_json(cache.read_bytes())
+        _reach(console, ReachMap.model_validate_json(cache.read_bytes()))
         pilot = jobs.first_lights(Recipe(), cell, calibration, cache)
-    refused = [refusal.reason for refusal in reach.refusals if refusal is not None]
-    console.print(f"ok    reach: {len(reach.candidates)} of {len(reach.points)} positions on the dome")
-    for reason in sorted(set(refused)):
-        console.print(f"        {refused.count(reason)} refused: {reason}")
     for reason in pilot.reasons + pilot.notes:
         console.print(f"        {reason}")
     route = jobs.plan_route(pilot.lights, cell.arm.home, cell, calibration)
     console.print(f"ok    route of the pilot: {route.seconds:.1f} s of moves, lower bound {route.lower_bound_s:.1f} s")
+
+
+def _reach(console: Console, reach: ReachMap) -> None:
+    refused = [refusal.reason for refusal in reach.refusals if refusal is not None]
+    console.print(f"ok    reach: {len(reach.candidates)} of {len(reach.points)} positions on the dome")
+    for reason in sorted(set(refused)):
+        console.print(f"        {refused.count(reason)} refused: {reason}")
 
 
 def _arm(console: Console, cell: CellConfig) -> bool:

@@ -58,6 +58,13 @@ def test_load_cell_reads_vertices_of_named_meshes(tmp_path: Path) -> None:
     assert cell_config.load(tmp_path / "cell.toml").fingerprint != cell.fingerprint
 
 
+def test_load_cell_mesh_in_millimetres_is_refused(tmp_path: Path) -> None:
+    trimesh.creation.box((100, 200, 300)).export(tmp_path / "box.stl")
+    with pytest.raises(RigError, match=r"box.stl: it would be 300 m large.*export it in m, .* by 0.001") as caught:
+        cell_config.load(cell_with(tmp_path, OBSTACLE))
+    assert caught.value.code == ErrorCode.CONFIG_INVALID
+
+
 def test_load_cell_missing_mesh_is_named(tmp_path: Path) -> None:
     with pytest.raises(RigError) as caught:
         cell_config.load(cell_with(tmp_path, OBSTACLE))

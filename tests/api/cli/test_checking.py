@@ -133,6 +133,28 @@ def test_check_of_an_impossible_calibration_says_what_is_wrong(
 @pytest.mark.parametrize(
     ("line", "instead", "said"),
     [
+        (r"\[0.55, 0.0, 0.95\]\nend_m = .*", "[550, 0.0, 950]\nend_m = [550, 0.0, 1100]", "camera is never in the way"),
+        (r"^point_m = .*", "point_m = [0, 0, -20]", "table is never in the way: 20.1 m from the arm"),
+        (r"^radius_m = 0.45", "radius_m = 450", "the cell file, where lengths are in m"),
+        (r"^radius_m = 0.085", "radius_m = 85", "the cell file, where lengths are in m"),
+        (r"^radius_m = 0.45", "radius_m = 450", "too-far"),
+    ],
+)
+def test_check_lengths_in_millimetres_are_named(
+    line: str, instead: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
+    cell_file = tmp_path / "cell.toml"
+    assert checking.check(cell_file, offline=True)
+    assert "in m" not in capsys.readouterr().out
+    cell_file.write_text(re.sub(line, instead, cell_file.read_text(), count=1, flags=re.MULTILINE))
+    checking.check(cell_file, offline=True)
+    assert said in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "said"),
+    [
         (
             "^flange_from_tool = .*",
             "flange_from_tool = { position_m = [0.0, 0.0, 0.1], rotation_vector_rad = [0.0, 105.0, 0.0] }",
