@@ -5,11 +5,12 @@ so nothing has to be locked, an interrupted push is repeated without harm, and h
 whole: object stores ensure this by themselves; elsewhere it is written under another name and renamed.
 """
 
+import fcntl
 import hashlib
 import shutil
 import uuid
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, cast
 
@@ -22,6 +23,8 @@ from acquisition.formats.atomic_write import publish
 from acquisition.models.errors import ErrorCode, RigError
 
 OBJECTS = "objects"
+PARTIALS = ".partial"
+"""Folder, in archives that are folders, of the files that are being written."""
 BLOCK_BYTES = 4 << 20
 ATOMIC_PROTOCOLS = frozenset({"s3", "gcs", "abfs", "memory"})
 """File systems of fsspec in which a file that is being written cannot be read yet."""
@@ -69,7 +72,8 @@ class ContentStore:
             return False
         with _explained(self.address, writing=True):
             if isinstance(self._files, LocalFileSystem):
-                self._put_local(file, Path(self._path(name)))
+                with _renamed(Path(self._root), name) as partial:
+                    shutil.copyfile(file, partial)
             else:
                 self._put_remote(file, name)
         if self.hash_of(name) != digest:
@@ -141,8 +145,7 @@ class ContentStore:
             if not isinstance(self._files, LocalFileSystem):
                 self._files.pipe_file(self._path(name), content)
                 return
-            target = Path(self._path(name))
-            with _renamed(target) as partial:
+            with _renamed(Path(self._root), name) as partial:
                 partial.write_bytes(content)
 
     def names(self, folder: str) -> list[str]:
@@ -189,10 +192,6 @@ class ContentStore:
             while block := file.read(BLOCK_BYTES):
                 yield block
 
-    def _put_local(self, file: Path, target: Path) -> None:
-        with _renamed(target) as partial:
-            shutil.copyfile(file, partial)
-
     def _put_remote(self, file: Path, name: str) -> None:
         protocols = {self._files.protocol} if isinstance(self._files.protocol, str) else set(self._files.protocol)
         if protocols & ATOMIC_PROTOCOLS:
@@ -205,13 +204,26 @@ class ContentStore:
 
 
 @contextmanager
-def _renamed(target: Path) -> Generator[Path]:
-    """Yields a hidden file beside `target`, which is flushed and renamed to it when the block ends."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    partial = target.with_name(f".{target.name}.{uuid.uuid4().hex}.part")
+def _renamed(root: Path, name: str) -> Generator[Path]:
+    """Yields a hidden file in the archive, which is flushed and renamed to `name` when the block ends.
+
+    It is locked meanwhile. A lock ends with its process, so files without one were left by killed processes, here or on
+    another machine, and are removed first. Where the disk knows no locks, they stay.
+    """
+    partials, target = root / PARTIALS, root / name
+    for folder in (partials, target.parent):
+        folder.mkdir(parents=True, exist_ok=True)
+    for left in partials.iterdir():
+        with suppress(OSError), left.open("r+b") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            left.unlink()
+    partial = partials / f".{uuid.uuid4().hex}.part"
     try:
-        yield partial
-        publish(partial, target)
+        with partial.open("wb") as file:
+            with suppress(OSError):
+                fcntl.flock(file, fcntl.LOCK_EX)
+            yield partial
+            publish(partial, target)
     finally:
         partial.unlink(missing_ok=True)
 

@@ -2,11 +2,14 @@
 
 import hashlib
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from acquisition.archive import contents
 from acquisition.archive.contents import ContentStore
 from acquisition.models.errors import ErrorCode, RigError
 
@@ -96,6 +99,27 @@ def test_named_file_is_replaced_as_a_whole(store: ContentStore):
     store.write("archive.json", b"22")
     assert store.read("archive.json") == b"22"
     assert store.names("") == ["archive.json"]
+
+
+def test_files_of_killed_pushes_are_removed_and_of_running_ones_kept(tmp_path: Path):
+    store = ContentStore(str(tmp_path / "store"))
+    begin = (
+        "import os, sys; from pathlib import Path; from acquisition.archive import contents\n"
+        "with contents._renamed(Path(sys.argv[1]), 'objects/00/a') as partial:\n"
+        "    partial.write_bytes(b'half'); print('begun', flush=True); sys.stdin.read(); os.kill(os.getpid(), 9)"
+    )
+    command = [sys.executable, "-c", begin, str(tmp_path / "store")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == b"begun\n"
+        put(store, tmp_path, b"meanwhile")
+        (left,) = (tmp_path / "store" / contents.PARTIALS).iterdir()
+        assert left.read_bytes() == b"half"
+        running.communicate()
+    assert left.exists()
+    put(store, tmp_path, b"afterwards")
+    assert list((tmp_path / "store" / contents.PARTIALS).iterdir()) == []
+    assert len(store.names("")) == 2
 
 
 def test_unknown_scheme_is_refused():
