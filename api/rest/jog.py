@@ -108,5 +108,5 @@ async def jog(service: ServiceOf, actor: Actor, request: JogRequest) -> JogResou
 async def release_jog(service: ServiceOf, released: Released = None) -> JogResource:
     """Ends a jog at once, as when the button is released. Answers when the arm is at rest. Harmless without a jog."""
     hold = None if released is None else released.hold
-    await anyio.to_thread.run_sync(service.runner.moves.release, hold, limiter=service.limits.stop)
+    await anyio.to_thread.run_sync(service.runner.moves.release, hold, limiter=service.limits.release)
     return JogResource(moving=False, hold_s=HOLD_S, links=_LINKS)

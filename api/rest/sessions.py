@@ -211,10 +211,10 @@ def delete(service: ServiceOf, session_id: SessionId) -> None:
 async def act(service: ServiceOf, session_id: SessionId, request: ActionRequest, actor: Actor) -> ActionAccepted:
     """Starts, pauses, resumes or stops a session. Repeating a request is not an error."""
     trigger = Trigger(request.action)
-    waits = trigger in (Trigger.START, Trigger.RESUME)
+    limits = service.limits
+    limiter = {Trigger.STOP: limits.stop, Trigger.PAUSE: limits.pause}.get(trigger, limits.start)
     state = await anyio.to_thread.run_sync(
-        partial(service.runner.act, session_id, trigger, actor, from_here=request.from_here),
-        limiter=service.limits.start if waits else service.limits.stop,
+        partial(service.runner.act, session_id, trigger, actor, from_here=request.from_here), limiter=limiter
     )
     return ActionAccepted(state=state, links={"session": f"/v1/sessions/{session_id}"})
 

@@ -55,8 +55,10 @@ class Limits:
     """Numbers of threads that each kind of slow request may occupy, so that no kind starves the others."""
 
     start: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(4))  # start and resume wait for devices
-    stop: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
+    stop: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))  # halts, then waits for the journal
+    pause: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))  # waits for the journal
     jog: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
+    release: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))  # waits until the arm is at rest
     queue: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
     reach: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
     forecasts: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))

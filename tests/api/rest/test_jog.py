@@ -1,7 +1,9 @@
 """Jogging over HTTP: who may, when it is refused, and what a press and its renewals do (`tests.model.quick_rig`)."""
 
+import threading
 import time
 from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,7 @@ import httpx
 import pytest
 
 from acquisition.models.recipe import Recipe
-from acquisition.session_state import State
+from acquisition.session_state import State, Trigger
 from acquisition.store.queue_table import QueueState
 from api import Client
 from api.rest.keys import Role
@@ -173,6 +175,31 @@ def test_session_start_is_refused_while_somebody_jogs(bench: Bench, monkeypatch:
     assert released.json()["moving"] is False
     assert bench.outcomes(1) == ["released"]
     assert bench.client.start(session.id) is State.RUNNING
+
+
+def test_stop_and_release_do_not_wait_for_pauses(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pauses wait for a busy journal; a stop of a session halts the arm before it does."""
+    session, limits, busy = bench.client.create(Recipe()), bench.service.limits, threading.Event()
+    begun = list[Trigger]()
+
+    def act(_: str, trigger: Trigger, actor: str, *, from_here: bool) -> State:
+        begun.append(trigger)
+        if trigger is Trigger.PAUSE:
+            busy.wait(120)
+        return State.STOPPED
+
+    monkeypatch.setattr(bench.service.runner, "act", act)
+    address = f"/v1/sessions/{session.id}/actions"
+    with ThreadPoolExecutor(10) as pressed:
+        pauses = [pressed.submit(bench.post, address, action="pause") for _ in range(9)]
+        until(lambda: limits.stop.statistics().tasks_waiting or limits.pause.statistics().tasks_waiting)
+        stop = pressed.submit(bench.post, address, action="stop")
+        try:
+            until(lambda: Trigger.STOP in begun)
+            assert bench.post("/v1/rig/jog/release").status_code == 202
+        finally:
+            busy.set()
+    assert {one.result().status_code for one in (*pauses, stop)} == {202}
 
 
 @pytest.mark.parametrize(
