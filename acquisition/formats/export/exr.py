@@ -1,6 +1,7 @@
 """Maps as named channels of EXR files, with units and convention in their headers.
 
-Normals and albedo are half floats: they err by 0.002° and take a third of the time and size. Depth and σ remain floats.
+Normals and albedo are half floats: normals err by 0.006° in the mean and 0.024° at most (four million random ones), and
+take a third of the time and size. Depth and σ remain floats.
 The albedo is linear and states its primaries. For a monochrome camera, or a mosaic sensor without a colour calibration,
 primaries are not known and not stated.
 """
