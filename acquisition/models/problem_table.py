@@ -272,8 +272,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.STORE_UNWRITABLE: Problem(
         503,
-        "The journal cannot be written",
-        "End the program that holds rig.db open, or check disk and permissions; then resume: nothing is lost.",
+        "The data folder cannot be written",
+        "Check disk and permissions of the file that the detail names, or end the program that holds rig.db open; then "
+        "resume: nothing is lost.",
     ),
     ErrorCode.STORE_LOCKED: Problem(
         503, "Another service uses this data folder", "Stop the other service, or choose another data folder."

@@ -124,7 +124,7 @@ def test_page_refusal_is_in_view_and_keeps_what_was_written(opened: Callable[...
     page.get_by_role("button", name="Save").click()
     page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
     expect(page.locator("#failure")).to_be_in_viewport()
-    expect(page.locator("#failure")).to_contain_text("Save: The journal cannot be written")
+    expect(page.locator("#failure")).to_contain_text("Save: The data folder cannot be written")
     expect(page.get_by_label("Notes")).to_have_value("the rim is chipped")
     page.get_by_role("link", name="Rig").click()
     expect(page.locator("#failure")).to_have_count(0)

@@ -29,7 +29,7 @@ export const REMEDIES: Record<string, string> = {
   "scene.moved": "Zurückstellen und fortsetzen, oder eine neue Sitzung beginnen.",
   "store.disk_full": "Platz im Datenordner schaffen, dann fortsetzen; kein gemeldetes Bild ist verloren.",
   "store.unwritable":
-    "Das Programm beenden, das rig.db offen hält, oder nach dem Datenträger sehen; dann fortsetzen. Nichts Gemeldetes ist verloren.",
+    "Nach Datenträger und Rechten der genannten Datei sehen, oder das Programm beenden, das rig.db offen hält; dann fortsetzen. Nichts Gemeldetes ist verloren.",
   "service.restarted": "Zelle besichtigen, dann fortsetzen; vorher bewegt sich nichts.",
   "service.fault": "Protokoll aufheben und melden; die Daten der Sitzung sind sicher.",
   "request.invalid": "Die genannten Werte berichtigen.",

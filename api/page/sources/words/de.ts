@@ -716,5 +716,5 @@ export const de: Record<keyof typeof en, string> = {
   "problem.request.unauthenticated": "Der Schlüssel gilt nicht mehr",
   "problem.request.expired": "Kam zu spät an und wurde nicht ausgeführt",
   "remedy.request.expired": "Zelle und Leiste oben ansehen, dann erneut drücken.",
-  "problem.store.unwritable": "Das Journal lässt sich nicht schreiben",
+  "problem.store.unwritable": "Der Datenordner lässt sich nicht beschreiben",
 };

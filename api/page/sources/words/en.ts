@@ -722,5 +722,5 @@ export const en = {
   "problem.request.unauthenticated": "The key is not valid any more",
   "problem.request.expired": "The request arrived too late and was not carried out",
   "remedy.request.expired": "Look at the cell and at the bar above, then press again.",
-  "problem.store.unwritable": "The journal cannot be written",
+  "problem.store.unwritable": "The data folder cannot be written",
 } as const;
