@@ -936,16 +936,16 @@ ${t.predicted_sigma_deg==null?w:u`<div>
 <dt>${a("result.made")}</dt>
 <dd class="words">${We(e.created)}</dd>
 </div>
-</dl>`}findings({summary:e}){let t=e.fit,s=e.findings??[],r=!t||t.probability>=pg;return u`<section class=${`notice ${r&&s.every(o=>o.corrected)?"good":"warning"}`}>
+</dl>`}findings({summary:e}){let t=e.fit,s=e.findings??[],r=!t||t.probability>=pg,o=r&&s.every(d=>d.corrected);return u`<section class=${`notice ${o?t?"good":"":"warning"}`}>
 <b>${a("result.fit")}</b>
 <p>
 ${t?a(r?"result.fits":"result.misfits",{misfit:j(t.misfit,2),probability:Ie(t.probability,t.probability<.01?2:0)}):a("result.fit_unknown")}
 ${e.fewer_than_three_lights>.02?a("result.few_lights",{share:Ie(e.fewer_than_three_lights)}):w}
 </p>
 ${s.length?u`<ul>
-${s.map(o=>u`<li>
-<b>${$e(`finding.${o.kind}`,o.kind)}</b>
-(${a(o.corrected?"result.corrected":"result.not_corrected")}): ${o.message}
+${s.map(d=>u`<li>
+<b>${$e(`finding.${d.kind}`,d.kind)}</b>
+(${a(d.corrected?"result.corrected":"result.not_corrected")}): ${d.message}
 </li>`)}
 </ul>`:w}
 </section>`}downloads(e){let t=[...e.artefacts.map(({name:s,href:r})=>[s,r]),...mg(e)];return u`<section class="card" aria-labelledby="downloads">

@@ -126,3 +126,9 @@ def test_page_comparison_follows_the_result_that_is_chosen(page: Page) -> None:
     page.get_by_role("button", name="Pilot only").click()  # not compared with itself
     expect(page.locator("#compare-with option:checked")).to_have_text("nothing")
     expect(comparison.locator("canvas")).to_have_count(0)
+
+
+def test_page_fit_that_is_unknown_is_not_praised(page: Page) -> None:
+    notice = page.locator("result-view section", has_text="Do the images fit the model?")
+    expect(notice).to_contain_text("Not evaluated for this result.")
+    expect(notice).to_have_class("notice ")

@@ -182,7 +182,8 @@ export class ResultView extends PageElement {
     const fit = summary.fit;
     const findings = summary.findings ?? [];
     const sound = !fit || fit.probability >= FAIR_PROBABILITY;
-    return html`<section class=${`notice ${sound && findings.every((one) => one.corrected) ? "good" : "warning"}`}>
+    const clean = sound && findings.every((one) => one.corrected);
+    return html`<section class=${`notice ${clean ? (fit ? "good" : "") : "warning"}`}>
       <b>${t("result.fit")}</b>
       <p>
         ${
