@@ -6,7 +6,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.session import SAME_JOINTS_RAD
@@ -40,6 +40,22 @@ def test_page_preview_tells_histogram_clipping_and_focus(opened: Callable[..., P
         page.wait_for_timeout(200)
     else:
         raise AssertionError("nothing is marked as clipped")
+
+
+@pytest.mark.parametrize(
+    ("exposure_s", "shown"), [(0.00023, "0.23"), (0.0125, "12.5"), (0.05, "50"), (1.2344, "1,234")]
+)
+def test_page_exposure_has_its_digits(opened: Callable[..., Page], lab: Lab, exposure_s: float, shown: str) -> None:
+    page = opened(Role.VIEWER)
+
+    def answer(route: Route) -> None:
+        found = route.fetch()
+        route.fulfill(response=found, json=found.json() | {"exposure_s": exposure_s})
+
+    page.route("**/v1/rig/preview/figures", answer)
+    page.goto(f"{lab.url}/#/preview")
+    exposure = page.locator("preview-figures div", has_text="Exposure").locator("dd")
+    expect(exposure).to_have_text(re.compile(f"^{shown}\\sms$"))
 
 
 def test_page_region_drawn_by_brush_is_saved(opened: Callable[..., Page], lab: Lab) -> None:

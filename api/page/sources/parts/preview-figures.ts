@@ -3,7 +3,7 @@ import { html, nothing, svg } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import type { components } from "../connection/api-types";
 import { get } from "../connection/requests";
-import { number, percent, t } from "../words/language";
+import { milliseconds, number, percent, t } from "../words/language";
 import { PageElement } from "./element";
 
 type Figures = components["schemas"]["PreviewFigures"];
@@ -74,7 +74,7 @@ export class PreviewFigures extends PageElement {
             ? nothing
             : html`<div>
                 <dt>${t("figures.exposure")}</dt>
-                <dd>${number(exposure * 1000, 0)} ms</dd>
+                <dd>${milliseconds(exposure)}</dd>
               </div>`
         }
       </dl>

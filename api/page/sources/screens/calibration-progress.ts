@@ -16,7 +16,7 @@ import { plannedView } from "../parts/planned-view";
 import { readingState } from "../parts/reading-state";
 import "../parts/target-preview";
 import "../parts/tool-statement";
-import { duration, number, t, tOr } from "../words/language";
+import { duration, milliseconds, number, t, tOr } from "../words/language";
 import { imageName, stageName } from "../words/names";
 
 const STAGES = ["plan", "waypoints", "capture", "estimate"] as const;
@@ -224,7 +224,7 @@ async function residualsOf({ artefacts }: Estimate): Promise<Residual[]> {
   for (const { href } of files) {
     const { views, images, exposures } = await get<Residuals>(href);
     const times = exposures?.map(({ exposure_s, ...rest }) => ({
-      image: `${number(1e3 * exposure_s, 2)} ms`,
+      image: milliseconds(exposure_s),
       ...rest,
     }));
     const found = views ?? times ?? images;

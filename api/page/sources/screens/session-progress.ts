@@ -8,7 +8,7 @@ import type { JournalEvent, Pass, PassSummary, Session, Shot } from "../connecti
 import { PageElement } from "../parts/element";
 import { readingState } from "../parts/reading-state";
 import "../parts/api-picture";
-import { clock, duration, number, percent, t, tOr, type Word } from "../words/language";
+import { clock, duration, milliseconds, percent, t, tOr, type Word } from "../words/language";
 import { imageName, stageName } from "../words/names";
 
 const STAGES = ["pilot", "waypoints", "capture", "normals", "plan"] as const;
@@ -85,7 +85,7 @@ export class SessionProgress extends PageElement {
             <figure class=${warnings.length ? "doubtful" : ""}>
               <api-picture .address=${links["thumbnail"] ?? links["image"]!} .alternative=${name}></api-picture>
               <figcaption>
-                ${name}<small>${number(shot.exposure_s * 1000, 0)} ms</small>
+                ${name}<small>${milliseconds(shot.exposure_s)}</small>
                 ${warnings.map((warning) => html`<small class="warns">${warning}</small>`)}
               </figcaption>
             </figure>

@@ -65,6 +65,12 @@ export function percent(share: number, digits = 0): string {
   return `${number(100 * share, digits)}\u00a0%`;
 }
 
+/** Formats a time, s, in milliseconds: whole ones, or three digits of shorter times. */
+export function milliseconds(seconds: number): string {
+  const ms = 1e3 * seconds;
+  return `${ms < 100 ? ms.toLocaleString(REGION[chosen], { maximumSignificantDigits: 3 }) : number(ms, 0)}\u00a0ms`;
+}
+
 export function when(time: string | null | undefined): string {
   return time ? new Date(time).toLocaleString(REGION[chosen], { dateStyle: "medium", timeStyle: "short" }) : "–";
 }
