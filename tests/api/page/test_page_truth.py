@@ -8,9 +8,11 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from acquisition.models.recipe import Recipe
+from acquisition.session_state import State
 from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient
 from tests.api.page.conftest import COMPUTED_WITHIN_MS, HANGING_S, Lab
+from tests.api.page.test_page_access import wait_for
 from tests.api.page.test_page_screens import hold_until_moved
 from tests.end_to_end.processes import rests_after
 
@@ -172,3 +174,24 @@ def test_page_says_why_new_session_cannot_go_on(opened: Callable[..., Page], lab
     page.get_by_role("button", name="Start", exact=True).click()
     expect(page.get_by_label("Retakes of a bad image")).to_be_focused()
     assert [one.label for one in lab.client.sessions() if one.label == "a coin"] == []
+
+
+def test_page_picture_of_sigma_that_failed_is_requested_again(opened: Callable[..., Page], lab: Lab) -> None:
+    session_id = lab.start(Recipe(pilot_lights=4, planned_lights=2, review_plan=True))
+    wait_for(lab, session_id, State.PAUSED)
+    page = opened(Role.OPERATOR)
+    problem = {"code": "rig.busy", "title": "", "detail": "A session is working", "remedy": "", "status": 409}
+    refusals = [json.dumps(problem)]
+
+    def refuse_once(route: Route) -> None:
+        if route.request.headers["accept"] == "image/png" and refusals:
+            route.fulfill(status=409, body=refusals.pop())
+        else:
+            route.continue_()
+
+    page.route("**/plan/forecast", refuse_once)
+    page.goto(f"{lab.url}/#/sessions/{session_id}/plan")
+    page.locator("#sigma-picture").wait_for()
+    assert refusals == []
+    expect(page.locator("plan-review [role=alert]")).to_have_count(0)
+    lab.client.stop(session_id)

@@ -9,7 +9,7 @@ import { live } from "./live";
 import type { JournalEvent, Session } from "./schemas";
 
 /** Pause before a failed reading is repeated, ms. */
-const RETRY_MS = 2_000;
+export const RETRY_MS = 2_000;
 
 export interface ReadingOptions {
   /** Whether an event calls for another reading. */

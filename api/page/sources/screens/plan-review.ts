@@ -4,8 +4,8 @@ import { customElement, property, state } from "lit/decorators.js";
 import { attemptMove } from "../connection/actions";
 import { JournalController, live, LiveController } from "../connection/live";
 import { PlanForecasting, type LightForecast } from "../connection/plan-forecast";
-import { Reading } from "../connection/reading";
-import { all, get, post, send } from "../connection/requests";
+import { Reading, RETRY_MS } from "../connection/reading";
+import { Refusal, all, get, post, send } from "../connection/requests";
 import { scene } from "../connection/scene";
 import type { Pass, PassSummary, Session, Vector3 } from "../connection/schemas";
 import { domeOf, positionAt, type Dome } from "../drawing/dome-geometry";
@@ -33,6 +33,7 @@ export class PlanReview extends PageElement {
   @state() private forecastFailed: unknown = null;
   @state() private sigmaPicture = "";
   private forecasting: PlanForecasting | null = null;
+  private timer = 0;
   private wanted: number | undefined;
   private readFor = "";
   protected readonly watching = new LiveController(this);
@@ -53,6 +54,7 @@ export class PlanReview extends PageElement {
 
   override disconnectedCallback(): void {
     super.disconnectedCallback();
+    clearTimeout(this.timer);
     URL.revokeObjectURL(this.sigmaPicture);
     this.sigmaPicture = "";
   }
@@ -90,7 +92,7 @@ export class PlanReview extends PageElement {
         this.forecast = forecast;
         this.forecastFailed = null;
       },
-      (error) => (this.forecastFailed = error),
+      (error) => this.askAgain(error),
     );
     if (forecast && this.editable(pass)) this.ask();
   }
@@ -113,8 +115,21 @@ export class PlanReview extends PageElement {
       URL.revokeObjectURL(this.sigmaPicture);
       this.sigmaPicture = URL.createObjectURL(blob);
     } catch (error) {
-      this.forecastFailed = error;
+      if (lights !== this.lights) return;
+      URL.revokeObjectURL(this.sigmaPicture);
+      this.sigmaPicture = ""; // of other lights
+      this.askAgain(error);
     }
+  }
+
+  /** Shows a failure, and repeats the request after a while if it may succeed then. */
+  private askAgain(error: unknown): void {
+    this.forecastFailed = error;
+    clearTimeout(this.timer);
+    if (error instanceof Refusal && error.problem.code !== "rig.busy" && ![429, 503].includes(error.problem.status))
+      return;
+    const again = () => this.isConnected && this.pass && this.editable(this.pass) && this.ask();
+    this.timer = window.setTimeout(again, RETRY_MS);
   }
 
   private get reviewing(): boolean {
@@ -210,7 +225,7 @@ export class PlanReview extends PageElement {
     if (plan.two_rings_efficiency != null && !this.changed)
       facts.push(["two-rings", t("plan.two_rings"), percent(plan.two_rings_efficiency)]);
     return html`<h2>${t("plan.forecast")}</h2>
-      ${this.forecastFailed ? saidOf(this.forecastFailed, "choice") : nothing}
+      ${this.forecastFailed ? saidOf(this.forecastFailed, "reading") : nothing}
       ${
         facts.length
           ? html`<dl class="figures">
