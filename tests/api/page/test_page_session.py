@@ -126,7 +126,7 @@ def test_page_session_from_sign_in_to_download(
     page.locator("#sigma-picture").wait_for()
     lights = page.get_by_role("group", name="Lights").locator("tbody tr")
     expect(lights).to_have_count(2)
-    expect(lights.first).to_contain_text(re.compile(r"σ would be [\d.]+% larger without it"))
+    expect(lights.first).to_contain_text(re.compile(r"σ would be [\d.]+\s% larger without it"))
     planned, before = sigma.inner_text(), page.locator("#sigma-picture").get_attribute("src")
     drag(page, 0, 60, 25)
     expect(sigma).not_to_have_text(planned)
