@@ -352,11 +352,14 @@ class Client(Connection):
     def capture(self, recipe: Recipe | None = None, *, progress: bool = True) -> SessionResource:
         """Creates a session, starts it and follows it to its end, with a progress bar on a terminal.
 
-        Raises ProblemError with the session's reason when it does not complete, session.stopped if it was stopped.
+        Raises ProblemError with the session's reason when it does not complete, session.stopped, with who stopped it
+        and why it waited then, if somebody did.
         """
         created = self.create(recipe)
         self.start(created.id)
-        if not progress:
-            return require_completed(self.wait(created.id))
-        with SessionProgressBar() as bar:
-            return require_completed(self.wait(created.id, on_session=bar.update))
+        if progress:
+            with SessionProgressBar() as bar:
+                ended = self.wait(created.id, on_session=bar.update)
+        else:
+            ended = self.wait(created.id)
+        return require_completed(ended, [] if ended.state is State.COMPLETED else self.past_events(ended.id))

@@ -1,6 +1,7 @@
 """Parsing of the service's answers into values or a `ProblemError`; shared by both clients."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NoReturn, TypeVar
 
 import httpx
@@ -9,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from acquisition.models.errors import ErrorCode
 from acquisition.session_state import State
 from api.rest.rig_schemas import RigResource
-from api.rest.schemas import Problem, SessionResource
+from api.rest.schemas import EventResource, Problem, SessionResource
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
@@ -42,13 +43,26 @@ class ProblemError(Exception):
         return self.problem.model_extra or {}
 
 
-def require_completed(session: SessionResource) -> SessionResource:
+def require_completed(session: SessionResource, events: Sequence[EventResource]) -> SessionResource:
     """Returns a completed session. Raises ProblemError if it is in any other state: with the session's reason, or
-    session.stopped."""
+    session.stopped with what its `events` say of the stop."""
     if session.state is State.COMPLETED:
         return session
-    code = ErrorCode.SESSION_STOPPED if session.state is State.STOPPED else ErrorCode.SESSION_STEP_FAILED
-    raise ProblemError(session.reason or Problem.of(code, f"Session {session.id} is {session.state}"))
+    if session.state is State.STOPPED:
+        raise ProblemError(Problem.of(ErrorCode.SESSION_STOPPED, _stop(session.id, events)))
+    detail = f"Session {session.id} is {session.state}"
+    raise ProblemError(session.reason or Problem.of(ErrorCode.SESSION_STEP_FAILED, detail))
+
+
+def _stop(session_id: str, events: Sequence[EventResource]) -> str:
+    """Tells who stopped a session, and for what it was suspended then."""
+    states = [event.body for event in events if event.type == "session.state"]
+    for before, after in reversed(list(pairwise([dict[str, Any](), *states]))):
+        if after["state"] in (State.STOPPING, State.STOPPED) and before.get("state") != State.STOPPING:
+            reason = before.get("reason")
+            suspended = "" if reason is None else f", which was {before['state']}: {reason['code']}: {reason['detail']}"
+            return f"{after['by']} stopped session {session_id}{suspended}"
+    return f"Session {session_id} is stopped"
 
 
 def not_ready(rig: RigResource) -> Problem:

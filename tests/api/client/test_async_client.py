@@ -18,8 +18,9 @@ import httpx
 import pytest
 
 from acquisition.models.errors import ErrorCode
+from acquisition.models.problem_table import problem
 from acquisition.models.recipe import Recipe
-from acquisition.session_state import State
+from acquisition.session_state import Actor, State, Trigger
 from api import AsyncClient, Client, ProblemError
 from api.client.transport import TIMEOUT_S
 from api.rest.schemas import Problem
@@ -61,12 +62,29 @@ def test_capture_stopped_by_somebody_raises_session_stopped(own: Any, monkeypatc
     """Somebody stops the session between its start, which needs no arm here, and its end."""
     monkeypatch.setattr(own.client, "start", own.client.stop)
 
-    with pytest.raises(ProblemError, match=r"is stopped\. Look at the cell") as refused:
+    with pytest.raises(ProblemError, match=r"operator@127.0\S+ stopped session \S+\. Look at the cell") as refused:
         own.client.capture(progress=False)
 
     assert refused.value.code is ErrorCode.SESSION_STOPPED
     (stopped,) = [event for event in own.client.past_events(one(own)) if event.type == "session.state"]
     assert stopped.body["by"]  # where the remedy says that it is
+
+
+def test_capture_stopped_after_an_interruption_names_its_cause(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the connection was away meanwhile: the session is already stopped when its events are read."""
+    journal = own.service.store.journal
+
+    def interrupted_then_stopped(session_id: str) -> None:
+        journal.trigger(session_id, Trigger.START, "a")
+        reason = problem(ErrorCode.ARM_PROTECTIVE_STOP, "The arm is in a protective stop")
+        journal.trigger(session_id, Trigger.INTERRUPT, Actor.SERVICE, reason)
+        journal.trigger(session_id, Trigger.STOP, "anna")
+
+    monkeypatch.setattr(own.client, "start", interrupted_then_stopped)
+    said = "anna stopped session .*, which was interrupted: arm.protective_stop: The arm is in a protective stop"
+    with pytest.raises(ProblemError, match=said) as refused:
+        own.client.capture(progress=False)
+    assert refused.value.code is ErrorCode.SESSION_STOPPED
 
 
 def one(service: Any) -> str:
