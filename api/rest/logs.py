@@ -114,6 +114,12 @@ def configure(log_format: LogFormat, file: Path | None = None) -> None:
     logging.captureWarnings(True)
 
 
+def flush() -> None:
+    """Waits until the entries so far are written, so that they stand before what a command says as it ends."""
+    for handler in logging.getLogger().handlers:
+        handler.flush()
+
+
 def _rotating(file: Path) -> logging.Handler:
     try:
         return RotatingFileHandler(file, maxBytes=FILE_BYTES, backupCount=OLD_FILES, encoding="utf-8")

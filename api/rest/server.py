@@ -215,8 +215,11 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = announce) -> Non
     process_priority.set_niceness(process_priority.SERVICE)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     _log.info("this process may open %d descriptors", capacity.raise_descriptor_limit())
-    with standard_error.as_entries() if settings.log == "json" else nullcontext():
-        _run(settings, on_ready)
+    try:
+        with standard_error.as_entries() if settings.log == "json" else nullcontext():
+            _run(settings, on_ready)
+    finally:
+        logs.flush()
 
 
 def _run(settings: Settings, on_ready: Callable[[str], None]) -> None:

@@ -129,3 +129,5 @@ def serve(wanted: ArchivePageSettings, on_ready: Callable[[str], None]) -> None:
             ErrorCode.CONFIG_INVALID,
             f"{wanted.host}:{wanted.port} cannot be bound (see the log): is the port free? --port chooses another",
         ) from error
+    finally:
+        logs.flush()

@@ -15,8 +15,10 @@ import cv2
 import numpy as np
 import pytest
 from structlog.contextvars import bound_contextvars
+from typer.testing import CliRunner
 
 from acquisition.models.errors import RigError
+from api.cli.commands import app
 from api.rest import log_queue, logs, settings, standard_error
 
 JSON_KEYS = {"event", "level", "logger", "timestamp"}
@@ -53,6 +55,21 @@ def test_log_entry_of_session_work_names_the_session(capsys: pytest.CaptureFixtu
     assert "session_id" not in meanwhile
     assert "session_id" not in afterwards
     assert "ValueError: deep" in failed["exception"]
+
+
+def test_log_is_written_before_its_command_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What comes later, as here in the captured output that is closed then, ended in a traceback of `logging`."""
+    emit = logging.StreamHandler[Any].emit
+
+    def slow(self: logging.StreamHandler[Any], record: logging.LogRecord) -> None:
+        time.sleep(0.5)
+        emit(self, record)
+
+    monkeypatch.setattr(logging.StreamHandler, "emit", slow)
+    arguments = ["serve", "--cell", str(tmp_path / "no-such-cell.toml"), "--data", str(tmp_path)]
+    refused = CliRunner().invoke(app, arguments)
+    assert refused.exit_code == 2
+    assert 0 < refused.stderr.find("descriptors") < refused.stderr.find("no-such-cell.toml")
 
 
 def test_log_text_format_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
