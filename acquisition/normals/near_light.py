@@ -137,7 +137,7 @@ def calibration_of(images: ImageSet) -> Calibration:
     if camera is None:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs a calibrated camera: give the camera matrix")
     identity = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    top = max(images.full_scale, 255.0)
+    bits = int(np.clip(round(np.log2(max(images.full_scale, 1.0) + 1)), 8, 16))
     first, second, third = (tuple(float(value) for value in row) for row in camera.matrix)
     k1, k2, p1, p2, k3 = (float(value) for value in camera.distortion)
     return Calibration(
@@ -151,8 +151,8 @@ def calibration_of(images: ImageSet) -> Calibration:
         reference_m=lights.reference_m,
         lobe_exponent=0.0,
         sensor=SensorModel(
-            bits=16 if top > 255 else 8,
-            gain_e_per_dn=images.full_well_e / top,
+            bits=bits,
+            gain_e_per_dn=images.full_well_e / (2**bits - 1),  # full scale is the converter's end
             read_noise_e=images.read_noise_e,
             full_well_e=images.full_well_e,
             black_level_dn=0.0,
