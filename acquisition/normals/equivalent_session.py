@@ -45,13 +45,16 @@ def of_near(images: ImageSet, normal_map: NormalMap) -> EquivalentSession:
     """Builds the session of near-light images and the normal map solved from them. Raises RigError normals.infeasible
     if the lights' positions or the camera are missing."""
     lights = near_light.lights_of(images)
-    nothing = EquivalentSession(
-        normal_map, Observations(shots=[], darks={}, frames=_NoFrames()), near_light.calibration_of(images)
-    )
+    calibration, level = near_light.calibration_of(images), images.exposed_level
+    sensor = calibration.sensor  # its full scale is where images are expected to saturate
+    gain, full_well = level * sensor.gain_e_per_dn, level * sensor.full_well_e
+    sensor = sensor.model_copy(update={"gain_e_per_dn": gain, "full_well_e": full_well})
+    calibration = calibration.model_copy(update={"sensor": sensor})
+    nothing = EquivalentSession(normal_map, Observations(shots=[], darks={}, frames=_NoFrames()), calibration)
     # A lamp of intensity i is equivalent to an exposure of i seconds with a lamp of intensity 1 per second.
     shots = [
         _shot(images, number, lamp_pose.light_at(lights.positions_m[number], nothing.center), float(seconds))
-        for number, seconds in enumerate(lights.intensity)
+        for number, seconds in enumerate(lights.intensity / level)
     ]
     return replace(nothing, observations=replace(nothing.observations, shots=shots))
 

@@ -106,6 +106,7 @@ def image_set(
         mask_given=mask is not None,
         evaluation_mask=mask_in(images, EVALUATION_MASK),
         full_well_e=FULL_WELL_E * images.full_scale / exposed,
+        exposed_level=exposed / images.full_scale if merged else 1.0,
         notes={"format": kind, "warnings": warnings},
     )
 

@@ -35,6 +35,9 @@ POSITION_SIGMA_M, INTENSITY_SIGMA = 0.001, 0.01
 FULL_WELL_E, READ_NOISE_E = 10_000.0, 5.0
 """Electrons at full scale and read noise of a small pixel, if the source does not state them."""
 
+EIGHT_BIT_SCALE = 255.0
+"""Greatest value of eight bits, and the least full scale of integers that are stored as floating-point values."""
+
 StoredValues = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 
 
@@ -129,6 +132,9 @@ class ImageSet:
     """Electrons at full scale, for a first guess of shot noise."""
     read_noise_e: float = READ_NOISE_E
     """Read noise, e⁻, for a first guess."""
+    exposed_level: float = 1.0
+    """Fraction of full scale to which further images can be exposed: above 1 where no value of the images clips, as in
+    merged exposures."""
     numbers: tuple[int, ...] = ()
     """The number of each image in its source, if these are only some of its images; empty: all, counted from 0."""
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
@@ -144,6 +150,11 @@ class ImageSet:
         """Names of the images (F) in messages: number in the source, counted from 0, and file."""
         numbers = self.numbers or range(self.count)
         return tuple(f"{number} ({name})" for number, name in zip(numbers, self.names, strict=True))
+
+    @property
+    def quantised(self) -> bool:
+        """Whether stored values have a step of 1: integers, and floating-point values with the full scale of some."""
+        return self.full_scale > 1 and (self.full_scale >= EIGHT_BIT_SCALE or self.rows(0, 0, 1).dtype.kind != "f")
 
     def only(self, chosen: Sequence[int]) -> "ImageSet":
         """Returns the images with the numbers `chosen`, in that order, with their lights."""
