@@ -103,7 +103,7 @@ def lights_of(images: ImageSet) -> NearLights:
 def _quantisation_step(images: ImageSet) -> FloatArray:
     """Returns the quantisation step (F,) of each image's values, 0 for floating-point values."""
     intensity = lights_of(images).intensity
-    return np.zeros_like(intensity) if images.full_scale <= 1 else 1 / (images.full_scale * intensity)
+    return 1 / (images.full_scale * intensity) if images.quantised else np.zeros_like(intensity)
 
 
 @dataclass(frozen=True)

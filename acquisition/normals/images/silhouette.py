@@ -119,7 +119,7 @@ def background(images: ImageSet, number: int) -> tuple[float, float]:
     differences = np.abs(np.diff(finite, axis=1))[dark[:, :-1] & dark[:, 1:]]
     # A quantile above the median, because sensors cut values at black, where half of the pixels are equal.
     noise = float(np.quantile(differences, WITHIN_SIGMA)) / np.sqrt(2) if differences.size else 0.0
-    quantum = 1.0 / images.full_scale if images.full_scale > 1 else 1e-6
+    quantum = 1.0 / images.full_scale if images.quantised else 1e-6
     return level, max(noise, quantum / 2)
 
 
