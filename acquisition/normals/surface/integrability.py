@@ -41,6 +41,10 @@ SETTINGS = IntegrabilitySettings()
 ITERATIONS = 10
 """Iterations of conjugate gradients. Noise is local; after five of them errors fall by less than a hundredth."""
 
+CONVERGED = 1e-10
+"""Residual, as a share of the first, at which the iteration ends: only where few cells are complete, for which further
+iterations would divide zero by zero."""
+
 TINY = np.finfo(np.float32).tiny
 
 LEAST_COSINE = photometry.SETTINGS.min_view_cosine
@@ -121,16 +125,18 @@ def _project_strip(
     some = np.flatnonzero(noise)[:: 1 + np.count_nonzero(noise) // SAMPLED_CELLS]
     relative = np.asarray(circulation.ravel()[some] ** 2 / noise.ravel()[some], np.float32)
     change, image = np.empty((2, height, width), np.float32), np.zeros(shape, np.float32)
+    complete = (inverse > 0).astype(np.float32)  # other cells have no multiplier, so their circulation does not count
 
     def applied(multiplier: Float32Array) -> Float32Array:
         _slope_changes(multiplier.reshape(shape), slope, change)
         _apply(change, multiplier.reshape(shape), slack, image)
+        np.multiply(image, complete, out=image)
         return image.ravel()
 
     count = circulation.size
     found, _ = cg(
         LinearOperator((count, count), matvec=applied, dtype=np.float32),
-        circulation.ravel(), rtol=0, atol=TINY, maxiter=ITERATIONS,
+        circulation.ravel(), rtol=CONVERGED, atol=TINY, maxiter=ITERATIONS,
         M=LinearOperator((count, count), matvec=lambda residual: inverse.ravel() * residual, dtype=np.float32),
     )  # fmt: skip
     multiplier = np.asarray(found, np.float32).reshape(shape)

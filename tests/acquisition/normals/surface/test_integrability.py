@@ -104,6 +104,20 @@ def test_project_integrable_pixels_without_normal_are_ignored() -> None:
     np.testing.assert_allclose(np.linalg.norm(out[~holes], axis=-1), 1, atol=1e-5)
 
 
+@given(seed=st.integers(0, 1000), share=st.sampled_from([0.02, 0.1, 0.3]))
+@settings(max_examples=25)
+def test_project_integrable_scattered_pixels_stay_unit_normals(seed: int, share: float) -> None:
+    """Among scattered pixels a few cells of 2 × 2 are complete, for which the iteration is soon exact."""
+    ray = rays(40, 40)
+    noisy = shaken(normals(bumpy(40, 40, seed), ray), 1.0, seed)
+    known = np.random.default_rng(seed).random((40, 40)) < share
+    known[18:20, 20:22] = True
+    sigma = np.where(known, np.float32(1.0), np.float32(np.nan))
+    integrability.project_integrable(noisy, sigma, np.where(known, np.radians(1.0) ** 2, 0).astype(np.float32), ray)
+    assert np.linalg.norm(noisy[known], axis=-1) == pytest.approx(1.0, abs=1e-5)
+    assert np.all(sigma[known] > 0)
+
+
 def test_project_integrable_discontinuity_keeps_both_surfaces() -> None:
     """One surface rises towards the occluding contour, the other runs along it: no single surface has both normals."""
     ray = rays(60, 60)
