@@ -340,6 +340,8 @@ def _self_calibrate(
         return before, noise
     calibrate = not hold and len(nominal.lamps) >= photometry.REDUNDANT
     priors, present = stated if calibrate else replace(stated, intensity=0.0, position_m=0.0), before
+    if sample.depth_m.size == 0:  # all pixels are hardly lit or mixed, and tell nothing
+        return (replace(before, covariance=priors.covariance(len(nominal.lamps))) if calibrate else before), noise
     largest = SETTINGS.max_shift_m(float(np.min(sample.depth_m)) - before.shift_m)
     for turn in range(4):
         lamps = present.lamps(nominal.lamps)

@@ -135,10 +135,13 @@ def _white(images: ImageSet) -> float:
     rows = np.flatnonzero(np.any(images.mask, axis=1))
     rows = rows[np.linspace(0, len(rows) - 1, min(SAMPLE_ROWS, len(rows))).astype(int)].tolist()
     bright: list[float] = []
+    most = 0.0
     for number, strength in enumerate(_distant(images).intensities.mean(axis=1).tolist()):
-        values = [images.values(number, row, row + 1)[0][images.mask[row]] for row in rows]
-        bright.append(float(np.quantile(np.concatenate(values), 0.99)) / strength)
-    return max(float(np.median(bright)), 1e-6) / BRIGHT_ALBEDO
+        values = np.concatenate([images.values(number, row, row + 1)[0][images.mask[row]] for row in rows])
+        bright.append(float(np.quantile(values, 0.99)) / strength)
+        most = max(most, float(np.max(values)) / strength)
+    # A bound where hardly more than highlights is above black: squares of values over white have to fit into float32.
+    return max(float(np.median(bright)), 1e-6 * most, 1e-30) / BRIGHT_ALBEDO
 
 
 def _least_squares_map(images: ImageSet) -> NormalMap:

@@ -105,6 +105,12 @@ class Priors:
         common = self.common_position_m.transpose(1, 0, 2).reshape(3 * count, -1)
         return covariance + common @ common.T
 
+    def covariance(self, count: int) -> FloatArray:
+        """Returns the covariance of the `SharedParameters` of `count` lamps by these priors alone."""
+        others = np.square([self.shift_m, *astuple(self.terms)])
+        stated = block_diag(self.intensity**2 * np.eye(count), self.position_covariance(count), np.diag(others))
+        return np.asarray(stated, np.float64)
+
 
 @dataclass(frozen=True)
 class Equations:
@@ -212,9 +218,7 @@ def gauss_newton_step(
     nothing = SharedParameters.nominal(count)
     equations = normal_equations(estimate, by_depth, values, lamps, present, priors, offset_sigma_m)
     if equations is None:
-        others = np.square([priors.shift_m, *astuple(priors.terms)])
-        stated = block_diag(priors.intensity**2 * np.eye(count), priors.position_covariance(count), np.diag(others))
-        return replace(nothing, covariance=stated)
+        return replace(nothing, covariance=priors.covariance(count))
     change, known = equations.posterior()
     covariance = np.pad(known, (0, len(nothing.covariance) - len(known)))  # terms that are not estimated: 0
     terms = LAMBERTIAN

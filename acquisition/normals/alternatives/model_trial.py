@@ -180,6 +180,8 @@ class Solution:
     def intensities_scatter(self) -> bool:
         """Whether the standard deviation of the intensities is outlying: such intensities may make a bad image fit."""
         stated, counts = self.hypothesis.nominal.calibration.intensity_sigma, np.isfinite(self.fit.images)
+        if not np.any(counts):
+            return False
         return bool(np.std(self.state.shared.log_intensity[counts]) > photometry.SETTINGS.outlying_deviations * stated)
 
     @property

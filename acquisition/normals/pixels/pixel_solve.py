@@ -178,7 +178,12 @@ def _peak_ratio(values: Float32Array, light: Float32Array, clipped: BoolArray) -
 
 def median_albedo(estimate: Estimate, values: Float32Array, clipped: BoolArray) -> float:
     """Returns a lower bound of the albedo: the median over pixels of the largest y/|s| that is not `clipped`."""
-    return float(np.median(_peak_ratio(values, estimate.light, clipped)))
+    return _median(_peak_ratio(values, estimate.light, clipped))
+
+
+def _median(peak: Float32Array) -> float:
+    """Returns the median; 0 of no pixels, as where all are left out of a sample."""
+    return float(np.median(peak)) if peak.size else 0.0
 
 
 def least_prior_albedo(median: float) -> float:
@@ -244,7 +249,7 @@ def _solve(
         return classify_measurements(without, lambertian, lighting.light, scene.settings.shadow_threshold)
 
     classified = classify(pixels.clipped)
-    typical = float(np.median(classified.peak)) if scene.median_albedo is None else scene.median_albedo
+    typical = _median(classified.peak) if scene.median_albedo is None else scene.median_albedo
     extra = pixels.extra if extra_variance is None else pixels.plus_extra(extra_variance)
     problem = PixelProblem(
         values=values, by_g=bent, light=lighting.light, point=lighting.point, view=lighting.view, extra=extra,

@@ -234,7 +234,7 @@ def _slopes(pixels: Pixels, normals: Float32Array, confidence: Float32Array) -> 
         step=change / cosine,
         weight=np.minimum(confidence[p], confidence[q]) * cosine**2,
         cosine=cosine,
-        pitch=float(np.median(np.max(np.abs(pixels.ray[:, q] - pixels.ray[:, p]), axis=0))),
+        pitch=float(np.median(np.max(np.abs(pixels.ray[:, q] - pixels.ray[:, p]), axis=0))) if len(p) else np.inf,
     )
 
 
