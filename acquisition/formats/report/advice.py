@@ -14,7 +14,7 @@ from acquisition.formats.report import pictures
 from acquisition.formats.report.context import ReportContext
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.listing import first_few
-from acquisition.models.result import CAST, HIGHLIGHT, NormalMap
+from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, NormalMap
 from acquisition.models.rounding import percent
 from acquisition.normals.images import memory_mapped
 
@@ -113,14 +113,15 @@ def _underlit_sample(normal_map: NormalMap, underlit: BoolArray) -> tuple[np.nda
 
 def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     warnings: list[str] = []
-    left_out = images_left_out(normal_map)
-    for number, (name, share) in enumerate(zip(context.names, pictures.shares(normal_map), strict=True)):
+    left_out, shares = images_left_out(normal_map), pictures.shares(normal_map)
+    usual = float(np.median([lit for lit, _, _ in shares]))
+    for number, (name, share) in enumerate(zip(context.names, shares, strict=True)):
         if number in left_out:  # none of its pixels is used, whatever its exposure
             continue
         lit, clipped, shadow = share
         if clipped > 5 * MIN_REPORTED_SHARE:
             warnings.append(f"{name}: {_percent(clipped)} of the pixels are clipped: shorten its exposure.")
-        elif lit < 0.1 and shadow < 0.8:
+        elif lit < 0.1 and (shadow < 0.8 or (usual > 0.5 and _faced(normal_map, number) > 0.5)):
             warnings.append(f"{name} lights only {_percent(lit)} of the pixels: check its lamp and exposure.")
     for name, factor in zip(context.names, normal_map.intensity_factors, strict=True):
         if abs(factor - 1) > MAX_INTENSITY_DEVIATION:
@@ -130,6 +131,12 @@ def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
                 "corrected."
             )
     return warnings
+
+
+def _faced(normal_map: NormalMap, number: int) -> float:
+    """Returns the share of the object's pixels that face the lamp of an image. If nearly all of them are dark, the lamp
+    was rather off than hidden."""
+    return 1 - float(np.mean(normal_map.flags[number][normal_map.silhouette] & ATTACHED > 0))
 
 
 def images_left_out(normal_map: NormalMap) -> set[int]:

@@ -211,6 +211,7 @@ def test_missing_side_repeated_cast_shadow_gives_none(ball: NormalMap) -> None:
         (lambda ball: replace(ball, doubtful=ball.mask & (ball.normals[..., 0] > 0)), "σ is unreliable"),
         (lambda ball: replace(ball, indirect=0.4 * ball.mask.astype(np.float32)), "from other surfaces"),
         (lambda ball: flagged(ball, ball.mask, slice(5, 6), 0), "5.png lights only"),
+        (lambda ball: flagged(ball, ball.mask, slice(5, 6), CAST), "5.png lights only 0 % of the pixels"),
         (lambda ball: replace(ball, mask=np.zeros_like(ball.mask)), "No pixel could be solved"),
     ],
 )
