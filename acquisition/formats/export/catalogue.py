@@ -79,7 +79,7 @@ def _diligent(source: Source, path: Path) -> None:
     """Writes a DiLiGenT-style folder, which most photometric-stereo programs read: 001.png … (16 bits of full scale),
     filenames, directions, intensities and mask.png. The format has distant lights only: near ones are given as at the
     object's centre, and `README.txt` says so, as it does of a mosaic's sites. Merged exposures, which have values above
-    full scale, are scaled down with their lights."""
+    full scale, are scaled down with their lights. What is not a number, outside the mask, is black."""
     path.mkdir()
     images = source.solved_images
     names = [f"{number:03d}.png" for number in range(1, images.count + 1)]
@@ -87,7 +87,7 @@ def _diligent(source: Source, path: Path) -> None:
     if images.saturated_from > 1:  # rounded, the greatest value must not count as clipped
         scale = max(scale, _greatest(images) / image_values.SATURATION_SHARE * (1 + 2 / 65535))
     for index, name in enumerate(names):
-        values = np.clip(images.values(index, 0, images.height) / np.float32(scale), 0, 1)
+        values = np.clip(np.nan_to_num(images.values(index, 0, images.height)) / np.float32(scale), 0, 1)
         map_files.png(path / name, np.round(values * 65535).astype(np.uint16))
     (path / "filenames.txt").write_text("\n".join(names) + "\n", encoding="utf-8")
     power = np.broadcast_to(light_files.intensities(images, source.centre), (images.count, 3))

@@ -1,7 +1,8 @@
 """Maps as named channels of EXR files, with units and convention in their headers.
 
 Normals and albedo are half floats: normals err by 0.006° in the mean and 0.024° at most (four million random ones), and
-take a third of the time and size. Depth and σ remain floats.
+take a third of the time and size. Depth and σ remain floats, and so does an albedo in a unit in which half floats
+cannot hold it.
 The albedo is linear and states its primaries. For a monochrome camera, or a mosaic sensor without a colour calibration,
 primaries are not known and not stated.
 """
@@ -16,6 +17,9 @@ from acquisition import colour
 from acquisition.formats.export import map_files
 from acquisition.models.result import NormalMap
 
+LEAST_HALF = 1e-3
+"""Albedo whose tenth half floats still hold to three digits."""
+
 
 def write_maps(path: Path, normal_map: NormalMap) -> None:
     """Writes channels N.X, N.Y, N.Z, albedo (half), Z (depth), sigma_deg (float); where known, R, G, B, indirect."""
@@ -23,7 +27,7 @@ def write_maps(path: Path, normal_map: NormalMap) -> None:
         f"N.{axis}": np.ascontiguousarray(normal_map.normals[..., index], np.float16)
         for index, axis in enumerate("XYZ")
     }
-    channels |= {"albedo": normal_map.albedo.astype(np.float16)} | _colours(normal_map)
+    channels |= {"albedo": _half(normal_map.albedo)} | _colours(normal_map)
     floats = {"Z": normal_map.depth, "sigma_deg": normal_map.sigma_deg, "indirect": normal_map.indirect}
     channels |= {name: np.nan_to_num(values, nan=0.0) for name, values in floats.items() if values is not None}
     _write(
@@ -38,7 +42,7 @@ def write_maps(path: Path, normal_map: NormalMap) -> None:
 
 def write_albedo(path: Path, normal_map: NormalMap) -> None:
     """Writes channels R, G, B (half, linear), or Y of a grey albedo; zero where there is none, not clipped to 0–1."""
-    channels = _colours(normal_map) or {"Y": normal_map.albedo.astype(np.float16)}
+    channels = _colours(normal_map) or {"Y": _half(normal_map.albedo)}
     text = f"albedo, {normal_map.notes.get('colour', 'grey')}; row 0 at the top"
     _write(path, normal_map, channels, comments=text)
 
@@ -48,7 +52,15 @@ def _colours(normal_map: NormalMap) -> dict[str, np.ndarray]:
     colours = normal_map.albedo_rgb
     if colours is None:
         return {}
-    return {name: np.ascontiguousarray(colours[..., index], np.float16) for index, name in enumerate("RGB")}
+    halves = _half(colours)
+    return {name: np.ascontiguousarray(halves[..., index]) for index, name in enumerate("RGB")}
+
+
+def _half(albedo: np.ndarray) -> np.ndarray:
+    """Converts an albedo to half floats, if they hold its greatest value to their full precision."""
+    greatest = float(np.max(albedo, initial=0.0))
+    fits = greatest == 0 or LEAST_HALF < greatest <= float(np.finfo(np.float16).max)
+    return albedo.astype(np.float16 if fits else np.float32)
 
 
 def _write(path: Path, normal_map: NormalMap, channels: dict[str, np.ndarray], **texts: str) -> None:

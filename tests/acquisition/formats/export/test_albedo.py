@@ -100,3 +100,18 @@ def test_float_albedo_states_its_colour_space(space: str, result: NormalMap, tmp
         assert space in file.pages.first.description
     with tifffile.TiffFile(tmp_path / "albedo.tiff") as file:
         assert space not in file.pages.first.description
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_albedo_exr_of_any_unit_holds_it(unit: float, result: NormalMap, tmp_path: Path) -> None:
+    """Half floats end at 65504, and have no digits left below 1e-7."""
+    assert result.albedo_rgb is not None
+    scaled = replace(result, albedo=result.albedo * unit, albedo_rgb=result.albedo_rgb * unit)
+    exr.write_albedo(tmp_path / "albedo.exr", scaled)
+    exr.write_maps(tmp_path / "maps.exr", scaled)
+    for name, channel, expected in (
+        ("albedo.exr", "RGB", scaled.albedo_rgb), ("maps.exr", "RGB", scaled.albedo_rgb),
+        ("maps.exr", "albedo", scaled.albedo),
+    ):  # fmt: skip
+        stored = OpenEXR.File(str(tmp_path / name)).channels()[channel].pixels
+        np.testing.assert_allclose(stored, expected, rtol=2**-11)

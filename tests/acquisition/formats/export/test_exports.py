@@ -292,6 +292,19 @@ def test_refuse_foreign_own_folder_as_written_is_accepted(tmp_path: Path) -> Non
         export.refuse_foreign(tmp_path, "ours.json")
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_diligent_export_outside_the_mask_is_black_where_not_a_number(distant: export.Source, tmp_path: Path) -> None:
+    outside = ~distant.images.mask
+
+    def rows(_: int, start: int, stop: int) -> np.ndarray:
+        return np.where(outside[start:stop], np.nan, 0.5).astype(np.float32)
+
+    images = replace(distant.images, rows=rows, channels=1, full_scale=1.0)
+    written = made("diligent", replace(distant, images=images), tmp_path / "out")
+    pixels = cv2.imread(str(written / "001.png"), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(pixels, np.where(outside, 0, 32768))
+
+
 @pytest.mark.parametrize("gain", [255.0, 1.0])
 def test_diligent_folder_of_merged_exposures_keeps_their_values(gain: float, tmp_path: Path) -> None:
     """Values above full scale, of which none is clipped, are not in the folder's 16-bit images either."""
