@@ -134,7 +134,7 @@ def _counted(normal_map: NormalMap, calibration: Calibration, region: BoolArray 
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
             f"only {len(usable)} sample pixels of the normal map are usable{where}, {photometry.SETTINGS.min_sample} "
-            "are needed: check the pilot's images and the region",
+            "are needed: check the pilot's images, and the region or mask",
             pixels=len(usable),
         )
     return usable

@@ -96,6 +96,11 @@ def run(request: PlanRequest) -> dict[str, Any]:
     problem = plan.DesignProblem.of(
         session.normal_map, session.observations, capture.recipe, places, session.calibration, surround=offer is None
     )
+    if not np.any(problem.options.visible):
+        what, advice = ("the candidates", "their positions, axes and unit")
+        if offer is None:
+            what, advice = ("the lights of the free dome", "--radius-mm, which may be less than the object's")
+        raise RigError(ErrorCode.PLAN_INFEASIBLE, f"none of {what} would light the object: check {advice}")
     chosen = plan.choose(problem, request.count, forecast_counts=FORECAST_COUNTS)
     outcome = _outcome(request, capture, pilot, places, chosen, offer)
     outcome["findings"] = [finding.model_dump() for finding in findings]

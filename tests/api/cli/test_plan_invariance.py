@@ -1,4 +1,4 @@
-"""`lightpose plan` of the same images in files of another scale: the plan is the same."""
+"""`lightpose plan` does not depend on the unit of the images, nor on the order of images and candidates."""
 
 from pathlib import Path
 
@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 import tifffile
 
+from acquisition import geometry
+from acquisition.models.errors import ErrorCode, RigError
 from api.cli import planning
 from tests.acquisition.formats.folders import small
 
 
-def planned(folder: Path, full_scale: float | None = None) -> dict[str, object]:
-    return planning.run(planning.plan_request(folder, 3, full_scale=full_scale))
+def planned(folder: Path, full_scale: float | None = None, **options: object) -> dict[str, object]:
+    return planning.run(planning.plan_request(folder, 3, full_scale=full_scale, **options))  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -58,3 +60,36 @@ def test_plan_floats_of_stated_full_scale_have_no_steps(
     folder = in_floats(small.diligent(tmp_path, colour=False), full_scale)
     plan = planned(folder, full_scale)
     assert plan["forecast_mean_deg"] == pytest.approx(usual["forecast_mean_deg"], rel=0.05)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_plan_candidates_in_another_order_gives_the_same_lights(seed: int, tmp_path: Path) -> None:
+    """The search exchanges single lights from random starts, and ends at the same set of these 30 lamps. Of more lights
+    it may end at another set whose forecast is within 2 %."""
+    folder, file = small.diligent(tmp_path / "in"), tmp_path / "dome.txt"
+    slant, azimuth = np.radians(np.repeat([25.0, 50.0, 65.0], 10)), np.arange(30) * np.radians(137.5)
+    lamps = geometry.direction(slant, azimuth)
+    plans: list[dict[str, object]] = []
+    for order in (np.arange(30), np.random.default_rng(seed).permutation(30)):
+        np.savetxt(file, lamps[order])
+        plan = planned(folder, candidates=file)
+        plans.append(plan | {"lights": {int(order[light["number"]]) for light in plan["lights"]}})  # type: ignore[attr-defined]
+    assert plans[0]["lights"] == plans[1]["lights"]
+    assert plans[0]["forecast_mean_deg"] == pytest.approx(plans[1]["forecast_mean_deg"], rel=1e-6)
+
+
+def test_plan_pilot_in_another_order_gives_the_same_forecast(usual: dict[str, object], tmp_path: Path) -> None:
+    plan = planned(small.diligent(tmp_path, colour=False), pilot="5,0,3,2,4,1")
+    assert plan["pilot"] == [5, 0, 3, 2, 4, 1]
+    assert plan["forecast_mean_deg"] == pytest.approx(usual["forecast_mean_deg"], rel=1e-3)
+
+
+@pytest.mark.parametrize("where", ["radius", "candidates"])
+def test_plan_lights_within_the_object_are_refused(where: str, tmp_path: Path) -> None:
+    """A ball of 40 mm whose top is 460 mm from the camera; the mean of its visible points is a centimetre below it."""
+    folder, inside = small.near(tmp_path / "in"), tmp_path / "inside.txt"
+    inside.write_text("0 0 465\n5 0 466\n0 5 466\n")
+    options = {"radius_mm": 2.0} if where == "radius" else {"candidates": inside}
+    with pytest.raises(RigError, match=r"none of the .* would light the object") as caught:
+        planned(folder, **options)
+    assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
