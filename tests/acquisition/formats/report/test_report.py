@@ -224,6 +224,18 @@ def test_quality_warnings_each_fault_is_stated_in_the_page(
     assert said in "".join(parsed(tmp_path)[0].texts)
 
 
+def test_quality_warnings_lamps_that_differ_much_are_to_be_solved_again(ball: NormalMap) -> None:
+    """Unless they are calibrated, or the dark image was left out."""
+    differing = replace(ball, intensity_factors=np.array([1, 1, 1, 0.6, 1, 1]))
+    left_out = ModelFinding(kind="bad image", message="image 3 is left out", corrected=True, value=3.0)
+    for normal_map, known, told in (
+        (differing, "assumed", True), (differing, "calibrated", False),
+        (replace(differing, findings=(left_out,)), "assumed", False),
+    ):  # fmt: skip
+        warnings = report.quality_warnings(normal_map, replace(FACTS, intensities=known))
+        assert any("by up to a factor of 1.7" in sentence for sentence in warnings) == told
+
+
 def test_report_page_states_figures_and_lights(ball: NormalMap, tmp_path: Path) -> None:
     facts = replace(
         FACTS, groups=("first pass",) * 4 + ("planned",) * 2, solver="weighted", why="least residual",
