@@ -14,6 +14,13 @@ from acquisition.normals.images.normalised_images import row_blocks
 BLACK_LEVEL = 0.0005
 """Fraction of the `exposed_scale` below which an image's brightest pixels count as black."""
 
+LARGEST_VALUE = 1e30
+"""Value of float32 files from which it counts as infinite: some programs mark missing pixels by the type's greatest."""
+
+MAX_BRIGHTEST_RATIO = 4.0
+"""Largest ratio of the brightest value of float32 files to the brightest percent of an image that tells how they were
+exposed. A highlight, or a single hot pixel, is brighter by any factor. Diffuse images reach 1.5."""
+
 MAX_SATURATED_SHARE = 0.9
 """Share of clipped pixels above which an image is refused."""
 
@@ -47,7 +54,8 @@ def refuse_unusable(images: FolderImages, mask: BoolArray, saturated_from: float
         path = listed_file(images.folder, name)
         if images.kind == "float32":
             for rows in row_blocks(images.size[0]):
-                wrong = ~np.isfinite(images(index, rows.start, rows.stop)) & _like(images, mask[rows])
+                values = images(index, rows.start, rows.stop)
+                wrong = ~(np.abs(values) < LARGEST_VALUE) & _like(images, mask[rows])
                 if np.any(wrong):
                     row, column, *_ = np.argwhere(wrong)[0]
                     raise refusal(
@@ -106,16 +114,19 @@ def unfilled_bits(images: FolderImages, black_level: int = 0) -> str | None:
 
 def exposed_scale(images: FolderImages, mask: BoolArray) -> float:
     """Returns the value to which a camera without a stated full scale has probably been exposed: of float32 files the
-    brightest one within the mask, of 16-bit files the end of the camera's range that it lies in.
+    brightest one within the mask, unless it is a highlight's, of 16-bit files the end of the camera's range that it
+    lies in.
 
     Without a stated full scale, a first guess of the noise has no other scale. The type's own makes dark images, of 10
     bits or of floating point in another unit, noisier than they are by any factor.
     """
     if images.stated_full_scale is not None or images.kind == "uint8":
         return images.full_scale
-    brightest = max(float(np.max(_sample(images, index, mask))) for index in range(len(images.names)))
+    samples = (_sample(images, index, mask) for index in range(len(images.names)))
     if images.kind == "float32":
-        return brightest
+        brightest, percent = np.max([(np.max(one), np.quantile(one, 0.99)) for one in samples], axis=0).tolist()
+        return min(brightest, MAX_BRIGHTEST_RATIO * percent) if percent > 0 else brightest
+    brightest = max(float(np.max(one)) for one in samples)
     return next((float(end) for end in CONVERTERS.values() if brightest <= end), images.full_scale)
 
 

@@ -209,6 +209,7 @@ NEAR: dict[str, tuple[Damage, str, str]] = {
     ),
     "one value no number": (lambda folder: float_images(folder, np.nan), "2.tiff", "row 77, column 40"),
     "one value infinite": (lambda folder: float_images(folder, np.inf), "2.tiff", "row 77, column 40"),
+    "one value of the greatest": (lambda folder: float_images(folder, -3.4e38), "2.tiff", "row 77, column 40"),
     "white is zero": (
         lambda folder: tifffile.imwrite(folder / "2.tiff", GREY, photometric="miniswhite"), "2.tiff", "MINISWHITE",
     ),

@@ -53,3 +53,20 @@ def test_solve_dark_images_of_unstated_scale_as_if_it_were_stated(tmp_path: Path
     plain, stated = solved(folder, tmp_path), solved(folder, tmp_path, full_scale=1023)
     np.testing.assert_allclose(plain.normals, stated.normals, atol=2e-3)
     np.testing.assert_allclose(plain.sigma_deg, stated.sigma_deg, rtol=0.05)
+
+
+@pytest.mark.parametrize("highlight", [10.0, 1e5])
+def test_solve_float_images_with_one_bright_pixel_are_solved_alike(highlight: float, tmp_path: Path) -> None:
+    """A highlight or a hot pixel of one image does not tell how bright the others could have been. It counts four times
+    as the brightest percent does, so that the noise of the first guess is at most twice as large."""
+    plain = solved(exposed(tmp_path / "plain", 1.0, np.float32), tmp_path)
+    folder = exposed(tmp_path / "bright", 1.0, np.float32)
+    image = folder / "002.tiff"
+    values = tifffile.imread(image)
+    values[small.SIZE // 2, small.SIZE // 2 + 3] = highlight
+    tifffile.imwrite(image, values)
+    bright = solved(folder, tmp_path)
+    errors = [np.linalg.norm(one.normals - small.sphere()[0], axis=-1)[plain.mask] for one in (plain, bright)]
+    assert np.median(errors[1]) < 1.2 * np.median(errors[0])
+    ratio = bright.sigma_deg[plain.mask] / plain.sigma_deg[plain.mask]
+    assert 0.9 < np.median(ratio) < 2
