@@ -21,8 +21,8 @@ GUARD = 1e-5
 
 REASONS: dict[str, str] = {
     "physics, statistics, standards and formulas": """
-        silhouette.WITHIN_SIGMA distant.LUMA goodness_of_fit.GAUSSIAN_MEDIAN_SQUARE microfacet.F0
-        microfacet.METAL_F0 photon_transfer.CLIP_SIGMA photon_transfer.CLIPPED_GAUSSIAN_VARIANCE
+        silhouette.WITHIN_SIGMA distant.LUMA image_set.EIGHT_BIT_SCALE goodness_of_fit.GAUSSIAN_MEDIAN_SQUARE
+        microfacet.F0 microfacet.METAL_F0 photon_transfer.CLIP_SIGMA photon_transfer.CLIPPED_GAUSSIAN_VARIANCE
         photometry.GAUSSIAN_MEDIAN_DEVIATION self_calibration.STRONG_EVIDENCE surface_diffusion.MAX_EIGENVALUE
         pixel_solve_kernels.CAUCHY_COVARIANCE_FACTOR
         discontinuity.NEIGHBOUR_SINE baselines.DRBOHLAV_SLANT_DEG baselines.INNER_SLANT_DEG baselines.OUTER_SLANT_DEG
@@ -89,7 +89,7 @@ REASONS: dict[str, str] = {
         term_tests.LEAST_SIGNAL term_tests.LEAST_INFORMATION term_tests.TURN_DIFFERENCE_DEG
         interreflection_kernels.LEVELS surface_diffusion.MIN_COEFFICIENT exposure_plan.SWEEPS discontinuity.WEIGHT_FLOOR
         discontinuity.LEAST_START_WEIGHT discontinuity.LEAST_LAMP_M integration.BILATERAL_ROUNDS
-        integration.LEAST_BILATERAL_WEIGHT integrability.ITERATIONS robust_solve.IRLS_ITERATIONS
+        integration.LEAST_BILATERAL_WEIGHT integrability.CONVERGED integrability.ITERATIONS robust_solve.IRLS_ITERATIONS
         relaxation.MAX_GAP relaxation.MAX_ROUNDS
         relaxation.MIN_RELATIVE_WEIGHT optimise.MIN_IMPROVEMENT optimise.MAX_PASSES baselines.AZIMUTH_STEPS
         registration.ROUNDS registration.LEAST_STEP_PX
@@ -113,7 +113,7 @@ INLINE = {
     "alternation": 1, "cast_shadows": 2, "discontinuity": 1,
     "distant": 2, "reflectance_fit": 2, "reflectance_kernels": 13, "exposure_plan": 2,
     "grey_tile": 1,
-    "integration": 2, "interreflection_kernels": 2, "light_tests": 1, "near_light": 1, "image_values": 1,
+    "integration": 2, "interreflection_kernels": 2, "light_tests": 1, "image_values": 1,
     "photon_transfer": 3, "pixel_solve": 1, "planned_images": 2, "planner": 2, "prior_forecast": 1,
     "sample_pixels": 2, "self_calibration": 1, "silhouette": 7, "translucency": 1, "visibility": 1,
 }  # fmt: skip

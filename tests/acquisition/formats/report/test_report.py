@@ -236,6 +236,18 @@ def test_quality_warnings_lamps_that_differ_much_are_to_be_solved_again(ball: No
         assert any("by up to a factor of 1.7" in sentence for sentence in warnings) == told
 
 
+def test_quality_warnings_most_intensities_off_may_be_a_wrong_place(ball: NormalMap) -> None:
+    """As of an object that is 100 mm from where it was stated; of distant lights no place is stated."""
+    off = replace(ball, intensity_factors=np.array([0.9, 1.1, 0.9, 1.1, 0.98, 1.02]))
+    distant = replace(off, notes={"depth_unit": "pixel"})
+    few = replace(ball, intensity_factors=np.array([0.9, 1.1, 1, 1, 1, 1]))
+    for normal_map, known, told in (
+        (off, "stated", True), (off, "assumed", False), (distant, "stated", False), (few, "stated", False),
+    ):  # fmt: skip
+        warnings = report.quality_warnings(normal_map, replace(FACTS, intensities=known))
+        assert any("rough depth or the lamps' positions are wrong" in sentence for sentence in warnings) == told
+
+
 def test_report_page_states_figures_and_lights(ball: NormalMap, tmp_path: Path) -> None:
     facts = replace(
         FACTS, groups=("first pass",) * 4 + ("planned",) * 2, solver="weighted", why="least residual",
