@@ -12,13 +12,13 @@ cell file asks for them.
 
 import importlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.devices import Frame, StopToken
+from acquisition.devices import Frame, StopToken, genicam
 from acquisition.devices.frame_accounting import BadFrameError
 from acquisition.models.camera import CameraCapabilities, CameraSettings
 from acquisition.models.camera_config import AravisCameraConfig
@@ -38,7 +38,6 @@ GAIN_STEP = 0.1
 """Largest difference between the gain read back and the one set: makers step by 0.1 dB or less."""
 
 _CHUNK = "ExposureTime"
-_AUTOMATIC = ("ExposureAuto", "GainAuto", "BalanceWhiteAuto", "BlackLevelAuto")
 _TEMPERATURE, _BLACK_LEVEL = "DeviceTemperature", "BlackLevel"
 
 
@@ -151,20 +150,14 @@ class AravisCamera:
         config, device = self._config, camera.get_device()
         # Without this check Aravis writes values out of range, and their effect depends on the camera.
         device.set_range_check_policy(self._aravis.RangeCheckPolicy.ENABLE)
-        for name in _AUTOMATIC:
-            if device.is_feature_available(name):
-                device.set_string_feature_value(name, "Off")
+        features = _Features(device)
+        genicam.reset(features, config.settings)
         camera.set_pixel_format_from_string(config.pixel_format)
-        _, _, full_width, full_height = _rectangle(camera.get_region())
-        if config.width is not None or config.height is not None:
-            camera.set_region(0, 0, config.width or full_width, config.height or full_height)
+        genicam.set_region(features, config.width, config.height, config.settings)
         if camera.is_gain_available():
             camera.set_gain(camera.get_gain_bounds()[0] if config.gain is None else config.gain)
         camera.set_acquisition_mode(self._aravis.AcquisitionMode.CONTINUOUS)
-        device.set_string_feature_value("TriggerSelector", "FrameStart")
-        device.set_string_feature_value("TriggerMode", "On")
-        source = config.trigger_source if self._pulse is not None else "Software"
-        device.set_string_feature_value("TriggerSource", source)
+        genicam.set_trigger(features, config.trigger_source if self._pulse is not None else "Software")
         self._chunks = self._chunk_parser(camera)
         self._require_taken(camera)
 
@@ -193,10 +186,11 @@ class AravisCamera:
         ]
         if config.gain is not None and (settings.gain is None or abs(settings.gain - config.gain) > GAIN_STEP):
             wrong.append(f"gain: {config.gain} was set, but the camera reports {settings.gain}")
+        wrong += genicam.disagreements(_Features(camera.get_device()), config.settings)
         if wrong:
             raise RigError(
                 ErrorCode.CONFIG_INVALID,
-                f"The camera {config.device} refuses settings of the cell file: {'; '.join(wrong)}",
+                f"The camera {config.device} does not fit the cell file: {'; '.join(wrong)}",
             )
 
     def _begin(self) -> None:
@@ -260,7 +254,6 @@ class AravisCamera:
         """Returns the settings as the camera reads them back."""
         device = camera.get_device()
         _, _, width, height = _rectangle(camera.get_region())
-        names = [name for name in (*_AUTOMATIC, "Gamma", "TriggerMode", "TriggerSource") if _has(device, name)]
         return CameraSettings(
             exposure_s=float(camera.get_exposure_time()) * 1e-6,
             pixel_format=str(camera.get_pixel_format_as_string()),
@@ -269,7 +262,7 @@ class AravisCamera:
             gain=float(camera.get_gain()) if camera.is_gain_available() else None,
             black_level=self._float(device, _BLACK_LEVEL),
             trigger="software" if self._pulse is None else "hardware",
-            other=tuple((name, str(device.get_feature(name).get_value_as_string())) for name in names),
+            other=genicam.report(_Features(device), self._config.settings),
         )
 
     def _capabilities(self, camera: Any) -> CameraCapabilities:
@@ -299,6 +292,33 @@ class AravisCamera:
         present = [self._aravis.get_device_id(number) for number in range(self._aravis.get_n_devices())]
         names = ", ".join(sorted(present)) or "none"
         return f"No camera answers to {self._config.device}: {error.message}; present: {names}"
+
+
+class _Features:
+    """The device's features as `genicam.Features`."""
+
+    def __init__(self, device: Any) -> None:
+        self._device = device
+
+    def readable(self, name: str) -> bool:
+        """Whether the camera has the feature."""
+        return _has(self._device, name)
+
+    def writable(self, name: str) -> bool:
+        """Whether the feature can be set now."""
+        return _has(self._device, name) and not self._device.get_feature(name).is_locked()
+
+    def get(self, name: str) -> str:
+        """Returns the value."""
+        return str(self._device.get_feature(name).get_value_as_string()) if self.readable(name) else ""
+
+    def set(self, name: str, value: str) -> None:
+        """Sets the value. Raises GLib.Error."""
+        self._device.get_feature(name).set_value_from_string(value)
+
+    def choices(self, name: str) -> Sequence[str]:
+        """Returns the values of an enumeration."""
+        return [str(choice) for choice in self._device.dup_available_enumeration_feature_values_as_strings(name)]
 
 
 def _has(device: Any, name: str) -> bool:

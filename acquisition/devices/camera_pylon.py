@@ -9,24 +9,22 @@ photometric stereo needs linear pixels. The library is loaded only if a cell fil
 
 import importlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.devices import Frame, StopToken
+from acquisition.devices import Frame, StopToken, genicam
 from acquisition.devices.frame_accounting import BadFrameError
-from acquisition.models.camera import CameraCapabilities, CameraSettings, TriggerKind
+from acquisition.models.camera import CameraCapabilities, CameraSettings
 from acquisition.models.camera_config import PylonCameraConfig
 from acquisition.models.colour import mosaic_of
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
 POLL_MS = 50  # within which a stop token is seen
 READY_S = 2.0  # after which a camera that is not ready for its trigger counts as stuck
-_AUTOMATIC = ("ExposureAuto", "GainAuto", "BalanceWhiteAuto")
 _CHUNK = "ExposureTime"  # which each frame carries if the model has such a chunk
-_FIXED = (("AcquisitionMode", "Continuous"), ("TriggerSelector", "FrameStart"), ("TriggerMode", "On"))
 
 
 class PylonCamera:
@@ -71,8 +69,11 @@ class PylonCamera:
             camera.Close()
             detail = f"The camera {self._config.serial} refuses a setting of the cell file: {error}"
             raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
+        except RigError:
+            camera.Close()
+            raise
         self._camera = camera
-        known = _capabilities(camera, f"Basler {camera.GetDeviceInfo().GetModelName()} {self._config.serial}")
+        known = self._capabilities(camera, f"Basler {camera.GetDeviceInfo().GetModelName()} {self._config.serial}")
         return known.model_copy(update={"chunk_exposure": self._has_chunk})
 
     def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
@@ -106,26 +107,23 @@ class PylonCamera:
             self._camera = None
 
     def _set_up(self, camera: Any) -> None:
-        for name in _AUTOMATIC:
-            if _present(camera, name):
-                getattr(camera, name).Value = "Off"
-        if _present(camera, "GammaEnable"):
-            camera.GammaEnable.Value = False
-        elif _present(camera, "Gamma"):
-            camera.Gamma.Value = 1.0
-        camera.PixelFormat.Value = self._config.pixel_format
+        config, features = self._config, _Features(camera)
+        genicam.reset(features, config.settings)
+        camera.PixelFormat.Value = config.pixel_format
+        genicam.set_region(features, config.width, config.height, config.settings)
         gain = camera.Gain if _present(camera, "Gain") else camera.GainRaw
-        gain.Value = gain.Min if self._config.gain is None else type(gain.Value)(self._config.gain)
-        for name, value in _FIXED:
-            getattr(camera, name).Value = value
-        camera.TriggerSource.Value = "Software" if self._pulse is None else self._config.trigger_source
-        if self._pulse is not None and _present(camera, "TriggerActivation"):
-            camera.TriggerActivation.Value = "RisingEdge"
+        gain.Value = gain.Min if config.gain is None else type(gain.Value)(config.gain)
+        camera.AcquisitionMode.Value = "Continuous"
+        genicam.set_trigger(features, "Software" if self._pulse is None else config.trigger_source)
         self._has_chunk = _enable_chunk(camera)
+        wrong = genicam.disagreements(features, config.settings)
+        if wrong:
+            detail = f"The camera {config.serial} does not fit the cell file: {'; '.join(wrong)}"
+            raise RigError(ErrorCode.CONFIG_INVALID, detail)
 
     def _expose(self, camera: Any, exposure_s: float, stop: StopToken) -> Frame:
         _exposure_node(camera).Value = exposure_s * 1e6
-        settings = _settings(camera, "software" if self._pulse is None else "hardware")
+        settings = self._settings(camera)
         self._acquisitions += 1
         camera.StartGrabbingMax(1)
         try:
@@ -165,23 +163,63 @@ class PylonCamera:
                 raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
         raise Halted
 
+    def _capabilities(self, camera: Any, name: str) -> CameraCapabilities:
+        settings, exposure = self._settings(camera), _exposure_node(camera)
+        digits = "".join(filter(str.isdigit, settings.pixel_format))
+        return CameraCapabilities(
+            name=name,
+            width=settings.width,
+            height=settings.height,
+            bits=int(digits or 8),
+            mosaic=mosaic_of(settings.pixel_format),
+            triggers=("software", "hardware"),
+            min_exposure_s=float(exposure.Min) * 1e-6,
+            max_exposure_s=float(exposure.Max) * 1e-6,
+            black_level=settings.black_level is not None,
+            temperature=_temperature(camera) is not None,
+            frame_numbers=True,
+        )
 
-def _capabilities(camera: Any, name: str) -> CameraCapabilities:
-    settings, exposure = _settings(camera), _exposure_node(camera)
-    digits = "".join(filter(str.isdigit, settings.pixel_format))
-    return CameraCapabilities(
-        name=name,
-        width=settings.width,
-        height=settings.height,
-        bits=int(digits or 8),
-        mosaic=mosaic_of(settings.pixel_format),
-        triggers=("software", "hardware"),
-        min_exposure_s=float(exposure.Min) * 1e-6,
-        max_exposure_s=float(exposure.Max) * 1e-6,
-        black_level=settings.black_level is not None,
-        temperature=_temperature(camera) is not None,
-        frame_numbers=True,
-    )
+    def _settings(self, camera: Any) -> CameraSettings:
+        """Returns the settings as the camera reads them back."""
+        gain, black = (_number(camera, names) for names in (("Gain", "GainRaw"), ("BlackLevel", "BlackLevelRaw")))
+        return CameraSettings(
+            exposure_s=float(_exposure_node(camera).Value) * 1e-6,
+            pixel_format=str(camera.PixelFormat.Value),
+            width=int(camera.Width.Value),
+            height=int(camera.Height.Value),
+            gain=gain,
+            black_level=black,
+            trigger="software" if self._pulse is None else "hardware",
+            other=genicam.report(_Features(camera), self._config.settings),
+        )
+
+
+class _Features:
+    """The camera's nodes as `genicam.Features`."""
+
+    def __init__(self, camera: Any) -> None:
+        self._camera = camera
+
+    def readable(self, name: str) -> bool:
+        """Whether the model has the node and states its value."""
+        return _readable(self._camera, name)
+
+    def writable(self, name: str) -> bool:
+        """Whether the node can be set now."""
+        return _present(self._camera, name)
+
+    def get(self, name: str) -> str:
+        """Returns the value."""
+        return str(getattr(self._camera, name).ToString()) if self.readable(name) else ""
+
+    def set(self, name: str, value: str) -> None:
+        """Sets the value. Raises GenericException."""
+        getattr(self._camera, name).FromString(value)
+
+    def choices(self, name: str) -> Sequence[str]:
+        """Returns the values of an enumeration."""
+        return [str(choice) for choice in getattr(self._camera, name).Symbolics]
 
 
 def _enable_chunk(camera: Any) -> bool:
@@ -194,22 +232,6 @@ def _enable_chunk(camera: Any) -> bool:
     camera.ChunkSelector.Value = _CHUNK
     camera.ChunkEnable.Value = True
     return True
-
-
-def _settings(camera: Any, trigger: TriggerKind = "software") -> CameraSettings:
-    """Returns the settings as the camera reads them back."""
-    gain, black = (_number(camera, names) for names in (("Gain", "GainRaw"), ("BlackLevel", "BlackLevelRaw")))
-    other = [(name, str(getattr(camera, name).Value)) for name in (*_AUTOMATIC, "Gamma") if _readable(camera, name)]
-    return CameraSettings(
-        exposure_s=float(_exposure_node(camera).Value) * 1e-6,
-        pixel_format=str(camera.PixelFormat.Value),
-        width=int(camera.Width.Value),
-        height=int(camera.Height.Value),
-        gain=gain,
-        black_level=black,
-        trigger=trigger,
-        other=tuple(other),
-    )
 
 
 def _temperature(camera: Any) -> float | None:

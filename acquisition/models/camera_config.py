@@ -16,6 +16,11 @@ GenicamFormat = Literal[
 ]  # fmt: skip
 """Pixel formats with one unpacked value per site. The sites of a mosaic sensor are solved without demosaicing."""
 
+_GENICAM_KEYS = frozenset({
+    "PixelFormat", "Width", "Height", "Gain", "GainRaw", "ExposureTime", "ExposureTimeAbs", "ExposureTimeRaw",
+})  # fmt: skip
+"""Features that have a key of their own."""
+
 
 class CameraConfig(Value):
     """Settings common to all cameras."""
@@ -79,30 +84,46 @@ class LineTriggerConfig(CameraConfig):
         return self
 
 
-class PylonCameraConfig(LineTriggerConfig):
-    """A Basler camera (GigE or USB3), identified by its serial number; needs the extra `basler`."""
+class GenicamCameraConfig(LineTriggerConfig):
+    """Settings of a GigE Vision or USB3 Vision camera."""
 
-    kind: Literal["pylon"]
-    serial: str = Field(min_length=1)
     pixel_format: GenicamFormat = "Mono12"
-    gain: float | None = Field(default=None, ge=0, description="In dB or the model's unit; default: its minimum")
-    trigger_source: str = Field(default="Line1", description="The camera's name of that input")
-
-
-class AravisCameraConfig(LineTriggerConfig):
-    """A GigE Vision or USB3 Vision camera of any maker, through the system's Aravis library."""
-
-    kind: Literal["aravis"]
-    device: str = Field(min_length=1, description="Address, or the identifier that `arv-tool-0.8` lists")
-    pixel_format: GenicamFormat = "Mono12"
-    bits: int | None = Field(
-        default=None, ge=8, le=16, description="Bits of a value where the pixel format's container has more"
-    )
     width: int | None = Field(
         default=None, gt=0, description="Width of the region from the upper left, px; default: the camera's"
     )
     height: int | None = Field(default=None, gt=0, description="Height of that region, px; likewise")
     gain: float | None = Field(default=None, ge=0, description="In dB or the model's unit; default: its minimum")
+    settings: dict[str, str] = Field(
+        default_factory=dict,
+        description="Further features by their GenICam names, such as `ReverseX`, `BinningHorizontal`, `OffsetX`, "
+        "`BlackLevel`; set when the camera is connected",
+    )
+
+    @model_validator(mode="after")
+    def _states_each_once(self) -> Self:
+        """Refuses features in `settings` that have a key of their own."""
+        for name in self.settings:
+            if name in _GENICAM_KEYS or name.startswith(("Trigger", "Acquisition")):
+                raise ValueError(f"`settings` must not contain {name}: the driver sets it from the keys of `[camera]`")
+        return self
+
+
+class PylonCameraConfig(GenicamCameraConfig):
+    """A Basler camera (GigE or USB3), identified by its serial number; needs the extra `basler`."""
+
+    kind: Literal["pylon"]
+    serial: str = Field(min_length=1)
+    trigger_source: str = Field(default="Line1", description="The camera's name of that input")
+
+
+class AravisCameraConfig(GenicamCameraConfig):
+    """A GigE Vision or USB3 Vision camera of any maker, through the system's Aravis library."""
+
+    kind: Literal["aravis"]
+    device: str = Field(min_length=1, description="Address, or the identifier that `arv-tool-0.8` lists")
+    bits: int | None = Field(
+        default=None, ge=8, le=16, description="Bits of a value where the pixel format's container has more"
+    )
 
 
 class FolderCameraConfig(CameraConfig):
