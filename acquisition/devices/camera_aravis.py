@@ -286,7 +286,8 @@ class AravisCamera:
         )
 
     def _float(self, device: Any, name: str) -> float | None:
-        return float(device.get_float_feature_value(name)) if _has(device, name) else None
+        """Returns a value that is a floating-point or an integer feature, depending on the maker; None without it."""
+        return float(device.get_feature(name).get_value_as_string()) if _has(device, name) else None
 
     def _absence(self, error: Any) -> str:
         present = [self._aravis.get_device_id(number) for number in range(self._aravis.get_n_devices())]

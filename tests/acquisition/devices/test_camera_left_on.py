@@ -90,6 +90,17 @@ def test_aravis_feature_that_is_missing_or_refused_is_named(tmp_path: Path) -> N
             assert refused.value.code is ErrorCode.CONFIG_INVALID
 
 
+@needs_aravis
+def test_aravis_black_level_may_be_an_integer_feature(tmp_path: Path) -> None:
+    with used_camera(tmp_path, {}):
+        camera = aravis(settings={"BlackLevel": "32"})
+        camera.connect()
+        settings = camera.expose(0.01, 0, StopToken()).settings
+        assert settings is not None
+        assert settings.black_level == 32.0
+        camera.close()
+
+
 def test_pylon_what_bends_values_or_trigger_is_switched_off(basler: PylonCamera) -> None:
     device = basler._camera
     device.Gamma.Value, device.DigitalShift.Value, device.ExposureMode.Value = 0.5, 2, "TriggerWidth"

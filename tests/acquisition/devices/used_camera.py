@@ -13,7 +13,7 @@ FIRST_REGISTER = 0x8000
 """Of the simulated camera's memory, which is unused from here on."""
 
 SWITCHES = ("ReverseX", "ReverseY", "GammaEnable", "LUTEnable", "AcquisitionFrameRateEnable")
-NUMBERS = ("DecimationHorizontal", "DigitalShift", "TriggerDelay")
+NUMBERS = ("DecimationHorizontal", "DigitalShift", "TriggerDelay", "BlackLevel")
 CHOICES = {"ExposureMode": ("Timed", "TriggerWidth")}
 
 
