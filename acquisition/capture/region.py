@@ -9,7 +9,7 @@ import struct
 import cv2
 import numpy as np
 
-from acquisition import geometry, photometry
+from acquisition import geometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
@@ -106,8 +106,10 @@ def table_depth_m(cell: CellConfig, calibration: Calibration, above_m: float = 0
     camera_from_base = geometry.inverse(np.array(calibration.base_from_camera))
     normal = geometry.rotate(camera_from_base, np.array(cell.table.normal) / np.linalg.norm(cell.table.normal))
     point = geometry.transform(camera_from_base, cell.table.point_m) + above_m * normal
-    ray = photometry.rays(calibration, slice(0, calibration.height), slice(0, calibration.width)).astype(float)
-    falling = np.tensordot(normal[:2], ray, axes=1) + normal[2]
+    rows, columns = np.mgrid[0 : calibration.height, 0 : calibration.width]
+    pixels = np.stack([columns, rows], axis=-1)
+    ray = geometry.undistorted(pixels, calibration.camera_matrix, calibration.distortion).reshape(pixels.shape)
+    falling = ray @ normal[:2] + normal[2]
     depth = np.full(falling.shape, np.inf)
     np.divide(normal @ point, falling, out=depth, where=falling * (normal @ point) > 0)
     return depth.astype(np.float32)
