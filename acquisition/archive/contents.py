@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, BinaryIO, cast
 
 import fsspec
 from fsspec.asyn import AsyncFileSystem, sync
@@ -217,15 +217,25 @@ def _renamed(root: Path, name: str) -> Generator[Path]:
         with suppress(OSError), left.open("r+b") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             left.unlink()
-    partial = partials / f".{uuid.uuid4().hex}.part"
+    partial, file = _locked(partials)
     try:
-        with partial.open("wb") as file:
-            with suppress(OSError):
-                fcntl.flock(file, fcntl.LOCK_EX)
+        with file:
             yield partial
             publish(partial, target)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _locked(partials: Path) -> tuple[Path, BinaryIO]:
+    """Creates a hidden file and locks it; another one if a process removed it as left behind before it was locked."""
+    while True:
+        partial = partials / f".{uuid.uuid4().hex}.part"
+        file = partial.open("wb")
+        with suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX)
+        if partial.exists():
+            return partial, file
+        file.close()
 
 
 @contextmanager

@@ -1,11 +1,13 @@
 """Content-addressed files: stored once, read back, damage replaced; in folders and in an S3 store over HTTP."""
 
+import fcntl
 import hashlib
 import os
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import pytest
 
@@ -120,6 +122,26 @@ def test_files_of_killed_pushes_are_removed_and_of_running_ones_kept(tmp_path: P
     put(store, tmp_path, b"afterwards")
     assert list((tmp_path / "store" / contents.PARTIALS).iterdir()) == []
     assert len(store.names("")) == 2
+
+
+def test_file_that_another_push_removed_before_its_lock_is_begun_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A file is open for a moment before it is locked, and looks like one of a killed push meanwhile."""
+    removed, flock = list[str](), fcntl.flock
+
+    def late(file: BinaryIO, operation: int) -> None:
+        if not removed and operation == fcntl.LOCK_EX:
+            removed.append(file.name)
+            Path(file.name).unlink()
+        flock(file, operation)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    with contents._renamed(tmp_path, "objects/00/a") as partial:
+        assert len(removed) == 1
+        assert str(partial) not in removed
+        with partial.open("r+b") as other, pytest.raises(BlockingIOError):
+            flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        partial.write_bytes(b"whole")
+    assert (tmp_path / "objects" / "00" / "a").read_bytes() == b"whole"
 
 
 def test_unknown_scheme_is_refused():
