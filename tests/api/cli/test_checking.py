@@ -21,6 +21,11 @@ CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 NOBODY, ARM = "127.0.15.30", "127.0.15.31"
 
 
+def change(cell_file: Path, line: str, instead: str) -> None:
+    """Replaces the first match of a pattern of lines in a cell file."""
+    cell_file.write_text(re.sub(line, instead, cell_file.read_text(), count=1, flags=re.MULTILINE))
+
+
 def test_check_several_problems_reports_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
     (tmp_path / "calibration.json").write_text('{"width": 64}')
@@ -79,7 +84,7 @@ def test_check_wrong_value_is_one_finding_that_says_what_to_correct(
     if made_at is not None:
         file.write_text(json.dumps({**json.loads(file.read_text()), "made_at": made_at}))
     if home is not None:
-        cell_file.write_text(re.sub(r"^home = .*", f"home = {home}", cell_file.read_text(), flags=re.MULTILINE))
+        change(cell_file, r"^home = .*", f"home = {home}")
 
     assert not checking.check(cell_file, offline=True)
 
@@ -147,7 +152,7 @@ def test_check_lengths_in_millimetres_are_named(
     cell_file = tmp_path / "cell.toml"
     assert checking.check(cell_file, offline=True)
     assert "in m" not in capsys.readouterr().out
-    cell_file.write_text(re.sub(line, instead, cell_file.read_text(), count=1, flags=re.MULTILINE))
+    change(cell_file, line, instead)
     checking.check(cell_file, offline=True)
     assert said in capsys.readouterr().out
 
@@ -169,7 +174,7 @@ def test_check_names_wrong_units_and_ranges(
 ) -> None:
     nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
     cell_file = tmp_path / "cell.toml"
-    cell_file.write_text(re.sub(line, instead, cell_file.read_text(), count=1, flags=re.MULTILINE))
+    change(cell_file, line, instead)
 
     assert not checking.check(cell_file, offline=True)
 
@@ -198,8 +203,7 @@ def test_check_message_has_neither_empty_fields_nor_names_of_functions(
 def test_check_other_arm_reports_each_difference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nominal.write(tmp_path, ARM, 64, CELL_FILE)
     cell_file = tmp_path / "cell.toml"
-    text = cell_file.read_text()
-    cell_file.write_text(re.sub(r'^model = "ur5e"', 'model = "ur5e"\nserial = "12345"', text, flags=re.MULTILINE))
+    change(cell_file, r'^model = "ur5e"', 'model = "ur5e"\nserial = "12345"')
     (tmp_path / "calibration.json").unlink()
     with real_time_controller.start(ARM, ControllerOptions(model="ur10e", home=cell_config.load(cell_file).arm.home)):
         assert not checking.check(cell_file, offline=False)
